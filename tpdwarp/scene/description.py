@@ -1,0 +1,206 @@
+"""What a stage holds over one shutter, as plain arrays in world space.
+
+These dataclasses are all that the rest of the program knows of a stage: readers make them, the renderer consumes
+them, tests write them by hand. Lengths are scene units, times are time codes, arrays are float64 (precision is spent
+before the scene is recentred). A *motion* is a displacement over the whole shutter, from its opening to its closing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Protocol
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """The interval in which the film of one frame is exposed, in time codes (absolute).
+
+    Attributes:
+        frame: Time code of the frame.
+        open: Time code at which the shutter opens.
+        close: Time code at which it closes; equal to ``open`` for a still.
+    """
+
+    frame: float
+    open: float
+    close: float
+
+    @classmethod
+    def still(cls, time: float) -> Shutter:
+        """A shutter of no duration at ``time``."""
+        return cls(time, time, time)
+
+    @property
+    def middle(self) -> float:
+        return 0.5 * (self.open + self.close)
+
+    @property
+    def exposure(self) -> float:
+        return self.close - self.open
+
+    def segments(self, count: int) -> list[Shutter]:
+        """The shutter cut into ``count`` equal sub-intervals, in order of time."""
+        edges = [self.open + self.exposure * k / count for k in range(count + 1)]
+        return [Shutter(self.frame, a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+
+
+class Interaction(IntEnum):
+    """What happens to light at a surface."""
+
+    DIFFUSE = 0
+    DIELECTRIC = 1
+    MIRROR = 2
+
+
+@dataclass(frozen=True)
+class Material:
+    """A surface's optical behaviour.
+
+    Attributes:
+        interaction: Diffuse, smooth dielectric interface or mirror.
+        color: Albedo (diffuse) or tint (mirror), linear Rec.709; unused for dielectrics.
+        ior: Index of refraction inside, relative to outside (front side is outside).
+        path: Prim path of the material, or empty where none is bound.
+    """
+
+    interaction: Interaction = Interaction.DIFFUSE
+    color: tuple[float, float, float] = (0.18, 0.18, 0.18)
+    ior: float = 1.5
+    path: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshAtShutter:
+    """One triangulated mesh (or one instance of it) over a shutter.
+
+    Attributes:
+        path: Prim path; instances carry their proxy path, point instances ``/Instancer[3]/Mesh``.
+        points: Positions at mid shutter, shape [v, 3].
+        triangles: Vertex indices, counter-clockwise seen from the front, shape [m, 3] int32.
+        motions: Displacement of each point over the shutter, shape [v, 3]; None where nothing moves.
+        normals: Shading normals at mid shutter (unit length), shape [k, 3]; None for flat shading.
+        normal_motions: Change of each normal over the shutter, shape [k, 3]; None where nothing moves.
+        normal_indices: Normal of each triangle corner, shape [m, 3] int32; None for flat shading.
+        materials: The materials used.
+        triangle_materials: Index into ``materials`` for each triangle, shape [m] int32.
+        colors: Display colours that override the diffuse albedo, shape [c, 3]; None where there are none.
+        color_indices: Colour of each triangle corner, shape [m, 3] int32; −1 keeps the material's own colour.
+    """
+
+    path: str
+    points: np.ndarray
+    triangles: np.ndarray
+    motions: np.ndarray | None = None
+    normals: np.ndarray | None = None
+    normal_motions: np.ndarray | None = None
+    normal_indices: np.ndarray | None = None
+    materials: tuple[Material, ...] = (Material(),)
+    triangle_materials: np.ndarray | None = None
+    colors: np.ndarray | None = None
+    color_indices: np.ndarray | None = None
+
+    @property
+    def moves(self) -> bool:
+        return self.motions is not None
+
+    @property
+    def specular(self) -> bool:
+        return any(material.interaction != Interaction.DIFFUSE for material in self.materials)
+
+
+class LightKind(IntEnum):
+    DISTANT = 0
+    POINT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class LightAtShutter:
+    """A light without extent over a shutter.
+
+    Attributes:
+        path: Prim path.
+        kind: Distant (parallel rays along −z of its frame) or point.
+        power: Distant: irradiance at normal incidence [W/m²]. Point: radiant intensity [W/sr]. Linear Rec.709.
+        position: Position at mid shutter, shape [3] (unused for distant lights).
+        axes: Rows are the light's unit x, y, z axes in the world at mid shutter, shape [3, 3].
+        position_motion: Displacement over the shutter, shape [3].
+        axes_motion: Change of the axes over the shutter, shape [3, 3].
+    """
+
+    path: str
+    kind: LightKind
+    power: tuple[float, float, float]
+    position: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+    position_motion: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    axes_motion: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+
+    @property
+    def moves(self) -> bool:
+        return bool(np.any(self.position_motion) or (self.kind == LightKind.DISTANT and np.any(self.axes_motion)))
+
+
+@dataclass(frozen=True, eq=False)
+class CameraAtShutter:
+    """A pinhole or orthographic camera over a shutter; looks along −z of its frame, y up.
+
+    Attributes:
+        path: Prim path.
+        orthographic: Whether rays are parallel.
+        position: Eye at mid shutter, shape [3].
+        axes: Rows are the unit x (right), y (up), z (backward) axes in the world at mid shutter, shape [3, 3].
+        window: Left, right, bottom, top of the image in the plane at distance 1 (perspective) or in scene units.
+        near, far: Clipping distances along the view axis, scene units.
+        position_motion, axes_motion: Change over the shutter, shapes [3] and [3, 3].
+        exposure_scale: Factor on radiance from the camera's exposure attributes.
+        world_to_camera: Row-vector matrix at mid shutter, shape [4, 4] (as USD stores it).
+        world_to_ndc: Row-vector matrix at mid shutter, shape [4, 4].
+    """
+
+    path: str
+    orthographic: bool
+    position: np.ndarray
+    axes: np.ndarray
+    window: tuple[float, float, float, float]
+    near: float = 0.0
+    far: float = 1e30
+    position_motion: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    axes_motion: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    exposure_scale: float = 1.0
+    world_to_camera: np.ndarray | None = None
+    world_to_ndc: np.ndarray | None = None
+
+    @property
+    def moves(self) -> bool:
+        return bool(np.any(self.position_motion) or np.any(self.axes_motion))
+
+
+@dataclass(frozen=True, eq=False)
+class SceneAtShutter:
+    """Everything that is lit, lights or looks, over one shutter. ``camera`` is None where only photons are traced."""
+
+    shutter: Shutter
+    meshes: tuple[MeshAtShutter, ...]
+    lights: tuple[LightAtShutter, ...]
+    camera: CameraAtShutter | None = None
+
+
+class SceneSource(Protocol):
+    """What can be asked for its scene over any shutter: a USD stage, or a scene written down in code."""
+
+    file: str
+
+    def at(self, shutter: Shutter) -> SceneAtShutter:
+        """The scene over ``shutter``. Meshes that do not move between two calls may be the same objects."""
+        ...
+
+    def reference_shutters(self) -> Sequence[Shutter]:
+        """A few stills spread over the whole animation (one where nothing moves), the first at its start.
+
+        Emission lattices are laid out over these, so that photons keep their identity from frame to frame.
+        """
+        ...
