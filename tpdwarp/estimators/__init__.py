@@ -1,0 +1,10 @@
+"""Estimators of caustic irradiance, by the name users give them."""
+
+from __future__ import annotations
+
+from tpdwarp.estimators.accumulation import Accumulation
+from tpdwarp.estimators.base import Estimator
+from tpdwarp.estimators.static import Static
+from tpdwarp.estimators.temporal import Temporal
+
+ESTIMATORS: dict[str, type[Estimator]] = {"tpd": Temporal, "pd": Static, "accumulation": Accumulation}

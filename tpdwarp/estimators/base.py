@@ -1,0 +1,115 @@
+"""What all estimators of caustic irradiance share: the context of a frame, and the parts they hand to the film."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from tpdwarp.footprints.footprint import FootprintMap, PixelSize
+from tpdwarp.footprints.gather import GatherForm
+from tpdwarp.launch import Launcher
+from tpdwarp.photons.emission import EmissionPlan, plan_emission
+from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.photons.tracing import PhotonMap
+from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter
+from tpdwarp.scene.geometry import Geometry, geometry_of
+from tpdwarp.scene.normalization import Normalization
+from tpdwarp.scene.requirements import Requirements, requirements_of
+from tpdwarp.settings import Settings
+
+
+@dataclass
+class Clock:
+    """Seconds of wall time by stage of the work."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+@dataclass
+class LoadedScene:
+    """One (sub-)shutter of the scene: its description, its device arrays, and what it requires."""
+
+    scene: SceneAtShutter
+    geometry: Geometry
+    requirements: Requirements
+
+
+class Animation:
+    """A scene source with what stays the same from frame to frame: units, emission lattices, device.
+
+    Args:
+        source: Where scenes come from.
+        settings: How to render.
+    """
+
+    def __init__(self, source: SceneSource, settings: Settings) -> None:
+        self.source, self.settings = source, settings
+        self.launcher = Launcher(settings.device, settings.threads)
+        self.normalization = Normalization.of(source.at(source.reference_shutters()[0]))
+        self._plans: dict[int, EmissionPlan] = {}
+
+    def load(self, shutter: Shutter, clock: Clock) -> LoadedScene:
+        """The scene over ``shutter``, on the device."""
+        with clock.stage("read"):
+            scene = self.source.at(shutter)
+        with clock.stage("build"):
+            needs = requirements_of(scene)
+            with_motions = needs.photon_motion or needs.view_motion
+            geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=with_motions)
+        return LoadedScene(scene, geometry, needs)
+
+    def load_segments(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
+        """The scenes of the segments of ``shutter``; one where nothing moves."""
+        scenes = [self.load(part, clock) for part in shutter.segments(self.settings.segments)]
+        still = not any(s.requirements.photon_motion or s.requirements.view_motion for s in scenes)
+        return scenes[:1] if still else scenes
+
+    def plan(self, photons: int, clock: Clock) -> EmissionPlan:
+        """Emission lattices for ``photons`` photons a shutter; made once for the whole animation."""
+        if photons not in self._plans:
+            with clock.stage("plan"):
+                self._plans[photons] = plan_emission(self.source, photons, self.normalization)
+        return self._plans[photons]
+
+
+@dataclass
+class Part:
+    """Part of a frame's photons; the irradiances of all parts add up.
+
+    Attributes:
+        maps: The photons, one map a (sub-)shutter.
+        energy: Where their flux went.
+        footprints: Their footprints.
+        form: How the footprints are evaluated.
+        plan: The lattices they come from.
+    """
+
+    maps: list[PhotonMap]
+    energy: EnergyAccount
+    footprints: FootprintMap | None
+    form: GatherForm
+    plan: EmissionPlan
+
+
+class Estimator(Protocol):
+    """An estimator of caustic irradiance over one shutter."""
+
+    def parts(
+        self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
+    ) -> Iterator[Part]:
+        """Traces photons through ``scenes`` (one a segment) and shapes footprints for pixels of the given size.
+
+        Without ``pixel`` photons are only traced.
+        """
+        ...

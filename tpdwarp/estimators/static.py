@@ -1,0 +1,42 @@
+"""Photon differentials without the time column (2007): the scene stands still at mid shutter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
+from tpdwarp.estimators.temporal import shaped
+from tpdwarp.footprints.footprint import PixelSize
+from tpdwarp.photons.tracing import trace_photons
+from tpdwarp.scene.description import Shutter
+
+
+class Static:
+    """One trace at mid shutter, static footprints."""
+
+    def parts(
+        self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
+    ) -> Iterator[Part]:
+        yield still_part(animation, Shutter(shutter.frame, shutter.middle, shutter.middle), 1.0, 0.0, pixel, clock)
+
+
+def still_part(
+    animation: Animation, still: Shutter, weight: float, time: float, pixel: PixelSize | None, clock: Clock
+) -> Part:
+    """Photons of one instant, standing for ``weight`` of the exposure at ``time`` (−½ … ½) in it."""
+    settings = animation.settings
+    loaded = animation.load(still, clock)
+    plan = animation.plan(settings.photons, clock)
+    with clock.stage("trace"):
+        photons, energy = trace_photons(
+            loaded.scene,
+            loaded.geometry,
+            plan,
+            loaded.requirements,
+            animation.launcher,
+            jittered=settings.emission == "jittered",
+            seed=settings.seed,
+            weight=weight,
+        )
+    return shaped([replace(photons, time=time)], energy, plan, False, animation, pixel, clock)

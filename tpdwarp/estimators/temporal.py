@@ -1,0 +1,56 @@
+"""Temporal photon differentials: footprints swept along D_t x, one trace a segment of the shutter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
+from tpdwarp.footprints.footprint import PixelSize, shape_footprints
+from tpdwarp.footprints.gather import GatherForm
+from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.photons.tracing import PhotonMap, trace_photons
+from tpdwarp.scene.description import Shutter
+
+
+class Temporal:
+    """The paper's estimator, at mid shutter, with the photons shared between the segments."""
+
+    def parts(
+        self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
+    ) -> Iterator[Part]:
+        settings, count = animation.settings, len(scenes)
+        plan = animation.plan(max(1, settings.photons // count), clock)
+        maps: list[PhotonMap] = []
+        energy = EnergyAccount()
+        for number, loaded in enumerate(scenes):
+            with clock.stage("trace"):
+                photons, account = trace_photons(
+                    loaded.scene,
+                    loaded.geometry,
+                    plan,
+                    loaded.requirements,
+                    animation.launcher,
+                    riding=settings.anchor == "surface",
+                    jittered=settings.emission == "jittered",
+                    seed=settings.seed + number,
+                    weight=1.0 / count,
+                )
+            maps.append(replace(photons, time=(number + 0.5) / count - 0.5, duration=1.0 / count))
+            energy.add(account)
+        yield shaped(maps, energy, plan, any(s.requirements.photon_motion for s in scenes), animation, pixel, clock)
+
+
+def shaped(maps, energy, plan, moves: bool, animation: Animation, pixel: PixelSize | None, clock: Clock) -> Part:
+    """A part whose footprints are shaped for ``pixel`` and evaluated as the settings say."""
+    settings = animation.settings
+    form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
+    footprints = None
+    if pixel is not None:
+        with clock.stage("footprints"):
+            footprints = shape_footprints(
+                maps, settings.kernel, settings.smoothing, pixel, moves, animation.launcher
+            )
+        if footprints.clamped:
+            energy.counts["footprints clamped"] = energy.counts.get("footprints clamped", 0) + footprints.clamped
+    return Part(maps, energy, footprints, form, plan)

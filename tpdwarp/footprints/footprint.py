@@ -1,0 +1,192 @@
+"""Footprints: the metric that maps a photon's tangent plane to filter space, regularised, with bounds for the gather.
+
+Let J = [D_u x, D_v x] in the tangent plane. Where the wavefront folds |Du×Dv| → 0, where light grazes it grows without
+bound; so the singular values of J are widened to √(S² + 4ε²), which adds ε²I to the footprint's covariance
+C = ¼(DuDuᵀ + DvDvᵀ), and limited in length and aspect. The singular vectors stay: the B-spline keeps its own axes.
+The metric, its determinant and the bounds all follow from the widened J, so that every footprint keeps its flux.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.footprints.kernels import SUPPORT
+from tpdwarp.launch import Launcher
+from tpdwarp.photons.tracing import PhotonMap
+
+LONGEST_AXIS = wp.constant(1.0)
+LARGEST_ASPECT = wp.constant(1000.0)
+SMALLEST_AXIS = wp.constant(1.0e-6)
+# How far a query may lie off the footprint's plane, as a part of the footprint's own reach.
+SLACK = wp.constant(0.25)
+
+
+@wp.struct
+class PixelSize:
+    """Half a pixel's size on a receiver: ``base + slope · distance`` from ``eye``."""
+
+    eye: wp.vec3
+    base: float
+    slope: float
+
+
+@wp.struct
+class FootprintArrays:
+    """One row a photon, in the tracer's units. Filter coordinates of a displacement d are (row_u·d, row_v·d)."""
+
+    center: wp.array(dtype=wp.vec3)
+    row_u: wp.array(dtype=wp.vec3)
+    row_v: wp.array(dtype=wp.vec3)
+    normal: wp.array(dtype=wp.vec3)
+    dxdt: wp.array(dtype=wp.vec3)
+    relative: wp.array(dtype=wp.vec3)
+    density: wp.array(dtype=wp.vec3)
+    slack: wp.array(dtype=wp.float32)
+    receiver: wp.array(dtype=wp.int32)
+    time: wp.array(dtype=wp.float32)
+    lower: wp.array(dtype=wp.vec3)
+    upper: wp.array(dtype=wp.vec3)
+    clamped: wp.array(dtype=wp.int32)
+
+
+@lru_cache(maxsize=None)
+def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
+    """The kernel that shapes footprints, for radial kernels or the B-spline."""
+    scale = 2.0 if radial else 1.0
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def shape_footprints(
+        base: int,
+        # In
+        position: wp.array(dtype=wp.vec3),
+        normal: wp.array(dtype=wp.vec3),
+        dxdu: wp.array(dtype=wp.vec3),
+        dxdv: wp.array(dtype=wp.vec3),
+        dxdt: wp.array(dtype=wp.vec3),
+        receiver_motion: wp.array(dtype=wp.vec3),
+        flux: wp.array(dtype=wp.vec3),
+        smoothing: float,
+        pixel: PixelSize,
+        # Out
+        out: FootprintArrays,
+    ):
+        i = base + wp.tid()
+        n = normal[i]
+        x = position[i]
+        e1 = wp.vec3(0.0, -n[2], n[1])
+        if wp.abs(n[0]) > 0.5:
+            e1 = wp.vec3(n[2], 0.0, -n[0])
+        e1 = wp.normalize(e1)
+        e2 = wp.cross(n, e1)
+        a = wp.dot(e1, dxdu[i]) * smoothing
+        b = wp.dot(e1, dxdv[i]) * smoothing
+        c = wp.dot(e2, dxdu[i]) * smoothing
+        d = wp.dot(e2, dxdv[i]) * smoothing
+
+        # J = R(left) diag(s1, s2) R(right)ᵀ, the singular value decomposition of a 2×2 matrix; s2 carries the sign.
+        sum_angle = wp.atan2(c - b, a + d)
+        difference_angle = wp.atan2(c + b, a - d)
+        q = 0.5 * wp.sqrt((a + d) * (a + d) + (c - b) * (c - b))
+        r = 0.5 * wp.sqrt((a - d) * (a - d) + (c + b) * (c + b))
+        s1 = q + r
+        s2 = q - r
+        left = 0.5 * (sum_angle + difference_angle)
+        right = 0.5 * (difference_angle - sum_angle)
+
+        eps = pixel.base + pixel.slope * wp.length(x - pixel.eye)
+        widening = 4.0 * eps * eps
+        clamped = int(0)
+        t1 = wp.sqrt(s1 * s1 + widening)
+        t2 = wp.sqrt(s2 * s2 + widening)
+        if t1 > LONGEST_AXIS:
+            t1 = LONGEST_AXIS
+            clamped = 1
+        smallest = wp.max(t1 / LARGEST_ASPECT, SMALLEST_AXIS)
+        if t2 < smallest:
+            t2 = smallest
+            clamped = 1
+        t1 = wp.max(t1, t2)
+        sign = float(1.0)
+        if s2 < 0.0:
+            sign = -1.0
+
+        cl = wp.cos(left)
+        sl = wp.sin(left)
+        cr = wp.cos(right)
+        sr = wp.sin(right)
+        left1 = cl * e1 + sl * e2
+        left2 = cl * e2 - sl * e1
+        wide_u = t1 * cr * left1 - sign * t2 * sr * left2
+        wide_v = t1 * sr * left1 + sign * t2 * cr * left2
+        row_u = (cr / t1) * left1 - (sign * sr / t2) * left2
+        row_v = (sr / t1) * left1 + (sign * cr / t2) * left2
+
+        out.center[i] = x
+        out.row_u[i] = wp.static(scale) * row_u
+        out.row_v[i] = wp.static(scale) * row_v
+        out.normal[i] = n
+        out.dxdt[i] = dxdt[i]
+        out.relative[i] = dxdt[i] - receiver_motion[i]
+        out.density[i] = flux[i] * (wp.static(scale * scale) / (t1 * t2))
+        out.clamped[i] = clamped
+        extent = wp.vec3(0.0, 0.0, 0.0)
+        for k in range(3):
+            if wp.static(radial):
+                extent[k] = 0.5 * wp.sqrt(wide_u[k] * wide_u[k] + wide_v[k] * wide_v[k])
+            else:
+                extent[k] = wp.static(support) * (wp.abs(wide_u[k]) + wp.abs(wide_v[k]))
+        slack = SLACK * (wp.length(extent) + 0.5 * wp.length(out.relative[i]))
+        out.slack[i] = slack
+        for k in range(3):
+            extent[k] = extent[k] + 0.5 * wp.abs(dxdt[i][k]) + slack * wp.abs(n[k])
+        out.lower[i] = x - extent
+        out.upper[i] = x + extent
+
+    return shape_footprints
+
+
+@dataclass
+class FootprintMap:
+    """Footprints of one or more (sub-)shutters with the BVH over their swept bounds.
+
+    Attributes:
+        arrays: Device arrays, one row a footprint.
+        bvh: Bounds of the footprints, swept over their own part of the shutter.
+        duration: Part of the shutter that each footprint's ``dxdt`` spans.
+        moves: Whether any footprint moves.
+        clamped: Footprints whose length or aspect was limited.
+        count: Number of footprints.
+    """
+
+    arrays: FootprintArrays
+    bvh: wp.Bvh | None
+    duration: float
+    moves: bool
+    clamped: int
+    count: int
+
+
+def shape_footprints(
+    maps: list[PhotonMap], kernel: str, smoothing: float, pixel: PixelSize, moves: bool, launcher: Launcher
+) -> FootprintMap:
+    """Shapes the footprints of all photons in ``maps`` (equal durations) and builds the BVH over their bounds."""
+    count = sum(len(photons) for photons in maps)
+    out = launcher.rows(FootprintArrays, count)
+    duration = maps[0].duration if maps else 1.0
+    if not count:
+        return FootprintMap(out, None, duration, moves, 0, 0)
+    names = ("position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux")
+    columns = [launcher.array(np.concatenate([getattr(m, name) for m in maps]), wp.vec3) for name in names]
+    out.receiver = launcher.array(np.concatenate([m.receiver for m in maps]), wp.int32)
+    times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
+    out.time = launcher.array(times, wp.float32)
+    launcher(
+        footprint_kernel(kernel != "bspline", SUPPORT[kernel]), count, [*columns, float(smoothing), pixel, out]
+    )
+    return FootprintMap(
+        out, wp.Bvh(out.lower, out.upper), duration, moves, int(out.clamped.numpy().sum(dtype=np.int64)), count
+    )

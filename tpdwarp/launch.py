@@ -1,0 +1,75 @@
+"""Devices and threads: every kernel launch is spread over all cores here.
+
+Warp runs a CPU launch on one thread but releases the interpreter while it does, so a launch is cut into chunks that
+Python threads work through. Kernels therefore take ``base`` as their first argument and work on item
+``base + wp.tid()``; they write disjoint outputs only, so that the pixels do not depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.errors import InputError
+
+CHUNKS_PER_THREAD = 16
+SMALLEST_CHUNK = 512
+
+wp.config.log_level = wp.LOG_WARNING
+wp.config.enable_backward = False
+
+
+class Launcher:
+    """Runs kernels on one device.
+
+    Args:
+        device: Warp device name.
+        threads: CPU threads, 0 for all cores; ignored on a GPU.
+
+    Raises:
+        InputError: The device does not exist.
+    """
+
+    def __init__(self, device: str = "cpu", threads: int = 0) -> None:
+        wp.init()
+        try:
+            self.device = wp.get_device(device)
+        except Exception as error:
+            raise InputError(f"--device: there is no {device!r} here (try cpu)") from error
+        count = threads or len(os.sched_getaffinity(0))
+        self.threads = 1 if self.device.is_cuda else count
+        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+
+    def __call__(self, kernel: wp.Kernel, count: int, inputs: Sequence[Any]) -> None:
+        """Launches ``kernel`` over ``count`` items; ``base`` is put in front of ``inputs``."""
+        if count <= 0:
+            return
+        if self._pool is None:
+            wp.launch(kernel, dim=count, inputs=[0, *inputs], device=self.device)
+            return
+        kernel.module.load(self.device)
+        chunk = max(SMALLEST_CHUNK, -(-count // (self.threads * CHUNKS_PER_THREAD)))
+
+        def run(base: int) -> None:
+            wp.launch(kernel, dim=min(chunk, count - base), inputs=[base, *inputs], device=self.device)
+
+        list(self._pool.map(run, range(0, count, chunk)))
+
+    def array(self, values: np.ndarray, dtype: Any) -> wp.array:
+        """A device copy (a view on the CPU) of ``values``."""
+        return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, copy=self.device.is_cuda)
+
+    def zeros(self, count: int, dtype: Any) -> wp.array:
+        return wp.zeros(count, dtype=dtype, device=self.device)
+
+    def rows(self, struct: Any, count: int) -> Any:
+        """An instance of a Warp struct of arrays, every array with ``count`` zeroed rows."""
+        instance = struct()
+        for name, variable in struct.vars.items():
+            setattr(instance, name, self.zeros(count, variable.type.dtype))
+        return instance

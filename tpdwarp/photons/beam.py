@@ -1,0 +1,126 @@
+"""A beam on its way: state, transfer to the next surface, and specular interaction there.
+
+Photons and camera rays are both beams; a camera ray uses the time column only.
+"""
+
+import warp as wp
+
+from tpdwarp.photons.differentials import (
+    fresnel_reflectance,
+    normal_differential,
+    reflect,
+    reflect_differential,
+    refract,
+    refract_differential,
+    refracted_cosine_squared,
+    transfer,
+)
+from tpdwarp.scene.geometry import Surfaces
+from tpdwarp.scene.surface import Hit, normal_variation, shading_normal
+
+
+@wp.struct
+class Beam:
+    """Ray x, ω and its columns; ``lift`` moves the start off the surface that was left."""
+
+    x: wp.vec3
+    w: wp.vec3
+    dxdu: wp.vec3
+    dxdv: wp.vec3
+    dxdt: wp.vec3
+    dwdu: wp.vec3
+    dwdv: wp.vec3
+    dwdt: wp.vec3
+    lift: wp.vec3
+
+
+@wp.struct
+class Interface:
+    """A specular surface as this beam meets it: n towards the beam, cosines, relative index, reflectance.
+
+    ``flat`` is set where the interpolated normal would send the beam through the wrong side of the surface.
+    """
+
+    n: wp.vec3
+    cos_t: float
+    eta: float
+    reflectance: float
+    side: float
+    flat: bool
+
+
+@wp.func
+def arrive(beam: Beam, hit: Hit, moves: bool) -> Beam:
+    """Transfers the beam's position and its columns to ``hit``; directions stay."""
+    still = wp.vec3(0.0, 0.0, 0.0)
+    out = beam
+    out.x = hit.position
+    out.dxdu = transfer(beam.dxdu, beam.dwdu, beam.w, hit.distance, hit.n_g, still)
+    out.dxdv = transfer(beam.dxdv, beam.dwdv, beam.w, hit.distance, hit.n_g, still)
+    if moves:
+        out.dxdt = transfer(beam.dxdt, beam.dwdt, beam.w, hit.distance, hit.n_g, hit.motion)
+    return out
+
+
+@wp.func
+def meet(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool) -> Interface:
+    """Orientation, Snell and Fresnel at ``hit``, by the shading normal where that is consistent."""
+    at = Interface()
+    at.side = -wp.sign(wp.dot(hit.n_g, w))
+    n_g = at.side * hit.n_g
+    at.flat = False
+    for attempt in range(2):
+        at.flat = attempt == 1
+        s = shading_normal(surfaces, hit, at.flat, moves)
+        at.n = s.n * at.side
+        cos_i = -wp.dot(w, at.n)
+        if cos_i > 0.0 or at.flat:
+            at.reflectance = 1.0
+            at.cos_t = 0.0
+            at.eta = 1.0
+            consistent = wp.dot(reflect(w, at.n), n_g) > 0.0
+            if dielectric:
+                ior = surfaces.ior[surfaces.material_of[hit.triangle]]
+                at.eta = ior
+                if at.side > 0.0:
+                    at.eta = 1.0 / ior
+                cos_t_squared = refracted_cosine_squared(cos_i, at.eta)
+                if cos_t_squared > 0.0:
+                    at.cos_t = wp.sqrt(cos_t_squared)
+                    at.reflectance = fresnel_reflectance(cos_i, at.cos_t, at.eta)
+                    consistent = consistent and wp.dot(refract(w, at.n, at.eta, at.cos_t), n_g) < 0.0
+            if consistent:
+                return at
+    return at
+
+
+@wp.func
+def leave(
+    surfaces: Surfaces, arrived: Beam, hit: Hit, at: Interface, reflected: bool, lift: float, moves: bool
+) -> Beam:
+    """The beam after reflection or refraction: new ω and D_a ω; positions and their columns pass unchanged."""
+    s = shading_normal(surfaces, hit, at.flat, moves)
+    w = arrived.w
+    dndu = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, arrived.dxdu))
+    dndv = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, arrived.dxdv))
+    out = arrived
+    if reflected:
+        out.w = reflect(w, at.n)
+        out.dwdu = reflect_differential(w, at.n, arrived.dwdu, dndu)
+        out.dwdv = reflect_differential(w, at.n, arrived.dwdv, dndv)
+        out.lift = lift * at.side * hit.n_g
+    else:
+        out.w = refract(w, at.n, at.eta, at.cos_t)
+        out.dwdu = refract_differential(w, at.n, at.eta, at.cos_t, arrived.dwdu, dndu)
+        out.dwdv = refract_differential(w, at.n, at.eta, at.cos_t, arrived.dwdv, dndv)
+        out.lift = -lift * at.side * hit.n_g
+    if moves:
+        dndt = at.side * normal_differential(
+            s.n, s.length, normal_variation(s, hit, arrived.dxdt - hit.motion) + s.rate
+        )
+        if reflected:
+            out.dwdt = reflect_differential(w, at.n, arrived.dwdt, dndt)
+        else:
+            out.dwdt = refract_differential(w, at.n, at.eta, at.cos_t, arrived.dwdt, dndt)
+    out.w = wp.normalize(out.w)
+    return out

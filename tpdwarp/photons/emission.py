@@ -1,0 +1,366 @@
+"""Emission: lattices on the lights, aimed at the specular geometry and fixed for the whole animation.
+
+Spacing and phase of a lattice come from a few stills spread over the animation, never from the frame at hand, so that
+a photon keeps its lattice coordinates (and its id) from frame to frame; each frame emits the cells that can reach
+something specular during its shutter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.photons.beam import Beam
+from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter, SceneSource
+from tpdwarp.scene.normalization import Normalization
+
+FINEST_ANGLE = 0.1
+WIDEST_SINGLE_PATCH = math.radians(60.0)
+CUBE_FACE = math.pi / 4
+
+
+class Domain(IntEnum):
+    """What the lattice of a patch lies on."""
+
+    PLANE = 0
+    DIRECTIONS = 1
+
+
+@wp.struct
+class Patch:
+    """Cells of one lattice for one shutter, in the tracer's units. ``axis_w`` is the direction of emission.
+
+    A plane patch emits along axis_w from points u axis_u + v axis_v; a direction patch emits from ``position`` along
+    tan(u) axis_u + tan(v) axis_v + axis_w (equal angles, so that cells have nearly equal solid angle).
+    ``power`` is flux per unit of plane area, or per steradian.
+    """
+
+    domain: int
+    position: wp.vec3
+    axis_u: wp.vec3
+    axis_v: wp.vec3
+    axis_w: wp.vec3
+    position_motion: wp.vec3
+    axis_u_motion: wp.vec3
+    axis_v_motion: wp.vec3
+    axis_w_motion: wp.vec3
+    origin: wp.vec2
+    step: wp.vec2
+    first_u: int
+    first_v: int
+    count_u: int
+    count_v: int
+    power: wp.vec3
+
+
+@wp.func
+def emit(patch: Patch, coordinates: wp.vec2) -> Beam:
+    """The beam of the photon at lattice ``coordinates``; columns are per lattice step."""
+    beam = Beam()
+    u = patch.origin[0] + coordinates[0] * patch.step[0]
+    v = patch.origin[1] + coordinates[1] * patch.step[1]
+    if patch.domain == 0:
+        beam.x = patch.position + u * patch.axis_u + v * patch.axis_v
+        beam.w = patch.axis_w
+        beam.dxdu = patch.step[0] * patch.axis_u
+        beam.dxdv = patch.step[1] * patch.axis_v
+        beam.dxdt = patch.position_motion + u * patch.axis_u_motion + v * patch.axis_v_motion
+        beam.dwdt = patch.axis_w_motion - patch.axis_w * wp.dot(patch.axis_w, patch.axis_w_motion)
+    else:
+        tan_u = wp.tan(u)
+        tan_v = wp.tan(v)
+        d = tan_u * patch.axis_u + tan_v * patch.axis_v + patch.axis_w
+        length = wp.length(d)
+        beam.x = patch.position
+        beam.w = d / length
+        along_u = (patch.step[0] * (1.0 + tan_u * tan_u) / length) * patch.axis_u
+        along_v = (patch.step[1] * (1.0 + tan_v * tan_v) / length) * patch.axis_v
+        beam.dwdu = along_u - beam.w * wp.dot(beam.w, along_u)
+        beam.dwdv = along_v - beam.w * wp.dot(beam.w, along_v)
+        beam.dxdt = patch.position_motion
+    return beam
+
+
+@wp.func
+def cell_flux(patch: Patch, coordinates: wp.vec2) -> wp.vec3:
+    """Flux [W] of the lattice cell around ``coordinates``."""
+    cell = patch.step[0] * patch.step[1]
+    if patch.domain == 1:
+        tan_u = wp.tan(patch.origin[0] + coordinates[0] * patch.step[0])
+        tan_v = wp.tan(patch.origin[1] + coordinates[1] * patch.step[1])
+        d2 = 1.0 + tan_u * tan_u + tan_v * tan_v
+        cell *= (1.0 + tan_u * tan_u) * (1.0 + tan_v * tan_v) / (d2 * wp.sqrt(d2))
+    return patch.power * cell
+
+
+def specular_triangles(mesh: MeshAtShutter) -> np.ndarray:
+    """Vertex indices [k, 3] of the triangles that reflect or refract."""
+    special = np.array([m.interaction != Interaction.DIFFUSE for m in mesh.materials])
+    if mesh.triangle_materials is None:
+        return mesh.triangles if special[0] else mesh.triangles[:0]
+    return mesh.triangles[special[mesh.triangle_materials]]
+
+
+def specular_corners(scene: SceneAtShutter, normalization: Normalization) -> np.ndarray:
+    """Corners [k, 3, 3] of the specular triangles at shutter open and close, in the tracer's units."""
+    corners = []
+    for mesh in scene.meshes:
+        if not mesh.specular:
+            continue
+        triangles = specular_triangles(mesh)
+        if mesh.motions is None:
+            corners.append(normalization.points(mesh.points)[triangles])
+        else:
+            for sign in (-0.5, 0.5):
+                corners.append(normalization.points(mesh.points + sign * mesh.motions)[triangles])
+    return np.concatenate(corners).astype(np.float64) if corners else np.zeros((0, 3, 3))
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """One lattice of one light, fixed for the animation.
+
+    Attributes:
+        light: Prim path of the light.
+        face: Face of the direction cube (0 for a plane or a single direction patch).
+        axes: Rows are the patch's u, v, w axes; None for distant lights, whose patch turns with them.
+        limit: Largest |u|, |v| of a direction patch [rad].
+        origin, step: Lower corner of cell (0, 0) and the size of a cell, in patch coordinates.
+        wrap: Cells per side after which ids repeat.
+        first_id: Id of cell (0, 0).
+    """
+
+    light: str
+    face: int
+    axes: np.ndarray | None
+    limit: float
+    origin: tuple[float, float]
+    step: tuple[float, float]
+    wrap: tuple[int, int]
+    first_id: int
+
+
+@dataclass(frozen=True)
+class EmissionPlan:
+    """The lattices of all lights, and the number of ids they use together."""
+
+    lattices: tuple[Lattice, ...]
+    id_count: int
+    normalization: Normalization
+
+    def patches(self, scene: SceneAtShutter) -> list[tuple[Lattice, Patch]]:
+        """The cells of each lattice that this shutter emits."""
+        corners = specular_corners(scene, self.normalization)
+        lights = {light.path: light for light in scene.lights}
+        result = []
+        for lattice in self.lattices:
+            light = lights.get(lattice.light)
+            bounds = _bounds(light, lattice.axes, lattice.limit, corners, self.normalization) if light else None
+            if bounds is not None:
+                result.append((lattice, _patch(lattice, light, bounds, self.normalization)))
+        return result
+
+
+def plan_emission(source: SceneSource, photons: int, normalization: Normalization) -> EmissionPlan:
+    """Lays out the lattices for ``photons`` photons a frame, shared between lights by the power they send."""
+    stills = [source.at(shutter) for shutter in source.reference_shutters()]
+    corners = [specular_corners(scene, normalization) for scene in stills]
+    paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
+    candidates = []
+    for path in paths:
+        views = [
+            (light, there)
+            for scene, there in zip(stills, corners, strict=True)
+            for light in scene.lights
+            if light.path == path and len(there)
+        ]
+        if views:
+            candidates += _candidates(path, views, normalization)
+    total = sum(candidate.power for candidate in candidates)
+    lattices: list[Lattice] = []
+    next_id = 0
+    for candidate in candidates:
+        if candidate.power <= 0.0:
+            continue
+        count = max(1.0, photons * candidate.power / total)
+        width, height = candidate.size
+        across = max(1, round(math.sqrt(count * width / height)))
+        down = max(1, round(count / across))
+        wrap = (2 * across, 2 * down)
+        lattices.append(
+            Lattice(
+                candidate.light,
+                candidate.face,
+                candidate.axes,
+                candidate.limit,
+                candidate.origin,
+                (width / across, height / down),
+                wrap,
+                next_id,
+            )
+        )
+        next_id += wrap[0] * wrap[1]
+    return EmissionPlan(tuple(lattices), next_id, normalization)
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A patch that a light could use: where it lies, the largest domain seen there and the power through it."""
+
+    light: str
+    face: int
+    axes: np.ndarray | None
+    limit: float
+    origin: tuple[float, float]
+    size: tuple[float, float]
+    power: float
+
+
+def _candidates(
+    path: str, views: Sequence[tuple[LightAtShutter, np.ndarray]], normalization: Normalization
+) -> list[_Candidate]:
+    first, first_corners = views[0]
+    if first.kind == LightKind.DISTANT:
+        faces, limit = [None], math.inf
+    else:
+        centre = 0.5 * (first_corners.min(axis=(0, 1)) + first_corners.max(axis=(0, 1)))
+        cube = _cube(centre - normalization.points(first.position[None])[0])
+        spread = max(_spread(light, there, cube[0][2], normalization) for light, there in views)
+        faces, limit = (cube[:1], WIDEST_SINGLE_PATCH) if spread < WIDEST_SINGLE_PATCH else (cube, CUBE_FACE)
+    found = []
+    for number, axes in enumerate(faces):
+        bounds = [(light, _bounds(light, axes, limit, there, normalization)) for light, there in views]
+        seen = [(light, b) for light, b in bounds if b is not None]
+        if not seen:
+            continue
+        largest = max((b for _, b in seen), key=_area)
+        size = (largest[1] - largest[0], largest[3] - largest[2])
+        if min(size) <= 0.0:
+            continue
+        power = max(sum(light.power) * _area(b) for light, b in seen)
+        if first.kind == LightKind.DISTANT:
+            power /= normalization.scale**2
+        found.append(_Candidate(path, number, axes, limit, (largest[0], largest[2]), size, power))
+    return found
+
+
+def _area(bounds: tuple[float, float, float, float]) -> float:
+    return (bounds[1] - bounds[0]) * (bounds[3] - bounds[2])
+
+
+def _cube(axis: np.ndarray) -> list[np.ndarray]:
+    """Axes (rows u, v, w) of the six faces of a cube whose first face looks along ``axis``."""
+    length = np.linalg.norm(axis)
+    w = axis / length if length > 1e-9 else np.array([0.0, 0.0, -1.0])
+    helper = np.eye(3)[int(np.argmin(np.abs(w)))]
+    u = np.cross(helper, w)
+    u /= np.linalg.norm(u)
+    v = np.cross(w, u)
+    return [np.array(face) for face in ((u, v, w), (-u, v, -w), (v, w, u), (v, -w, -u), (w, u, v), (-w, u, -v))]
+
+
+def _spread(light: LightAtShutter, corners: np.ndarray, axis: np.ndarray, normalization: Normalization) -> float:
+    offsets = corners.reshape(-1, 3) - normalization.points(light.position[None])[0]
+    lengths = np.maximum(np.linalg.norm(offsets, axis=1), 1e-30)
+    return float(np.arccos(np.clip((offsets @ axis / lengths).min(), -1.0, 1.0)))
+
+
+def _bounds(
+    light: LightAtShutter,
+    axes: np.ndarray | None,
+    limit: float,
+    corners: np.ndarray,
+    normalization: Normalization,
+) -> tuple[float, float, float, float] | None:
+    """Patch coordinates (u0, u1, v0, v1) that can reach ``corners`` over the light's own shutter; None if none can."""
+    if not len(corners):
+        return None
+    boxes = []
+    for sign in (-0.5, 0.5) if light.moves else (0.0,):
+        if light.kind == LightKind.DISTANT:
+            turned = light.axes + sign * light.axes_motion
+            uv = corners.reshape(-1, 3) @ turned[:2].T
+        else:
+            position = normalization.points((light.position + sign * light.position_motion)[None])[0]
+            uv = _angles(corners - position, axes, limit)
+        if len(uv):
+            boxes.append(np.concatenate([uv.min(axis=0), uv.max(axis=0)]))
+    if not boxes:
+        return None
+    lower, upper = np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]
+    return float(lower[0]), float(upper[0]), float(lower[1]), float(upper[1])
+
+
+def _angles(corners: np.ndarray, axes: np.ndarray, limit: float) -> np.ndarray:
+    """(u, v) angles of the parts of triangles [k, 3, 3] (seen from the origin) inside the patch, shape [m, 2].
+
+    Triangles that look large from the light are cut up until they look small, so that bounds stay tight where a
+    surface surrounds the light.
+    """
+    found = []
+    local = corners @ axes.T
+    for _ in range(12):
+        lengths = np.linalg.norm(local, axis=2)
+        edges = np.linalg.norm(local - np.roll(local, 1, axis=1), axis=2).max(axis=1)
+        angle = edges / np.maximum(lengths.min(axis=1), 1e-9)
+        centre = local.mean(axis=1)
+        reach = np.arctan2(np.maximum(np.abs(centre[:, 0]), np.abs(centre[:, 1])), centre[:, 2])
+        near = (reach <= limit + angle) | (angle > 1.0)
+        local, angle = local[near], angle[near]
+        small = angle <= FINEST_ANGLE
+        found.append(local[small].reshape(-1, 3))
+        local = local[~small]
+        if not len(local) or len(local) > 200_000:
+            break
+        a, b, c = local[:, 0], local[:, 1], local[:, 2]
+        ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
+        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        local = np.concatenate([np.stack(part, axis=1) for part in parts])
+    found.append(local.reshape(-1, 3))
+    points = np.concatenate(found)
+    points = points[points[:, 2] > 0.0] if limit >= CUBE_FACE else points
+    if not len(points):
+        return np.zeros((0, 2))
+    uv = np.arctan2(points[:, :2], points[:, 2:])
+    inside = np.all(np.abs(uv) <= limit + FINEST_ANGLE, axis=1)
+    return np.clip(uv[inside], -limit, limit)
+
+
+def _patch(
+    lattice: Lattice,
+    light: LightAtShutter,
+    bounds: tuple[float, float, float, float],
+    normalization: Normalization,
+) -> Patch:
+    patch = Patch()
+    cells = []
+    for axis in (0, 1):
+        low = (bounds[2 * axis] - lattice.origin[axis]) / lattice.step[axis]
+        high = (bounds[2 * axis + 1] - lattice.origin[axis]) / lattice.step[axis]
+        first = math.floor(low + 1e-4)
+        cells.append((first, max(1, math.ceil(high - 1e-4) - first)))
+    (patch.first_u, patch.count_u), (patch.first_v, patch.count_v) = cells
+    patch.origin, patch.step = wp.vec2(*lattice.origin), wp.vec2(*lattice.step)
+    if light.kind == LightKind.DISTANT:
+        behind = 2.0 * normalization.radius + 1.0
+        axes, motions = light.axes, light.axes_motion
+        patch.domain = int(Domain.PLANE)
+        patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*-axes[2])
+        patch.axis_u_motion, patch.axis_v_motion = wp.vec3(*motions[0]), wp.vec3(*motions[1])
+        patch.axis_w_motion = wp.vec3(*-motions[2])
+        patch.position = wp.vec3(*(behind * axes[2]))
+        patch.position_motion = wp.vec3(*(behind * motions[2]))
+        patch.power = wp.vec3(*(np.asarray(light.power) / normalization.scale**2))
+    else:
+        axes = lattice.axes
+        patch.domain = int(Domain.DIRECTIONS)
+        patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*axes[2])
+        patch.position = wp.vec3(*normalization.points(light.position[None])[0].astype(float))
+        patch.position_motion = wp.vec3(*(light.position_motion * normalization.scale))
+        patch.power = wp.vec3(*light.power)
+    return patch

@@ -1,0 +1,336 @@
+"""Tracing photons with their differentials through specular surfaces to the diffuse surface where they land.
+
+At a dielectric both branches are followed. A path is named by a mask whose bit b says that the photon was reflected at
+interaction b where it could also have been refracted; the first pass traces mask 0 (always refracted) and reports the
+interactions whose reflected share is worth following, which the next passes trace from the light again. So every path
+has an identity that stays the same from frame to frame, every photon of a pass is independent of all others, and the
+flux of a branch is exact rather than a matter of chance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import lru_cache
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.launch import Launcher
+from tpdwarp.photons.beam import arrive, leave, meet
+from tpdwarp.photons.differentials import riding_shift
+from tpdwarp.photons.emission import EmissionPlan, Patch, cell_flux, emit
+from tpdwarp.photons.record import EnergyAccount, PhotonRecord
+from tpdwarp.scene.description import SceneAtShutter
+from tpdwarp.scene.geometry import Geometry, Surfaces
+from tpdwarp.scene.requirements import Requirements
+from tpdwarp.scene.surface import LIFT, closest_hit
+
+SMALLEST_BRANCH = 1.0e-3
+DIELECTRIC = wp.constant(1)
+FAR = wp.constant(1.0e6)
+
+
+class Fate(IntEnum):
+    """How a path ended."""
+
+    DIRECT = 0  # met no specular surface: direct light's business
+    DEPOSITED = 1
+    ESCAPED = 2
+    DEPTH = 3
+    NONFINITE = 4
+
+
+@wp.struct
+class PhotonArrays:
+    """One row a path, in the tracer's units; ``dxdt`` is the world displacement over the photon's own (sub-)shutter."""
+
+    position: wp.array(dtype=wp.vec3)
+    normal: wp.array(dtype=wp.vec3)
+    dxdu: wp.array(dtype=wp.vec3)
+    dxdv: wp.array(dtype=wp.vec3)
+    dxdt: wp.array(dtype=wp.vec3)
+    receiver_motion: wp.array(dtype=wp.vec3)
+    flux: wp.array(dtype=wp.vec3)
+    absorbed: wp.array(dtype=wp.vec3)
+    culled: wp.array(dtype=wp.vec3)
+    emission: wp.array(dtype=wp.vec2)
+    receiver: wp.array(dtype=wp.int32)
+    bounces: wp.array(dtype=wp.int32)
+    fate: wp.array(dtype=wp.int32)
+    branches: wp.array(dtype=wp.int32)
+
+
+@dataclass(frozen=True)
+class TracingVariant:
+    """What the tracing kernel is compiled for."""
+
+    moves: bool
+    refraction: bool
+    reflection: bool
+    riding: bool
+    jittered: bool
+
+
+@lru_cache(maxsize=None)
+def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
+    """The kernel that traces one path of one photon, specialised by what the scene requires."""
+    moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
+    both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def trace_photons(
+        base: int,
+        # Scene
+        surfaces: Surfaces,
+        patch: Patch,
+        # In
+        cells: wp.array(dtype=wp.int32),
+        masks: wp.array(dtype=wp.int32),
+        bounces: int,
+        smallest_branch: float,
+        seed: int,
+        # Out
+        out: PhotonArrays,
+    ):
+        i = base + wp.tid()
+        cell = cells[i]
+        mask = masks[i]
+        index_u = patch.first_u + cell % patch.count_u
+        index_v = patch.first_v + cell // patch.count_u
+        stream = wp.rand_init(seed, index_u * 65537 + index_v)
+        offset = wp.vec2(0.5, 0.5)
+        if wp.static(jittered):
+            offset = wp.vec2(wp.randf(stream), wp.randf(stream))
+        coordinates = wp.vec2(float(index_u), float(index_v)) + offset
+        beam = emit(patch, coordinates)
+        emitted = cell_flux(patch, coordinates)
+        flux = emitted
+        absorbed = wp.vec3(0.0, 0.0, 0.0)
+        culled = wp.vec3(0.0, 0.0, 0.0)
+        branches = int(0)
+        fate = int(3)
+        count = int(0)
+        # Branches before the last one taken belong to the paths that spawned this one.
+        newest = int(0)
+        while (mask >> newest) > 0:
+            newest += 1
+
+        for bounce in range(bounces + 1):
+            hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, 0.0, FAR, wp.static(moves), stream)
+            if hit.triangle < 0:
+                if count > 0:
+                    fate = 2
+                else:
+                    fate = 0
+                break
+            beam = arrive(beam, hit, wp.static(moves))
+            material = surfaces.material_of[hit.triangle]
+            interaction = surfaces.interaction[material]
+            if interaction == 0:
+                fate = 0
+                if count > 0:
+                    fate = 1
+                    out.receiver[i] = surfaces.object_of[hit.triangle]
+                    out.normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+                    out.receiver_motion[i] = hit.motion
+                break
+            if bounce == bounces:
+                break
+            if wp.static(riding):
+                if count == 0:
+                    shift = riding_shift(beam.dxdu, beam.dxdv, hit.n_g, hit.motion - beam.dxdt)
+                    beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
+                    beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
+            dielectric = wp.static(refraction)
+            if wp.static(both):
+                dielectric = interaction == DIELECTRIC
+            at = meet(surfaces, hit, beam.w, dielectric, wp.static(moves))
+            reflected = True
+            if dielectric:
+                if at.reflectance < 1.0:
+                    reflected = (mask & (1 << bounce)) != 0
+                    share = flux * at.reflectance
+                    if reflected:
+                        flux = share
+                    else:
+                        flux = flux - share
+                        if bounce >= newest:
+                            if wp.max(share) >= smallest_branch * wp.max(emitted):
+                                branches = branches | (1 << bounce)
+                            else:
+                                culled += share
+            else:
+                tinted = wp.cw_mul(flux, surfaces.tint[material])
+                if bounce >= newest:
+                    absorbed += flux - tinted
+                flux = tinted
+            beam = leave(surfaces, beam, hit, at, reflected, LIFT, wp.static(moves))
+            count += 1
+
+        if fate == 1:
+            size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
+            if not wp.isfinite(size):
+                fate = 4
+        out.position[i] = beam.x
+        out.dxdu[i] = beam.dxdu
+        out.dxdv[i] = beam.dxdv
+        out.dxdt[i] = beam.dxdt
+        out.flux[i] = flux
+        out.absorbed[i] = absorbed
+        out.culled[i] = culled
+        out.emission[i] = coordinates
+        out.bounces[i] = count
+        out.fate[i] = fate
+        out.branches[i] = branches
+
+    return trace_photons
+
+
+@dataclass
+class PhotonMap:
+    """Photons deposited over one (sub-)shutter, in the tracer's units; all arrays have one row a photon.
+
+    ``dxdt`` [n, 3] is the world displacement over ``duration`` of the shutter, centred at ``time`` (−½ … ½).
+    """
+
+    ids: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    dxdu: np.ndarray
+    dxdv: np.ndarray
+    dxdt: np.ndarray
+    receiver_motion: np.ndarray
+    flux: np.ndarray
+    emission: np.ndarray
+    receiver: np.ndarray
+    bounces: np.ndarray
+    time: float = 0.0
+    duration: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+
+_FIELDS = (
+    "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "receiver", "bounces",
+)  # fmt: skip
+
+
+def trace_photons(
+    scene: SceneAtShutter,
+    geometry: Geometry,
+    plan: EmissionPlan,
+    requirements: Requirements,
+    launcher: Launcher,
+    *,
+    riding: bool = True,
+    jittered: bool = False,
+    seed: int = 0,
+    weight: float = 1.0,
+    smallest_branch: float = SMALLEST_BRANCH,
+) -> tuple[PhotonMap, EnergyAccount]:
+    """Traces every lattice photon of ``plan`` through ``geometry``.
+
+    Args:
+        riding: Keep each photon on the material point it first hit (beyond the paper), not on its emission point.
+        jittered: Emit from random points of the lattice cells instead of their centres.
+        weight: Part of the frame's exposure that these photons stand for; scales all flux.
+        smallest_branch: Reflected branches below this fraction of the emitted flux are given up and accounted lost.
+
+    Returns:
+        The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
+    """
+    account = EnergyAccount()
+    landed: list[dict[str, np.ndarray]] = []
+    kernel = tracing_kernel(
+        TracingVariant(
+            requirements.photon_motion, requirements.refraction, requirements.reflection, riding, jittered
+        )
+    )
+    for lattice, patch in plan.patches(scene):
+        patch.power = weight * patch.power
+        cells = np.arange(patch.count_u * patch.count_v, dtype=np.int32)
+        masks = np.zeros(len(cells), np.int32)
+        account.add(EnergyAccount(counts={"emitted": len(cells)}))
+        while len(cells):
+            out = launcher.rows(PhotonArrays, len(cells))
+            inputs = [geometry.surfaces, patch, launcher.array(cells, wp.int32), launcher.array(masks, wp.int32)]
+            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
+            fate, branches = out.fate.numpy(), out.branches.numpy()
+            _tally(account, out, fate)
+            keep = np.flatnonzero(fate == Fate.DEPOSITED)
+            if len(keep):
+                rows = {name: getattr(out, name).numpy()[keep] for name in _FIELDS}
+                rows["ids"] = _ids(rows["emission"], masks[keep], lattice, plan.id_count)
+                landed.append(rows)
+            cells, masks = next_paths(cells, masks, branches)
+    account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
+    account.sent = account.deposited + account.escaped + account.absorbed + account.lost_total
+    if not landed:
+        return _empty(), account
+    return PhotonMap(**{name: np.concatenate([rows[name] for rows in landed]) for name in ("ids", *_FIELDS)}), account
+
+
+def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray) -> None:
+    flux = out.flux.numpy().sum(axis=1, dtype=np.float64)
+    specular = fate != Fate.DIRECT
+    account.deposited += float(flux[fate == Fate.DEPOSITED].sum())
+    account.escaped += float(flux[fate == Fate.ESCAPED].sum())
+    account.absorbed += float(out.absorbed.numpy()[specular].sum(dtype=np.float64))
+    for cause, value in (
+        ("branch below cutoff", out.culled.numpy()[specular].sum(dtype=np.float64)),
+        ("too many bounces", flux[fate == Fate.DEPTH].sum()),
+        ("not finite", flux[fate == Fate.NONFINITE].sum()),
+    ):
+        if value:
+            account.lost[cause] = account.lost.get(cause, 0.0) + float(value)
+
+
+def _ids(emission: np.ndarray, masks: np.ndarray, lattice, id_count: int) -> np.ndarray:
+    cell = np.floor(emission).astype(np.int64)
+    u, v = cell[:, 0] % lattice.wrap[0], cell[:, 1] % lattice.wrap[1]
+    return masks.astype(np.int64) * id_count + lattice.first_id + v * lattice.wrap[0] + u
+
+
+def next_paths(cells: np.ndarray, masks: np.ndarray, branches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Every reported branch becomes a path of its own, in order of interaction, then of photon."""
+    next_cells, next_masks = [], []
+    for bounce in range(int(branches.max(initial=0)).bit_length()):
+        chosen = np.flatnonzero(branches & (1 << bounce))
+        next_cells.append(cells[chosen])
+        next_masks.append(masks[chosen] | np.int32(1 << bounce))
+    if not next_cells:
+        return cells[:0], masks[:0]
+    return np.concatenate(next_cells), np.concatenate(next_masks)
+
+
+def _empty() -> PhotonMap:
+    three, two = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
+    whole = np.zeros(0, np.int32)
+    return PhotonMap(np.zeros(0, np.int64), three, three, three, three, three, three, three, two, whole, whole)
+
+
+def record_of(maps: list[PhotonMap], plan: EmissionPlan, paths: tuple[str, ...]) -> PhotonRecord:
+    """The photons of a whole shutter in scene units; ids of later segments follow those of earlier ones."""
+    norm = plan.normalization
+    rows: dict[str, list[np.ndarray]] = {}
+    for segment, photons in enumerate(maps):
+        stride = plan.id_count
+        mask, cell = np.divmod(photons.ids, stride)
+        relative = (photons.dxdt - photons.receiver_motion) / photons.duration
+        values = {
+            "ids": (mask * len(maps) + segment) * stride + cell,
+            "positions": norm.world_points(photons.position),
+            "normals": photons.normal.astype(np.float64),
+            "dxdu": norm.world_vectors(photons.dxdu),
+            "dxdv": norm.world_vectors(photons.dxdv),
+            "dxdt": norm.world_vectors(relative),
+            "flux": photons.flux.astype(np.float64),
+            "emission": photons.emission.astype(np.float64),
+            "bounces": photons.bounces,
+            "receivers": photons.receiver,
+        }
+        for name, value in values.items():
+            rows.setdefault(name, []).append(value)
+    return PhotonRecord(**{name: np.concatenate(parts) for name, parts in rows.items()}, receiver_paths=paths)

@@ -1,0 +1,138 @@
+"""Where a ray meets the scene: the hit, the surface's motion there, its shading normal and how that varies."""
+
+import warp as wp
+
+from tpdwarp.scene.geometry import Surfaces
+
+# Lengths of the unit-sized scene. A ray starts a little off the surface it leaves, on the side it leaves to, and is
+# shifted sideways by less than that, because rays that pass exactly through vertices and edges can slip between
+# triangles; the hit is then found by intersecting the true ray with the triangle's plane.
+LIFT = wp.constant(4.0e-6)
+SHIFT = wp.constant(1.0e-6)
+
+
+@wp.struct
+class Hit:
+    """A point of a triangle: position, unit geometric normal (not flipped), motion, dual basis g1, g2 of its edges."""
+
+    triangle: int
+    distance: float
+    position: wp.vec3
+    n_g: wp.vec3
+    motion: wp.vec3
+    beta: wp.vec3
+    g1: wp.vec3
+    g2: wp.vec3
+
+
+@wp.struct
+class ShadingNormal:
+    """Interpolated normal N = Σ β_i n_i: unit n, |N|, and what D_a N needs (n_1 − n_0, n_2 − n_0, Σ β_i D_t n_i)."""
+
+    n: wp.vec3
+    length: float
+    along1: wp.vec3
+    along2: wp.vec3
+    rate: wp.vec3
+
+
+@wp.func
+def closest_hit(
+    surfaces: Surfaces, x: wp.vec3, w: wp.vec3, lift: wp.vec3, start: float, end: float, moves: bool, stream: wp.uint32
+) -> Hit:
+    """First surface along x + λω for λ in [start, end]; ``triangle`` is −1 where there is none."""
+    hit = Hit()
+    hit.triangle = -1
+    shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5) * SHIFT
+    query = wp.mesh_query_ray(surfaces.mesh, x + start * w + lift + shift, w, end - start)
+    if not query.result:
+        shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5) * SHIFT
+        query = wp.mesh_query_ray(surfaces.mesh, x + start * w + lift + shift, w, end - start)
+    if query.result:
+        corner = surfaces.triangles[query.face]
+        q0 = surfaces.points[corner[0]]
+        e1 = surfaces.points[corner[1]] - q0
+        e2 = surfaces.points[corner[2]] - q0
+        area = wp.cross(e1, e2)
+        area_squared = wp.dot(area, area)
+        hit.triangle = query.face
+        hit.n_g = wp.normalize(area)
+        hit.g1 = wp.cross(e2, area) / area_squared
+        hit.g2 = wp.cross(area, e1) / area_squared
+        hit.distance = wp.dot(hit.n_g, q0 - x) / wp.dot(hit.n_g, w)
+        hit.position = x + hit.distance * w
+        b1 = wp.dot(hit.g1, hit.position - q0)
+        b2 = wp.dot(hit.g2, hit.position - q0)
+        hit.beta = wp.vec3(1.0 - b1 - b2, b1, b2)
+        if moves:
+            hit.motion = (
+                hit.beta[0] * surfaces.motions[corner[0]]
+                + hit.beta[1] * surfaces.motions[corner[1]]
+                + hit.beta[2] * surfaces.motions[corner[2]]
+            )
+    return hit
+
+
+@wp.func
+def occluded(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, lift: wp.vec3, distance: float) -> bool:
+    """Whether anything stands between x and x + distance·ω."""
+    return wp.mesh_query_ray_anyhit(surfaces.mesh, x + lift, w, distance)
+
+
+@wp.func
+def shading_normal(surfaces: Surfaces, hit: Hit, flat: bool, moves: bool) -> ShadingNormal:
+    """The interpolated normal at ``hit``, or the geometric one with its own motion (``flat``, or none authored)."""
+    s = ShadingNormal()
+    index = surfaces.normal_indices[hit.triangle]
+    if index[0] >= 0 and not flat:
+        n0 = surfaces.normals[index[0]]
+        n1 = surfaces.normals[index[1]]
+        n2 = surfaces.normals[index[2]]
+        if moves:
+            r0 = surfaces.normal_motions[index[0]]
+            r1 = surfaces.normal_motions[index[1]]
+            r2 = surfaces.normal_motions[index[2]]
+            n0 = n0 + surfaces.time * r0
+            n1 = n1 + surfaces.time * r1
+            n2 = n2 + surfaces.time * r2
+            s.rate = hit.beta[0] * r0 + hit.beta[1] * r1 + hit.beta[2] * r2
+        N = hit.beta[0] * n0 + hit.beta[1] * n1 + hit.beta[2] * n2
+        s.length = wp.length(N)
+        if s.length > 1.0e-6:
+            s.n = N / s.length
+            s.along1 = n1 - n0
+            s.along2 = n2 - n0
+            return s
+    s.n = hit.n_g
+    s.length = 1.0
+    s.along1 = wp.vec3(0.0, 0.0, 0.0)
+    s.along2 = wp.vec3(0.0, 0.0, 0.0)
+    s.rate = wp.vec3(0.0, 0.0, 0.0)
+    if moves:
+        corner = surfaces.triangles[hit.triangle]
+        q0 = surfaces.points[corner[0]]
+        m0 = surfaces.motions[corner[0]]
+        e1 = surfaces.points[corner[1]] - q0
+        e2 = surfaces.points[corner[2]] - q0
+        rate = wp.cross(surfaces.motions[corner[1]] - m0, e2) + wp.cross(e1, surfaces.motions[corner[2]] - m0)
+        s.rate = rate / wp.length(wp.cross(e1, e2))
+    return s
+
+
+@wp.func
+def normal_variation(s: ShadingNormal, hit: Hit, drift: wp.vec3) -> wp.vec3:
+    """Σ_j (n_j − n_0) D_a β_j for a point that drifts by D_a x' − δ q̇ over the triangle."""
+    return s.along1 * wp.dot(hit.g1, drift) + s.along2 * wp.dot(hit.g2, drift)
+
+
+@wp.func
+def diffuse_color(surfaces: Surfaces, hit: Hit) -> wp.vec3:
+    """Albedo at ``hit``: display colours where the mesh has them, else the material's."""
+    index = surfaces.color_indices[hit.triangle]
+    if index[0] >= 0:
+        return (
+            hit.beta[0] * surfaces.colors[index[0]]
+            + hit.beta[1] * surfaces.colors[index[1]]
+            + hit.beta[2] * surfaces.colors[index[2]]
+        )
+    return surfaces.tint[surfaces.material_of[hit.triangle]]

@@ -1,0 +1,81 @@
+"""Camera rays with their time column, and how large a pixel is on a surface."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from tpdwarp.footprints.footprint import PixelSize
+from tpdwarp.photons.beam import Beam
+from tpdwarp.scene.description import CameraAtShutter
+from tpdwarp.scene.normalization import Normalization
+
+
+@wp.struct
+class Camera:
+    """A camera in the tracer's units; motions are over the whole shutter."""
+
+    orthographic: int
+    position: wp.vec3
+    right: wp.vec3
+    up: wp.vec3
+    back: wp.vec3
+    position_motion: wp.vec3
+    right_motion: wp.vec3
+    up_motion: wp.vec3
+    back_motion: wp.vec3
+    corner: wp.vec2
+    pixel: wp.vec2
+    near: float
+    far: float
+
+
+def camera_of(camera: CameraAtShutter, width: int, height: int, normalization: Normalization) -> Camera:
+    """The kernel's view of ``camera`` for an image of ``width`` × ``height`` pixels."""
+    scale = normalization.scale
+    unit = scale if camera.orthographic else 1.0
+    left, right, bottom, top = (unit * edge for edge in camera.window)
+    out = Camera()
+    out.orthographic = int(camera.orthographic)
+    out.position = wp.vec3(*normalization.points(camera.position[None])[0].astype(float))
+    out.right, out.up, out.back = (wp.vec3(*axis) for axis in camera.axes)
+    out.position_motion = wp.vec3(*(camera.position_motion * scale))
+    out.right_motion, out.up_motion, out.back_motion = (wp.vec3(*axis) for axis in camera.axes_motion)
+    out.corner = wp.vec2(left, top)
+    out.pixel = wp.vec2((right - left) / width, (top - bottom) / height)
+    out.near, out.far = camera.near * scale, min(camera.far * scale, 1.0e6)
+    return out
+
+
+def pixel_size(camera: Camera | None) -> PixelSize:
+    """Half a pixel's size as a function of the distance from the eye; zero where nothing looks."""
+    size = PixelSize()
+    if camera is not None:
+        half = 0.5 * abs(camera.pixel[0] * camera.pixel[1]) ** 0.5
+        size.eye = camera.position
+        size.base, size.slope = (half, 0.0) if camera.orthographic else (0.0, half)
+    return size
+
+
+@wp.func
+def camera_ray(camera: Camera, film: wp.vec2, time: float) -> Beam:
+    """The beam through ``film`` (pixels, from the upper left) at ``time`` in the shutter (−½ … ½)."""
+    beam = Beam()
+    x = camera.corner[0] + film[0] * camera.pixel[0]
+    y = camera.corner[1] - film[1] * camera.pixel[1]
+    right = wp.normalize(camera.right + time * camera.right_motion)
+    up = wp.normalize(camera.up + time * camera.up_motion)
+    back = wp.normalize(camera.back + time * camera.back_motion)
+    beam.x = camera.position + time * camera.position_motion
+    beam.dxdt = camera.position_motion
+    if camera.orthographic == 1:
+        beam.x += x * right + y * up
+        beam.dxdt += x * camera.right_motion + y * camera.up_motion
+        beam.w = -back
+        rate = -camera.back_motion
+    else:
+        d = x * right + y * up - back
+        length = wp.length(d)
+        beam.w = d / length
+        rate = (x * camera.right_motion + y * camera.up_motion - camera.back_motion) / length
+    beam.dwdt = rate - beam.w * wp.dot(beam.w, rate)
+    return beam

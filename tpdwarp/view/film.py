@@ -1,0 +1,99 @@
+"""The film: samples summed to pixels, in double precision and in a fixed order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tpdwarp.footprints.gather import Irradiance
+from tpdwarp.scene.normalization import Normalization
+from tpdwarp.view.visible import VisiblePoints
+
+BACKGROUND_DEPTH = 1.0e10
+
+
+class Film:
+    """Sums of what camera samples saw.
+
+    Args:
+        width, height: Pixels.
+        samples: Samples a pixel.
+        normalization: Maps the tracer's units back to scene units.
+        scale: Factor on radiance (the camera's exposure).
+    """
+
+    def __init__(self, width: int, height: int, samples: int, normalization: Normalization, scale: float) -> None:
+        self.width, self.height, self.samples = width, height, samples
+        self._norm, self._scale = normalization, scale
+        count = width * height
+        self._sums: dict[str, np.ndarray] = {}
+        self._coverage = np.zeros(count)
+        self._diffuse = np.zeros(count)
+        self._motion_weight = np.zeros(count)
+        self._depth = np.full(count, np.inf)
+
+    def add_view(self, points: VisiblePoints, pixels: np.ndarray) -> None:
+        """Adds direct light and, for first paths, what geometry they met. ``pixels`` [n] is each path's pixel."""
+        self._add("direct", points.arrays.direct.numpy(), pixels)
+        if not points.first:
+            return
+        depth = points.arrays.first_depth.numpy()
+        hit = depth >= 0.0
+        self._coverage += self._sum(hit, pixels)
+        self._diffuse += self._sum(points.queries.receiver.numpy() >= 0, pixels)
+        self._add("N", points.arrays.first_normal.numpy(), pixels)
+        self._add("P", points.arrays.first_position.numpy(), pixels)
+        np.minimum.at(self._depth, pixels[hit], depth[hit])
+
+    def add_caustic(self, points: VisiblePoints, pixels: np.ndarray, light: Irradiance) -> None:
+        """Adds what photons left at visible points."""
+        self._add("caustic", points.arrays.weight.numpy() * light.irradiance, pixels)
+        if not points.first:
+            return
+        self._add("irradiance", light.irradiance, pixels)
+        if light.motion is not None:
+            self._add("motion", light.motion, pixels)
+            self._motion_weight += self._sum(light.weight, pixels)
+            self._add("photons", light.photons[:, None].astype(np.float64), pixels)
+
+    def channels(self, aovs: tuple[str, ...]) -> dict[str, np.ndarray]:
+        """Beauty and the asked AOVs, each [height, width] float32, rows from the top."""
+        per_sample = 1.0 / self.samples
+        area = self._norm.scale**2
+        direct = self._get("direct", 3) * (per_sample * self._scale)
+        caustic = self._get("caustic", 3) * (per_sample * self._scale * area)
+        beauty = direct + caustic
+        out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": self._coverage * per_sample}
+        hits, diffuse = np.maximum(self._coverage, 1.0), np.maximum(self._diffuse, 1.0)
+        for aov in aovs:
+            if aov in ("caustic", "direct", "irradiance"):
+                value = {"caustic": caustic, "direct": direct}.get(aov)
+                if value is None:
+                    value = self._get("irradiance", 3) * (area / diffuse)
+                out.update({f"{aov}.{c}": value[k] for k, c in enumerate("RGB")})
+            elif aov == "Z":
+                seen = np.isfinite(self._depth)
+                out["Z"] = np.where(seen, np.where(seen, self._depth, 0.0) / self._norm.scale, BACKGROUND_DEPTH)
+            elif aov == "photons":
+                out["photons"] = self._get("photons", 1)[0] / diffuse
+            else:
+                value = self._get(aov, 3)
+                if aov == "motion":
+                    value = value / (np.maximum(self._motion_weight, 1e-30) * self._norm.scale)
+                elif aov == "P":
+                    origin = np.asarray(self._norm.origin)[:, None]
+                    value = np.where(self._coverage > 0, value / hits / self._norm.scale + origin, 0.0)
+                else:
+                    value = value / np.maximum(np.linalg.norm(value, axis=0), 1e-30)
+                out.update({f"{aov}.{c}": value[k] for k, c in enumerate("XYZ")})
+        return {name: v.reshape(self.height, self.width).astype(np.float32) for name, v in out.items()}
+
+    def _sum(self, values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        return np.bincount(pixels, weights=values, minlength=self.width * self.height)
+
+    def _add(self, name: str, values: np.ndarray, pixels: np.ndarray) -> None:
+        sums = self._sums.setdefault(name, np.zeros((values.shape[1], self.width * self.height)))
+        for k in range(values.shape[1]):
+            sums[k] += self._sum(values[:, k], pixels)
+
+    def _get(self, name: str, width: int) -> np.ndarray:
+        return self._sums.get(name, np.zeros((width, self.width * self.height)))

@@ -1,0 +1,52 @@
+"""Where on the film and when in the shutter camera samples are taken; the same for every frame, so nothing flickers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+# The two-dimensional generalisation of the golden ratio sequence (M. Roberts, 2018).
+R2 = (0.7548776662466927, 0.5698402909980532)
+LEAST_TIMES = 8
+
+
+def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: int, seed: int) -> np.ndarray:
+    """Film coordinates [n, 2] in pixels of the given samples of the given pixels; one sample takes the centre."""
+    within = np.full((len(pixels), 2), 0.5)
+    if samples > 1:
+        start = np.stack([_uniform(pixels, seed), _uniform(pixels, seed + 1)], axis=1)
+        within = (start + sample[:, None] * np.array(R2)) % 1.0
+    return np.stack([pixels % width, pixels // width], axis=1) + within
+
+
+def time_count(samples: int) -> int:
+    """How many times of the shutter are looked at; a multiple of the samples a pixel."""
+    return samples * max(1, -(-LEAST_TIMES // samples))
+
+
+def samples_at(
+    slice_index: int, times: int, pixel_count: int, samples: int, seed: int, batch: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """(pixels, sample numbers) that look at time slice ``slice_index`` of ``times``, in batches of pixels.
+
+    Each pixel's samples are spread evenly over the slices, starting at a random one.
+    """
+    stride = times // samples
+    for first in range(0, pixel_count, batch):
+        pixels = np.arange(first, min(first + batch, pixel_count))
+        if times == 1:
+            yield np.repeat(pixels, samples), np.tile(np.arange(samples), len(pixels))
+            continue
+        offset = (_uniform(pixels, seed + 2) * stride).astype(np.int64)
+        chosen = pixels[offset == slice_index % stride]
+        yield chosen, np.full(len(chosen), slice_index // stride)
+
+
+def _uniform(index: np.ndarray, seed: int) -> np.ndarray:
+    """A fixed pseudo-random number in [0, 1) for each index (PCG output hash, Jarzynski & Olano 2020)."""
+    with np.errstate(over="ignore"):
+        state = (index.astype(np.uint32) + np.uint32(seed * 2654435761 % 2**32)) * np.uint32(747796405)
+        state += np.uint32(2891336453)
+        word = ((state >> ((state >> np.uint32(28)) + np.uint32(4))) ^ state) * np.uint32(277803737)
+        return ((word >> np.uint32(22)) ^ word) / 2.0**32
