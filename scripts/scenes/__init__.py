@@ -1,0 +1,1 @@
+"""The example scenes: surfaces from Warp kernels, written as USD animations."""
