@@ -15,6 +15,8 @@ the whole exposure, the photon riding on the first specular surface (``"surface"
 
     found = finite_differences([water, floor], parallel_beam(corner, step_u, step_v, down), u, v,
                                Shutter(1, 1, 2), anchor="surface")
+    beam = beam_around(origins, directions, dxdu, dxdv, domegadu, domegadv)       # rays known by their columns only
+    found = finite_differences([water, floor], beam, zeros, zeros, shutter)
     found.dxdu, found.dxdv, found.dxdt, found.domegadt, found.dxdt_relative, found.errors
 
 A scene of the renderer as a scene of the oracle (:mod:`.description`)::
@@ -37,7 +39,7 @@ Footprint kernels by brute-force quadrature (:mod:`.kernels`)::
 from .caustic_1d import Wave, irradiance, irradiance_average
 from .description import surfaces_of
 from .differences import Differentials, finite_differences
-from .emission import central_beam, parallel_beam
+from .emission import beam_around, central_beam, parallel_beam
 from .kernels import footprint_weight, shutter_kernel, static_kernel, swept_kernel
 from .surfaces import Ellipsoid, HeightField, Plane, TriangleMesh
 from .tracer import Path, trace
@@ -50,6 +52,7 @@ __all__ = [
     "Plane",
     "TriangleMesh",
     "Wave",
+    "beam_around",
     "central_beam",
     "finite_differences",
     "footprint_weight",

@@ -11,7 +11,7 @@ from tpdwarp.scene.description import Interaction, Shutter
 
 from . import closed_forms
 from .differences import COLUMNS, finite_differences
-from .emission import central_beam, parallel_beam
+from .emission import beam_around, central_beam, parallel_beam
 from .optics import dot, unit
 from .shapes import grid_points, grid_triangles
 from .surfaces import Ellipsoid, HeightField, Plane, TriangleMesh
@@ -343,6 +343,23 @@ def test_riding_is_the_shear_that_keeps_the_material_point_to_first_order():
         np.testing.assert_allclose(riding.dxdt[i], expected, atol=10 * EXACT)
         expected = fixed.domegadt[i] + a * fixed.domegadu[i] + b * fixed.domegadv[i]
         np.testing.assert_allclose(riding.domegadt[i], expected, atol=10 * EXACT)
+
+
+@pytest.mark.parametrize("anchor", ["light", "surface"])
+def test_a_beam_is_known_by_its_first_order_columns(anchor):
+    scene, (u, v) = bumpy_glass(), some_photons(8)
+    step_u, step_v, w = np.array([0.2, 0, 0]), np.array([0, 0.2, 0.0]), np.array([0.03, 0.01, 0])
+    light = central_beam(moving((0, 0, 6), w), (0.05, 0, -1), step_u, step_v)
+    origins, directions = light(u, v, SHUTTER.middle)
+    length = np.linalg.norm(np.array([0.05, 0, -1]) + np.outer(u, step_u) + np.outer(v, step_v), axis=1)[:, None]
+    domegadu, domegadv = (
+        (step - (directions @ step)[:, None] * directions) / length for step in (step_u, step_v)
+    )
+    around = beam_around(origins, directions, 0, 0, domegadu, domegadv, w, 0, SHUTTER)
+    expected = finite_differences(scene, light, u, v, SHUTTER, anchor)
+    found = finite_differences(scene, around, np.zeros(8), np.zeros(8), SHUTTER, anchor)
+    for name in COLUMNS:
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=EXACT)
 
 
 def test_columns_stay_in_their_planes():

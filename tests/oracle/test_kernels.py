@@ -61,9 +61,9 @@ def test_eq_9_filtered_footprints_hold_one_photon(kernel):
 def test_check_17_shutter_footprints_hold_one_photon(kernel):
     v = np.array([0.7, 0.3])
     margin = 2.0 if kernel == "bspline" else 1.0
-    total, step = plane_integral(lambda y: shutter_kernel(kernel, y, v, 1e-6), v, cells=32, margin=margin)
-    # Averaging over τ is a smoothing: cells on the outline are misjudged by at most what the static kernel has there.
-    assert total == pytest.approx(1, abs=0.5 * step**1.5 * (2 * math.pi * margin) * 0.25)
+    total, step = plane_integral(lambda y: shutter_kernel(kernel, y, v, 1e-6), v, cells=24, margin=margin)
+    # Averaged over time even the uniform kernel leaves its support like a square root: the rule has order 3/2.
+    assert total == pytest.approx(1, abs=step**1.5)
 
 
 def random_places(count=24):

@@ -29,7 +29,7 @@ class Path:
         positions: Points on the diffuse receivers, shape [n, 3]; NaN where none was reached.
         directions: Unit directions of travel on arrival, shape [n, 3].
         normals: Unit geometric normals of the receivers, against the rays, shape [n, 3].
-        throughput: Product of the Fresnel factors of the branches taken, shape [n].
+        throughput: Product of the Fresnel factors of the branches taken, shape [n]; mirrors count as 1, tints as none.
         landed: Whether a diffuse receiver was reached, shape [n].
         bounces: Specular surfaces met before the receiver, shape [n].
         surfaces: Index of the surface met, shape [b, n]; −1 after the end.
