@@ -1,7 +1,11 @@
 """What is written to an image is what is read back, at the depth its format promises."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -17,6 +21,7 @@ from tpdwarp.images import (
     read_image,
     smpte_timecode,
     write_frame,
+    write_pixels,
 )
 
 COLOR_CHANNELS = ["R", "G", "B", "A", "caustic.R", "caustic.G", "caustic.B", "direct.R", "direct.G", "direct.B"]
@@ -197,16 +202,48 @@ def test_frame_that_cannot_be_written_fails_and_names_the_file(tmp_path: Path) -
         write_frame(tmp_path / "missing" / "a.exr", frame(["R", "G", "B", "A"]), {})
 
 
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_frame_that_finds_the_disk_full_fails_and_leaves_nothing(tmp_path: Path, extension: str) -> None:
+    """In a process of its own, because one of the writers would end it."""
+    program = f"""
+import resource, numpy as np
+from tpdwarp.errors import FrameError
+from tpdwarp.images import write_frame
+resource.setrlimit(resource.RLIMIT_FSIZE, (20000, resource.RLIM_INFINITY))
+noise = np.random.default_rng(1).random((200, 200), dtype=np.float32)
+try:
+    write_frame({str(tmp_path / f"a{extension}")!r}, dict.fromkeys("RGBA", noise), {{}})
+except FrameError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.startswith(str(tmp_path / f"a{extension}") + ": cannot be written")
+    assert not list(tmp_path.iterdir())
+
+
+def test_png_that_came_out_short_fails_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def write_half(temporary: str, *others: Any) -> None:
+        write_pixels(temporary, *others)
+        os.truncate(temporary, os.path.getsize(temporary) // 2)
+
+    monkeypatch.setattr("tpdwarp.images.write_pixels", write_half)
+    with pytest.raises(FrameError, match=r"a\.png: cannot be written: it came out damaged"):
+        write_frame(tmp_path / "a.png", frame(["R", "G", "B", "A"]), {})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("extension", [".exr", ".png", ".tif"])
+def test_truncated_file_is_not_taken_for_an_image(tmp_path: Path, extension: str) -> None:
+    generator = np.random.default_rng(1)
+    write_frame(tmp_path / f"a{extension}", {name: generator.random((64, 64)) for name in "RGBA"}, {})
+    whole = (tmp_path / f"a{extension}").read_bytes()
+    (tmp_path / f"a{extension}").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=rf"a\{extension}"):
+        read_image(tmp_path / f"a{extension}")
+
+
 def test_file_that_is_no_image_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.exr").write_bytes(b"no image")
     for name in ("a.exr", "missing.exr"):
         with pytest.raises(InputError, match=name):
             read_image(tmp_path / name)
-
-
-def test_truncated_image_is_refused(tmp_path: Path) -> None:
-    write_frame(tmp_path / "a.exr", frame(["R", "G", "B", "A"], 64, 64), {})
-    whole = (tmp_path / "a.exr").read_bytes()
-    (tmp_path / "a.exr").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=r"a\.exr"):
-        read_image(tmp_path / "a.exr")

@@ -23,6 +23,9 @@ EXTENSIONS = (".exr", *DISPLAY_BITS)
 FLOAT_LAYERS = ("Z", "N", "P", "motion", "irradiance", "photons")
 HALF_MAXIMUM = float(np.finfo(np.float16).max)
 
+# Their writers hide a failed write (PNG) or end the process at one (JPEG).
+SILENT_EXTENSIONS = (".png", ".jpg", ".jpeg")
+
 # OpenImageIO has names of its own for two of OpenEXR's attributes.
 ATTRIBUTE_NAMES = {"capDate": "DateTime", "expTime": "ExposureTime"}
 
@@ -94,10 +97,41 @@ def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]
     for name, value in metadata.items():
         set_attribute(spec, name, value)
     with complete_or_absent(path) as temporary:
-        output = oiio.ImageOutput.create(temporary)
-        if not (output and output.open(temporary, spec) and output.write_image(pixels) and output.close()):
-            reason = output.geterror() if output else oiio.geterror()
-            raise FrameError(f"{os.fspath(path)}: cannot be written: {' '.join(reason.split())}")
+        if Path(path).suffix.lower() in SILENT_EXTENSIONS:
+            write_surely(temporary, path, spec, pixels)
+        else:
+            write_pixels(temporary, path, spec, pixels)
+
+
+def write_pixels(temporary: str, path: str | os.PathLike[str], spec: oiio.ImageSpec, pixels: np.ndarray) -> None:
+    """Writes ``pixels``, shape [h, w, channels], to ``temporary``; errors name ``path``.
+
+    Raises:
+        FrameError: The file cannot be written.
+    """
+    output = oiio.ImageOutput.create(temporary)
+    if not (output and output.open(temporary, spec) and output.write_image(pixels) and output.close()):
+        reason = output.geterror() if output else oiio.geterror()
+        raise FrameError(f"{os.fspath(path)}: cannot be written: {' '.join(reason.split())}")
+
+
+def write_surely(temporary: str, path: str | os.PathLike[str], spec: oiio.ImageSpec, pixels: np.ndarray) -> None:
+    """Like :func:`write_pixels`, for writers that do not tell of a full disk.
+
+    The space is tried before, and the file read after it is written: another process may have taken the space.
+
+    Raises:
+        FrameError: The file cannot be written.
+    """
+    try:
+        Path(temporary).write_bytes(bytes(spec.image_bytes() + len(spec.to_xml()) + 2**16))
+    except OSError as error:
+        raise FrameError(f"{os.fspath(path)}: cannot be written: {error.strerror}") from error
+    write_pixels(temporary, path, spec, pixels)
+    try:
+        read_image(temporary)
+    except InputError as error:
+        raise FrameError(f"{os.fspath(path)}: cannot be written: it came out damaged ({error.message})") from error
 
 
 def refuse_non_finite(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]) -> None:

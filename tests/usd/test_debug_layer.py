@@ -1,6 +1,8 @@
 """The debug layer holds the photons as traced, opens in any viewer and lies over the scene it came from."""
 
 import json
+import resource
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,6 +80,14 @@ def scene(tmp_path: Path) -> Path:
     UsdGeom.Sphere.Define(stage, "/World/Floor")
     stage.Save()
     return path
+
+
+@pytest.fixture
+def file_size_limit() -> Iterator[Callable[[int], None]]:
+    """Makes writes beyond a file size fail, as they do on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def writer(path: Path, scene: Path, curves: int | None = None) -> DebugLayerWriter:
@@ -461,6 +471,19 @@ def test_layer_appears_on_close_and_alone_with_its_view(tmp_path: Path, scene: P
     layer.close()
     layer.close()
     assert sorted(path.name for path in out.iterdir()) == ["a.debug.usdc", "a.view.usda"]
+
+
+@pytest.mark.parametrize("extension", ["usdc", "usda"])
+def test_layer_that_finds_the_disk_full_fails_and_leaves_nothing(
+    tmp_path: Path, scene: Path, extension: str, file_size_limit: Callable[[int], None]
+) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(FrameError, match=rf"a\.{extension}: cannot be written"), writer(
+        out / f"a.{extension}", scene
+    ) as layer:
+        file_size_limit(20000)
+        layer.add_frame(2, photons(16), 1.0)
+    assert list(out.iterdir()) == []
 
 
 def test_layer_without_frames_is_legal(tmp_path: Path, scene: Path) -> None:
