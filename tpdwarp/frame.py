@@ -10,7 +10,6 @@ import numpy as np
 
 from tpdwarp.estimators import ESTIMATORS
 from tpdwarp.estimators.base import Animation, Clock, LoadedScene
-from tpdwarp.footprints.footprint import PixelSize
 from tpdwarp.footprints.gather import gather
 from tpdwarp.photons.record import EnergyAccount, PhotonRecord
 from tpdwarp.photons.tracing import record_of

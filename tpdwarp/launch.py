@@ -8,8 +8,10 @@ Python threads work through. Kernels therefore take ``base`` as their first argu
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,21 @@ wp.config.log_level = wp.LOG_WARNING
 wp.config.enable_backward = False
 
 
+@contextmanager
+def _without_native_stderr() -> Iterator[None]:
+    """Drops what native code prints to stderr: Warp's warns wherever there is no GPU driver, asked for or not."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    elsewhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(elsewhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(elsewhere)
+
+
 class Launcher:
     """Runs kernels on one device.
 
@@ -36,7 +53,8 @@ class Launcher:
     """
 
     def __init__(self, device: str = "cpu", threads: int = 0) -> None:
-        wp.init()
+        with _without_native_stderr() if device == "cpu" else nullcontext():
+            wp.init()
         try:
             self.device = wp.get_device(device)
         except Exception as error:

@@ -9,7 +9,7 @@ The metric, its determinant and the bounds all follow from the widened J, so tha
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -53,7 +53,7 @@ class FootprintArrays:
     clamped: wp.array(dtype=wp.int32)
 
 
-@lru_cache(maxsize=None)
+@cache
 def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
     """The kernel that shapes footprints, for radial kernels or the B-spline."""
     scale = 2.0 if radial else 1.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -41,7 +41,7 @@ class IrradianceArrays:
     photons: wp.array(dtype=wp.int32)
 
 
-@lru_cache(maxsize=None)
+@cache
 def gather_kernel(kernel: str, form: str, time_filter: str, moves: bool, with_motion: bool) -> wp.Kernel:
     """The gathering kernel for one footprint kernel; a scene at rest takes the static weight."""
     still = static_weight(kernel)

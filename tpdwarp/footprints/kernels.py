@@ -11,7 +11,7 @@ correct ones. Its Eq. 7 area is exact for the uniform kernel only; the swept for
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import cache
 
 import warp as wp
 
@@ -174,7 +174,7 @@ def bspline_shutter(y: wp.vec2, v: wp.vec2) -> float:
     return 0.5 * total * step
 
 
-@lru_cache(maxsize=None)
+@cache
 def static_weight(kernel: str) -> wp.Function:
     """w(y) of a footprint that stands still."""
     if kernel == "bspline":
@@ -188,7 +188,7 @@ def static_weight(kernel: str) -> wp.Function:
     return weight
 
 
-@lru_cache(maxsize=None)
+@cache
 def moving_weight(kernel: str, form: str, time_filter: str = "none") -> wp.Function:
     """w(y, v) of a footprint that moves by v over the shutter, y relative to where it stands at shutter open.
 
@@ -226,7 +226,7 @@ def moving_weight(kernel: str, form: str, time_filter: str = "none") -> wp.Funct
     return shutter_weight
 
 
-@lru_cache(maxsize=None)
+@cache
 def _swept_weight(kernel: str, time_filter: str) -> wp.Function:
     K = STATIC[kernel]
     k1 = wp.constant(LINE_INTEGRAL[kernel])
@@ -262,7 +262,7 @@ def _swept_weight(kernel: str, time_filter: str) -> wp.Function:
     return filtered_weight
 
 
-@lru_cache(maxsize=None)
+@cache
 def _profile(time_filter: str) -> wp.Function:
     """ω as a function of the distance in time s ∈ [0, 1] from the shutter's close, one at s = 0."""
     K = STATIC[time_filter]

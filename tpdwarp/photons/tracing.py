@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -72,7 +72,7 @@ class TracingVariant:
     jittered: bool
 
 
-@lru_cache(maxsize=None)
+@cache
 def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     """The kernel that traces one path of one photon, specialised by what the scene requires."""
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered

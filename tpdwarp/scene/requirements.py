@@ -47,7 +47,7 @@ class Requirements:
 
     def as_dict(self) -> dict[str, object]:
         """The requirements as plain JSON values."""
-        return {**asdict(self), "differentials": "u v t".split() if self.photon_motion else "u v".split()}
+        return {**asdict(self), "differentials": ["u", "v", "t"] if self.photon_motion else ["u", "v"]}
 
 
 def requirements_of(scene: SceneAtShutter) -> Requirements:

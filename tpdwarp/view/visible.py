@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -94,7 +94,7 @@ def direct_irradiance(surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp
     return total
 
 
-@lru_cache(maxsize=None)
+@cache
 def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on."""
     both, specular = refraction and reflection, refraction or reflection
@@ -230,7 +230,8 @@ def visible_points(
         queries, out = launcher.rows(QueryArrays, len(items)), launcher.rows(VisibleArrays, len(items))
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
         scene = [surfaces, lights, camera, device_films]
-        launcher(kernel, len(items), [*scene, *paths, requirements.bounces, SMALLEST_THROUGHPUT, float(segments), time, queries, out])
+        limits = [requirements.bounces, SMALLEST_THROUGHPUT, float(segments), time]
+        launcher(kernel, len(items), [*scene, *paths, *limits, queries, out])
         yield VisiblePoints(items, queries, out, first)
         items, masks = next_paths(items, masks, out.branches.numpy())
         first = False
