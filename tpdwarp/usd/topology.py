@@ -1,0 +1,100 @@
+"""Polygons to triangles: fans in face order, with what is needed to find their corners and faces again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """Triangles of a polygonal mesh.
+
+    Attributes:
+        triangles: Point indices, counter-clockwise seen from the front, shape [m, 3] int32.
+        corners: Position of each triangle corner among the face-varying elements, shape [m, 3] int32.
+        faces: Face of each triangle, shape [m] int32.
+        face_count: Number of faces, holes included.
+        corner_count: Number of face-varying elements.
+    """
+
+    triangles: np.ndarray
+    corners: np.ndarray
+    faces: np.ndarray
+    face_count: int
+    corner_count: int
+
+    @cached_property
+    def mirrored(self) -> Topology:
+        """The same triangles wound the other way round."""
+        order = [0, 2, 1]
+        return Topology(
+            np.ascontiguousarray(self.triangles[:, order]),
+            np.ascontiguousarray(self.corners[:, order]),
+            self.faces,
+            self.face_count,
+            self.corner_count,
+        )
+
+    @cached_property
+    def face_corners(self) -> tuple[np.ndarray, np.ndarray]:
+        """Point and face of each face corner that a triangle uses, each once, shapes [k] and [k]."""
+        _, where = np.unique(self.corners, return_index=True)
+        return self.triangles.ravel()[where], np.repeat(self.faces, 3)[where]
+
+    def elements(self, interpolation: str, size: int, point_count: int) -> np.ndarray | None:
+        """Element of each triangle corner in a primvar of ``size`` elements, shape [m, 3] int32.
+
+        Returns:
+            None where the size does not fit the interpolation.
+        """
+        expected = {
+            "constant": 1,
+            "uniform": self.face_count,
+            "vertex": point_count,
+            "varying": point_count,
+            "faceVarying": self.corner_count,
+        }
+        if expected.get(interpolation) != size:
+            return None
+        if interpolation == "constant":
+            return np.zeros_like(self.triangles)
+        if interpolation == "uniform":
+            return np.repeat(self.faces[:, None], 3, axis=1)
+        return self.corners if interpolation == "faceVarying" else self.triangles
+
+
+def triangulate(counts: np.ndarray, indices: np.ndarray, holes: np.ndarray, left_handed: bool) -> Topology:
+    """Cuts each face into a fan about its first corner, in face order.
+
+    Faces of fewer than three corners, holes, and triangles that use a point twice are left out.
+
+    Args:
+        counts: Corners of each face, shape [f].
+        indices: Point of each corner, shape [sum(counts)].
+        holes: Faces left out.
+        left_handed: Whether faces are authored clockwise seen from the front.
+    """
+    counts, indices = np.asarray(counts, dtype=np.int64), np.asarray(indices, dtype=np.int64)
+    fans = np.maximum(counts - 2, 0)
+    fans[np.asarray(holes, dtype=np.int64)] = 0
+    starts = np.cumsum(counts) - counts
+    faces = np.repeat(np.arange(len(counts)), fans)
+    within = np.arange(fans.sum()) - np.repeat(np.cumsum(fans) - fans, fans)
+    first = starts[faces]
+    second, third = first + within + 1, first + within + 2
+    if left_handed:
+        second, third = third, second
+    corners = np.stack([first, second, third], axis=1)
+    triangles = indices[corners]
+    a, b, c = triangles.T
+    proper = (a != b) & (b != c) & (c != a)
+    return Topology(
+        triangles[proper].astype(np.int32),
+        corners[proper].astype(np.int32),
+        faces[proper].astype(np.int32),
+        len(counts),
+        len(indices),
+    )
