@@ -360,6 +360,8 @@ def test_speed_colours_grow_lighter_with_speed_and_share_one_scale(tmp_path: Pat
     slow, fast = photons(), replace(photons(), dxdt=10 * photons().dxdt)
     stage = write(tmp_path / "a.usdc", scene, {2: slow, 3: fast})
     fastest = stage.GetRootLayer().customLayerData["tpdwarp"]["fastestColor"]
+    speeds = np.concatenate([np.linalg.norm(record.dxdt, axis=1) for record in (slow, fast)])
+    np.testing.assert_allclose(fastest, np.percentile(speeds, 99), rtol=1e-6)
     for time, record in ((2, slow), (3, fast)):
         expected = speed_colors(np.linalg.norm(record.dxdt, axis=1), fastest)
         for name in PRIMS:
@@ -486,6 +488,15 @@ def test_layer_that_finds_the_disk_full_fails_and_leaves_nothing(
     assert list(out.iterdir()) == []
 
 
+def test_crate_goes_to_disk_with_every_frame(tmp_path: Path, scene: Path) -> None:
+    out = tmp_path / "out"
+    with writer(out / "a.usdc", scene) as layer:
+        for count in (1, 2, 3):
+            layer.add_frame(count, photons(16, seed=count), 1.0)
+            written = sum(path.stat().st_size for path in out.iterdir())
+            assert written > count * 256 * sum(POINTS_A_PHOTON.values()) * 12
+
+
 def test_layer_without_frames_is_legal(tmp_path: Path, scene: Path) -> None:
     stage = write(tmp_path / "a.debug.usdc", scene, {})
     assert validation_errors(stage) == []
@@ -530,8 +541,9 @@ def test_any_share_of_the_lattice_is_spread_evenly(count: int) -> None:
     assert np.abs(quadrants - count / 4).max() <= 4
 
 
-def test_thinning_does_not_depend_on_the_last_digit_of_a_coordinate() -> None:
-    record = photons(16)
+@pytest.mark.parametrize("place", [0.0, 0.5])
+def test_thinning_does_not_depend_on_the_last_digit_of_a_coordinate(place: float) -> None:
+    record = replace(photons(16), emission=photons(16).emission + place)
     nudged = replace(record, emission=np.nextafter(record.emission.astype(np.float32), np.float32(-1)))
     np.testing.assert_array_equal(thinning_ranks(record), thinning_ranks(nudged))
 
