@@ -39,7 +39,6 @@ find_python() {
 make_venv() {
     local python
     python=$(find_python)
-    echo "Making $venv" >&2
     # Debian keeps ensurepip, without which a virtual environment has no pip, in a package of its own.
     if "$python" -c 'import ensurepip, venv' 2>/dev/null; then
         "$python" -m venv --clear "$venv"
