@@ -1,0 +1,59 @@
+"""tpdwarp renders USD animations with motion-blurred caustics from one photon trace a frame.
+
+    import tpdwarp
+
+    result = tpdwarp.render("wave.usdc", "out/wave.####.exr", frames="1:24", exposure=1.0)
+    photons = tpdwarp.trace_photons("wave.usdc", 12)
+    holdings = tpdwarp.info("wave.usdc")
+
+Names load what they need when they are first used, so that importing the package costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tpdwarp.errors import FrameError, InputError
+    from tpdwarp.overview import info
+    from tpdwarp.sequence import FrameOutcome, SequenceResult, render, trace_photons, write_photons
+    from tpdwarp.settings import Settings
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "FrameError",
+    "FrameOutcome",
+    "InputError",
+    "SequenceResult",
+    "Settings",
+    "info",
+    "render",
+    "trace_photons",
+    "write_photons",
+]
+
+_HOMES = {
+    "FrameError": "tpdwarp.errors",
+    "FrameOutcome": "tpdwarp.sequence",
+    "InputError": "tpdwarp.errors",
+    "SequenceResult": "tpdwarp.sequence",
+    "Settings": "tpdwarp.settings",
+    "info": "tpdwarp.overview",
+    "render": "tpdwarp.sequence",
+    "trace_photons": "tpdwarp.sequence",
+    "write_photons": "tpdwarp.sequence",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,168 @@
+"""Options shared by sub-commands; those of settings take their help and defaults from :class:`Settings` itself."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Any
+
+from tpdwarp.progress import KINDS
+from tpdwarp.settings import AOVS, CHOICES, Settings
+
+COMPLEXITIES = {"low": 1.0, "medium": 1.1, "high": 1.2, "veryhigh": 1.3}
+
+
+def names(text: str) -> tuple[str, ...]:
+    """A comma separated list."""
+    return tuple(part for part in map(str.strip, text.split(",")) if part)
+
+
+def complexity(text: str) -> float:
+    """A complexity by usdrecord's words, or as a number."""
+    return COMPLEXITIES[text] if text in COMPLEXITIES else float(text)
+
+
+@dataclass(frozen=True)
+class SettingOption:
+    """The command line's face of one field of :class:`Settings`.
+
+    Attributes:
+        field: The field.
+        flags: Spellings of the option.
+        kind: What the text of the value becomes.
+        metavar: How help names the value; one a value where there are several.
+        also: What help adds to the field's documentation.
+    """
+
+    field: str
+    flags: tuple[str, ...]
+    kind: Callable[[str], Any] = str
+    metavar: str | tuple[str, ...] | None = None
+    also: str = ""
+
+
+PICTURE = (
+    SettingOption("camera", ("-cam", "--camera"), metavar="CAMERA"),
+    SettingOption("image_width", ("-w", "--imageWidth"), int, "PIXELS"),
+    SettingOption("render_settings", ("-rs", "--renderSettingsPrimPath"), metavar="PATH"),
+    SettingOption("purposes", ("--purposes",), names, "NAME,..."),
+    SettingOption("mask", ("--mask",), names, "PATH,..."),
+    SettingOption("complexity", ("--complexity",), complexity, "X", also=f"a number, or {'|'.join(COMPLEXITIES)}"),
+    SettingOption("samples", ("--samples",), int, "S"),
+    SettingOption("aovs", ("--aov",), names, "NAME,...", also=", ".join(AOVS)),
+)
+EXPOSURE = (
+    SettingOption("exposure", ("--exposure",), float, "FRAMES"),
+    SettingOption("shutter", ("--shutter",), float, ("OPEN", "CLOSE")),
+)
+METHOD = (
+    SettingOption("motion", ("--motion",)),
+    SettingOption("photons", ("--photons",), int, "N"),
+    SettingOption("segments", ("--segments",), int, "K"),
+    SettingOption("estimator", ("--estimator",)),
+    SettingOption("accumulation_times", ("--accumulation-times",), int, "N"),
+    SettingOption("kernel", ("--kernel",)),
+    SettingOption("footprint", ("--footprint",)),
+    SettingOption("emission", ("--emission",)),
+    SettingOption("anchor", ("--anchor",)),
+    SettingOption("smoothing", ("--smoothing",), float, "CELLS"),
+    SettingOption("time_filter", ("--time-filter",)),
+    SettingOption("seed", ("--seed",), int, "N"),
+)
+MACHINE = (
+    SettingOption("device", ("--device",), metavar="NAME"),
+    SettingOption("threads", ("--threads",), int, "N"),
+)
+
+
+def declare_settings(group: argparse._ActionsContainer, options: Iterable[SettingOption]) -> None:
+    """Adds options of settings to a parser or a group of one; only those given appear in :func:`settings_given`."""
+    for option in options:
+        metavar = option.metavar
+        if option.field in CHOICES:
+            metavar = "|".join(CHOICES[option.field])
+        group.add_argument(
+            *option.flags,
+            dest=option.field,
+            type=option.kind,
+            nargs=len(metavar) if isinstance(metavar, tuple) else None,
+            metavar=metavar,
+            default=argparse.SUPPRESS,
+            help=_help(option).replace("%", "%%"),
+        )
+
+
+def settings_given(options: argparse.Namespace) -> dict[str, Any]:
+    """The settings that a command line changes, for ``**settings``."""
+    given = {field.name: getattr(options, field.name) for field in fields(Settings) if hasattr(options, field.name)}
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+
+
+def declare_frames(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--frames`` and ``--default-time``."""
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument(
+        "-f",
+        "--frames",
+        metavar="SPEC",
+        help="Frames, for instance 1:24,30:40x2 (first:lastxstride); by default all of the stage.",
+    )
+    which.add_argument(
+        "-d",
+        "--default-time",
+        "--defaultTime",
+        dest="default_time",
+        action="store_true",
+        help="The default time (values that are not time samples) in place of frames.",
+    )
+
+
+def declare_tracing(parser: argparse.ArgumentParser, picture: Iterable[SettingOption]) -> None:
+    """Adds the options of settings, in groups.
+
+    Args:
+        parser: A sub-command's parser.
+        picture: Those of ``PICTURE`` that concern the sub-command.
+    """
+    declare_settings(parser.add_argument_group("stage and image"), picture)
+    light = parser.add_argument_group("time and light")
+    declare_settings(light.add_mutually_exclusive_group(), EXPOSURE)
+    declare_settings(light, METHOD)
+    declare_settings(parser.add_argument_group("machine"), MACHINE)
+
+
+def declare_reports(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--stats`` and ``--progress``."""
+    parser.add_argument(
+        "--stats", metavar="FILE.json", help="Also write seconds by stage, energies and counts of every frame."
+    )
+    parser.add_argument(
+        "--progress",
+        metavar="|".join(KINDS),
+        default="auto",
+        help="How progress is shown; auto is a bar on a terminal, else a line a frame. [auto]",
+    )
+
+
+def _help(option: SettingOption) -> str:
+    text = _documentation().get(option.field, "").replace("``", "")
+    text = re.sub(r"\b(?:None|empty) (?:takes|for)\b", "by default", text)
+    default = next(field.default for field in fields(Settings) if field.name == option.field)
+    if default not in (None, "", ()):
+        default = ",".join(default) if isinstance(default, tuple) else default
+        option_default = f"[{default}]"
+    else:
+        option_default = ""
+    also = f"({option.also})" if option.also else ""
+    return " ".join(part for part in (text, also, option_default) if part)
+
+
+@cache
+def _documentation() -> dict[str, str]:
+    """What the docstring of :class:`Settings` says of each field."""
+    section = (Settings.__doc__ or "").partition("Attributes:")[2]
+    entries = re.findall(r"^\s+(\w+): (.*(?:\n(?!\s+\w+: ).*\S.*)*)", section, re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in entries}

@@ -1,0 +1,60 @@
+"""What a frame's image file says about how it was made."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import tpdwarp
+from tpdwarp.scene.description import CameraAtShutter, Shutter
+from tpdwarp.settings import Settings
+
+if TYPE_CHECKING:
+    from tpdwarp.frame import Frame
+    from tpdwarp.usd.stage import StageScene
+
+
+def frame_metadata(source: StageScene, shutter: Shutter, settings: Settings, frame: Frame) -> dict[str, Any]:
+    """Image attributes of one frame, by their EXR names.
+
+    Camera matrices are at mid shutter and multiply row vectors; ``tpdwarp:shutterOpen`` and ``tpdwarp:shutterClose``
+    are time codes, ``expTime`` is in seconds, fluxes are in watts summed over the channels. At the default time, which
+    is no number, whatever depends on it is left out.
+
+    Args:
+        source: The stage rendered.
+        shutter: When it was rendered.
+        settings: How it was rendered.
+        frame: What came out.
+    """
+    energy, rate = frame.energy, source.frames_per_second
+    metadata: dict[str, Any] = {
+        "Software": f"tpdwarp {tpdwarp.__version__}",
+        "framesPerSecond": rate,
+        **_camera_attributes(frame.camera),
+        "tpdwarp:version": tpdwarp.__version__,
+        "tpdwarp:scene": source.file,
+        "tpdwarp:settings": json.dumps(settings.as_dict(), sort_keys=True),
+        "tpdwarp:seed": settings.seed,
+        "tpdwarp:renderSeconds": sum(frame.seconds.values()),
+        "tpdwarp:photons": len(frame.photons),
+        "tpdwarp:fluxSent": energy.sent,
+        "tpdwarp:fluxDeposited": energy.deposited,
+        "tpdwarp:fluxEscaped": energy.escaped,
+        "tpdwarp:fluxAbsorbed": energy.absorbed,
+        "tpdwarp:fluxLost": energy.lost_total,
+    }
+    if not math.isnan(shutter.frame):
+        metadata |= {
+            "expTime": shutter.exposure / source.time_codes_per_second,
+            "tpdwarp:frame": shutter.frame,
+            "tpdwarp:shutterOpen": shutter.open,
+            "tpdwarp:shutterClose": shutter.close,
+        }
+    return metadata
+
+
+def _camera_attributes(camera: CameraAtShutter) -> dict[str, Any]:
+    matrices = {"worldToCamera": camera.world_to_camera, "worldToNDC": camera.world_to_ndc}
+    return {"tpdwarp:camera": camera.path} | {name: value for name, value in matrices.items() if value is not None}

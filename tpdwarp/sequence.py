@@ -1,0 +1,384 @@
+"""Rendering and tracing sequences to files: one frame after the other, past those that fail."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from tpdwarp.energy_watch import EnergyWatch
+from tpdwarp.errors import FrameError, InputError, logger
+from tpdwarp.files import check_writable
+from tpdwarp.frame import render_frame, trace_frame
+from tpdwarp.frame_metadata import frame_metadata
+from tpdwarp.frame_names import FrameNames, frame_text
+from tpdwarp.images import check_format, write_frame
+from tpdwarp.photons.record import EnergyAccount, PhotonRecord
+from tpdwarp.progress import Progress, progress_of
+from tpdwarp.scene.description import Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.statistics import statistics_of, write_statistics
+from tpdwarp.usd.debug_layer import DebugLayerWriter
+from tpdwarp.usd.frame_specs import frames_between, frames_of
+from tpdwarp.usd.stage import StageScene
+
+Frames = str | float | Iterable[float] | None
+FilePath = str | os.PathLike[str]
+
+DEFAULT_TIME = math.nan
+
+
+@dataclass(frozen=True)
+class FrameOutcome:
+    """What became of one frame.
+
+    Attributes:
+        frame: Time code; NaN for the default time.
+        status: ``written``, ``traced`` (photons only), ``skipped`` (the file was there) or ``failed``.
+        path: The frame's file, or empty.
+        reason: Why it failed, in one line.
+        photons: Photons landed.
+        energy: Where the flux went; None where nothing was traced.
+        seconds: Seconds by stage.
+        total_seconds: Seconds in all, writing included.
+    """
+
+    frame: float
+    status: Literal["written", "traced", "skipped", "failed"]
+    path: str = ""
+    reason: str = ""
+    photons: int = 0
+    energy: EnergyAccount | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    total_seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class SequenceResult:
+    """What became of a sequence.
+
+    Attributes:
+        outcomes: One a frame, in order.
+        seconds: Seconds in all.
+        problems: What failed beyond single frames (the debug layer, the statistics), one line each.
+    """
+
+    outcomes: tuple[FrameOutcome, ...]
+    seconds: float
+    problems: tuple[str, ...] = ()
+
+    @property
+    def written(self) -> tuple[float, ...]:
+        """Frames written (or traced)."""
+        return tuple(outcome.frame for outcome in self.outcomes if outcome.status in ("written", "traced"))
+
+    @property
+    def skipped(self) -> tuple[float, ...]:
+        """Frames left alone, for their files were there."""
+        return tuple(outcome.frame for outcome in self.outcomes if outcome.status == "skipped")
+
+    @property
+    def failed(self) -> dict[float, str]:
+        """Frames that failed, and why."""
+        return {outcome.frame: outcome.reason for outcome in self.outcomes if outcome.status == "failed"}
+
+    @property
+    def energy(self) -> dict[float, EnergyAccount]:
+        """The energy account of every frame traced."""
+        return {outcome.frame: outcome.energy for outcome in self.outcomes if outcome.energy is not None}
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing failed."""
+        return not self.failed and not self.problems
+
+
+def render(
+    scene: FilePath,
+    out: FilePath,
+    *,
+    frames: Frames = None,
+    default_time: bool = False,
+    progress: str | Progress | None = None,
+    debug_layer: FilePath | None = None,
+    curves: int | None = None,
+    stats: FilePath | None = None,
+    skip_existing: bool = False,
+    **settings: Any,
+) -> SequenceResult:
+    """Renders frames of a USD stage to image files.
+
+    A frame that fails does not end the sequence; the result says which did, and why.
+
+    Args:
+        scene: The stage.
+        out: Image file, with ``####`` where the frame number goes (see :class:`tpdwarp.frame_names.FrameNames`).
+        frames: A specification such as ``1:24,30:40x2``, a frame, or several; None for the stage's whole range.
+        default_time: Render the default time (values that are not time samples) in place of frames.
+        progress: ``auto``, ``bar``, ``plain``, ``alf``, ``none``, an object of :class:`tpdwarp.progress.Progress`, or
+            None, which shows nothing.
+        debug_layer: Also write the photons to this USD layer, and a view layer beside it.
+        curves: At most so many photons a frame in the debug layer; None for all.
+        stats: Also write statistics to this JSON file.
+        skip_existing: Leave frames alone whose files are there. With a debug layer their photons are traced still.
+        **settings: Fields of :class:`tpdwarp.settings.Settings`.
+
+    Raises:
+        InputError: The input or the settings cannot be used, an output cannot be written where it is asked for, or
+            no frame at all could be rendered because of the input.
+    """
+    started = time.perf_counter()
+    chosen = chosen_settings(settings)
+    shown = progress_of(progress)
+    names = FrameNames(out)
+    check_format(names.template, chosen.aovs)
+    if curves is not None and debug_layer is None:
+        raise InputError("--curves thins a debug layer (add --debug-layer)")
+    source, wanted = _open(scene, chosen, frames, default_time)
+    names.check(wanted)
+    source.require_camera()
+    width, height = source.resolution()
+    for path in (names.path(wanted[0]), stats):
+        _check_output(path, source)
+    layer = None if debug_layer is None else _debug_layer(debug_layer, source, chosen, wanted, curves)
+    watch = EnergyWatch(source)
+
+    def render_one(frame: float) -> FrameOutcome:
+        shutter, path = _shutter(source, frame, chosen), names.path(frame)
+        skipped = skip_existing and _is_complete(path)
+        if skipped and layer is None:
+            return FrameOutcome(frame, "skipped", path)
+        made = trace_frame(source, shutter, chosen) if skipped else render_frame(source, shutter, chosen, width, height)
+        watch(shutter, made.energy)
+        if layer is not None:
+            layer.add_frame(frame, made.photons, chosen.smoothing)
+        if not skipped:
+            write_frame(path, made.channels, frame_metadata(source, shutter, chosen, made))
+        status = "skipped" if skipped else "written"
+        return FrameOutcome(frame, status, path, "", len(made.photons), made.energy, dict(made.seconds))
+
+    outcomes, problems = _run(wanted, render_one, names.path, shown, layer)
+    return _finished(source, chosen, outcomes, problems, started, stats)
+
+
+def write_photons(
+    scene: FilePath,
+    layer: FilePath,
+    *,
+    frames: Frames = None,
+    default_time: bool = False,
+    progress: str | Progress | None = None,
+    curves: int | None = None,
+    stats: FilePath | None = None,
+    **settings: Any,
+) -> SequenceResult:
+    """Traces the photons of frames of a USD stage and writes them as a debug layer, with a view layer beside it.
+
+    The stage needs no camera. Arguments are those of :func:`render`.
+
+    Raises:
+        InputError: As for :func:`render`.
+    """
+    started = time.perf_counter()
+    chosen = chosen_settings(settings)
+    shown = progress_of(progress)
+    source, wanted = _open(scene, chosen, frames, default_time)
+    _check_output(stats, source)
+    writer = _debug_layer(layer, source, chosen, wanted, curves)
+    watch = EnergyWatch(source)
+
+    def trace_one(frame: float) -> FrameOutcome:
+        shutter = _shutter(source, frame, chosen)
+        traced = trace_frame(source, shutter, chosen)
+        watch(shutter, traced.energy)
+        writer.add_frame(frame, traced.photons, chosen.smoothing)
+        return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
+
+    outcomes, problems = _run(wanted, trace_one, lambda frame: "", shown, writer)
+    return _finished(source, chosen, outcomes, problems, started, stats)
+
+
+def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecord:
+    """The photons that land over the shutter of one frame of a USD stage.
+
+    Args:
+        scene: The stage; it needs no camera.
+        frame: Time code; NaN for the default time.
+        **settings: Fields of :class:`tpdwarp.settings.Settings`.
+
+    Raises:
+        InputError: The input or the settings cannot be used.
+        FrameError: The frame cannot be traced.
+    """
+    chosen = chosen_settings(settings)
+    source = StageScene.open(os.fspath(scene), chosen)
+    return trace_frame(source, _shutter(source, frame, chosen), chosen).photons
+
+
+def chosen_settings(changes: Mapping[str, Any]) -> Settings:
+    """The default settings with ``changes``; lists are taken for tuples.
+
+    Raises:
+        InputError: A name or a value is not usable.
+    """
+    plain = {name: tuple(value) if isinstance(value, list) else value for name, value in changes.items()}
+    return Settings.of(None, **plain)
+
+
+def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None:
+    """The frames a caller names; None where that is the stage's whole range.
+
+    Raises:
+        InputError: They cannot be understood, or are none.
+    """
+    if default_time:
+        if frames is not None:
+            raise InputError("--default-time takes the place of --frames (leave one out)")
+        return (DEFAULT_TIME,)
+    if frames is None:
+        return None
+    if isinstance(frames, str):
+        return frames_of(frames)
+    try:
+        listed = (frames,) if isinstance(frames, int | float) else tuple(frames)
+        chosen = tuple(dict.fromkeys(float(frame) for frame in listed))
+    except (TypeError, ValueError):
+        raise InputError(f"--frames {frames!r}: these are no frames (give numbers, or a text like '1:24')") from None
+    if not chosen or not all(map(math.isfinite, chosen)):
+        raise InputError(f"--frames {frames!r}: there must be at least one, and all finite")
+    return chosen
+
+
+def _open(
+    scene: FilePath, settings: Settings, frames: Frames, default_time: bool
+) -> tuple[StageScene, tuple[float, ...]]:
+    asked = frames_asked(frames, default_time)
+    source = StageScene.open(os.fspath(scene), settings)
+    return source, asked or frames_between(source.start, source.end)
+
+
+def _shutter(source: StageScene, frame: float, settings: Settings) -> Shutter:
+    return Shutter.still(DEFAULT_TIME) if math.isnan(frame) else source.shutter(frame, settings)
+
+
+def _check_output(path: FilePath | None, source: StageScene) -> None:
+    if path is None:
+        return
+    check_writable(path)
+    if os.path.realpath(path) == os.path.realpath(source.file):
+        raise InputError("is the scene itself (choose another name)", file=os.fspath(path))
+
+
+def _is_complete(path: str) -> bool:
+    # Frames are given their names only when complete; an empty file is what other programs leave on a full disk.
+    return os.path.isfile(path) and os.path.getsize(path) > 0
+
+
+def _debug_layer(
+    path: FilePath, source: StageScene, settings: Settings, frames: Sequence[float], curves: int | None
+) -> DebugLayerWriter:
+    numbered = [frame for frame in frames if not math.isnan(frame)]
+    return DebugLayerWriter(
+        path,
+        source.file,
+        settings.as_dict(),
+        (min(numbered), max(numbered)) if numbered else (source.start, source.end),
+        source.shutter(numbered[0], settings).exposure if numbered else 0.0,
+        source.time_codes_per_second,
+        source.frames_per_second,
+        source.up_axis,
+        source.meters_per_unit,
+        curves=curves,
+    )
+
+
+def _run(
+    frames: Sequence[float],
+    work: Callable[[float], FrameOutcome],
+    path_of: Callable[[float], str],
+    shown: Progress,
+    layer: DebugLayerWriter | None,
+) -> tuple[list[FrameOutcome], list[str]]:
+    """Works through ``frames``, then completes ``layer``; gives what became of the frames, and what else failed."""
+    outcomes: list[FrameOutcome] = []
+    problems: list[str] = []
+    try:
+        with layer if layer is not None else nullcontext():
+            shown.start(len(frames))
+            try:
+                refusal = _work_through(frames, work, path_of, shown, outcomes)
+            finally:
+                shown.finish()
+            if refusal is not None:
+                raise refusal
+            if layer is not None and all(outcome.status == "failed" for outcome in outcomes):
+                raise FrameError(f"{layer.path}: is not written, for no frame could be traced")
+    except InputError:
+        raise
+    except Exception as error:
+        logger.debug("after the last frame", exc_info=error)
+        problems.append(_reason(error))
+    return outcomes, problems
+
+
+def _work_through(
+    frames: Sequence[float],
+    work: Callable[[float], FrameOutcome],
+    path_of: Callable[[float], str],
+    shown: Progress,
+    outcomes: list[FrameOutcome],
+) -> InputError | None:
+    """Works through ``frames``; gives the first :class:`InputError` if that is how every frame failed."""
+    refusal: InputError | None = None
+    refused = 0
+    for frame in frames:
+        shown.begin(frame)
+        started = time.perf_counter()
+        try:
+            outcome = work(frame)
+        except Exception as error:
+            if isinstance(error, InputError):
+                refused += 1
+                refusal = refusal or error
+            logger.debug(f"frame {frame_text(frame)}", exc_info=error)
+            outcome = FrameOutcome(frame, "failed", path_of(frame), _reason(error))
+        outcome = replace(outcome, total_seconds=time.perf_counter() - started)
+        outcomes.append(outcome)
+        shown.end(outcome)
+    return refusal if refused == len(frames) else None
+
+
+def _reason(error: Exception) -> str:
+    """Why something failed, in one line."""
+    if isinstance(error, FrameError | InputError):
+        text = str(error)
+    elif isinstance(error, MemoryError):
+        text = "out of memory (try fewer --photons, fewer --samples or a smaller --imageWidth)"
+    elif isinstance(error, OSError):
+        text = ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
+    else:
+        text = f"internal: {type(error).__name__}: {error}"
+    return " ".join(text.split())
+
+
+def _finished(
+    source: StageScene,
+    settings: Settings,
+    outcomes: Sequence[FrameOutcome],
+    problems: Sequence[str],
+    started: float,
+    stats: FilePath | None,
+) -> SequenceResult:
+    result = SequenceResult(tuple(outcomes), time.perf_counter() - started, tuple(problems))
+    if stats is None:
+        return result
+    try:
+        write_statistics(stats, statistics_of(source.file, settings, result))
+    except Exception as error:
+        logger.debug("statistics", exc_info=error)
+        return replace(result, problems=(*result.problems, _reason(error)))
+    return result
