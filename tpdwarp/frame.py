@@ -17,7 +17,7 @@ from tpdwarp.scene.description import CameraAtShutter, SceneSource, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.view.camera import camera_of, pixel_size
 from tpdwarp.view.film import Film
-from tpdwarp.view.sampling import film_positions, samples_at, time_count
+from tpdwarp.view.sampling import block_order, film_positions, samples_at, time_count
 from tpdwarp.view.visible import VisiblePoints, light_arrays, visible_points
 
 BATCH = 1 << 18
@@ -138,6 +138,7 @@ class _View:
         width, height = self._size
         times = time_count(settings.samples) if self.moves else 1
         count = len(self._scenes)
+        order = block_order(width, height)
         for slice_index in range(times):
             where = (slice_index + 0.5) / times
             segment = min(int(where * count), count - 1)
@@ -149,7 +150,7 @@ class _View:
                 surfaces = geometry.surfaces
                 surfaces.time = where * count - segment - 0.5
             batches = samples_at(
-                slice_index, times, width * height, settings.samples, settings.seed, max(1, BATCH // settings.samples)
+                slice_index, times, order, settings.samples, settings.seed, max(1, BATCH // settings.samples)
             )
             for pixels, samples in batches:
                 films = film_positions(pixels, samples, width, settings.samples, settings.seed)

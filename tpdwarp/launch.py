@@ -63,7 +63,9 @@ class Launcher:
         self.threads = 1 if self.device.is_cuda else count
         self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
 
-    def __call__(self, kernel: wp.Kernel, count: int, inputs: Sequence[Any]) -> None:
+    def __call__(
+        self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], smallest_chunk: int = SMALLEST_CHUNK
+    ) -> None:
         """Launches ``kernel`` over ``count`` items; ``base`` is put in front of ``inputs``."""
         if count <= 0:
             return
@@ -71,7 +73,7 @@ class Launcher:
             wp.launch(kernel, dim=count, inputs=[0, *inputs], device=self.device)
             return
         kernel.module.load(self.device)
-        chunk = max(SMALLEST_CHUNK, -(-count // (self.threads * CHUNKS_PER_THREAD)))
+        chunk = max(smallest_chunk, -(-count // (self.threads * CHUNKS_PER_THREAD)))
 
         def run(base: int) -> None:
             wp.launch(kernel, dim=min(chunk, count - base), inputs=[base, *inputs], device=self.device)

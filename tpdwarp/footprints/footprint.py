@@ -158,6 +158,7 @@ class FootprintMap:
         bvh: Bounds of the footprints, swept over their own part of the shutter.
         duration: Part of the shutter that each footprint's ``dxdt`` spans.
         moves: Whether any footprint moves.
+        reach: Half the typical size of a footprint: queries this close together are gathered together.
         clamped: Footprints whose length or aspect was limited.
         count: Number of footprints.
     """
@@ -166,6 +167,7 @@ class FootprintMap:
     bvh: wp.Bvh | None
     duration: float
     moves: bool
+    reach: float
     clamped: int
     count: int
 
@@ -178,7 +180,7 @@ def shape_footprints(
     out = launcher.rows(FootprintArrays, count)
     duration = maps[0].duration if maps else 1.0
     if not count:
-        return FootprintMap(out, None, duration, moves, 0, 0)
+        return FootprintMap(out, None, duration, moves, 0.0, 0, 0)
     names = ("position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux")
     columns = [launcher.array(np.concatenate([getattr(m, name) for m in maps]), wp.vec3) for name in names]
     out.receiver = launcher.array(np.concatenate([m.receiver for m in maps]), wp.int32)
@@ -187,6 +189,6 @@ def shape_footprints(
     launcher(
         footprint_kernel(kernel != "bspline", SUPPORT[kernel]), count, [*columns, float(smoothing), pixel, out]
     )
-    return FootprintMap(
-        out, wp.Bvh(out.lower, out.upper), duration, moves, int(out.clamped.numpy().sum(dtype=np.int64)), count
-    )
+    reach = 0.5 * float(np.median(np.linalg.norm(out.upper.numpy() - out.lower.numpy(), axis=1)))
+    clamped = int(out.clamped.numpy().sum(dtype=np.int64))
+    return FootprintMap(out, wp.Bvh(out.lower, out.upper), duration, moves, reach, clamped, count)

@@ -42,6 +42,7 @@ GAUSSIAN_SCALE = wp.constant(1.0 / (2.0 * math.pi * (1.0 - math.exp(-0.5))))
 SQRT_HALF = wp.constant(math.sqrt(0.5))
 SQRT_HALF_PI = wp.constant(math.sqrt(0.5 * math.pi))
 GAUSS_NODE = wp.constant(0.5 - 0.5 / math.sqrt(3.0))
+MOST_PANELS = wp.constant(1.0e6)
 
 
 @wp.func
@@ -149,7 +150,10 @@ def bspline_static(y: wp.vec2) -> float:
 
 @wp.func
 def bspline_shutter(y: wp.vec2, v: wp.vec2) -> float:
-    """∫₀¹ b(y_u − τv_u) b(y_v − τv_v) dτ, by two Gauss nodes a cell over the part inside the support."""
+    """∫₀¹ b(y_u − τv_u) b(y_v − τv_v) dτ, by two Gauss nodes a cell, of which those inside the support are visited.
+
+    The nodes do not depend on y, so that translates by one sum to one while they sweep, too.
+    """
     low = float(0.0)
     high = float(1.0)
     for axis in range(2):
@@ -162,16 +166,13 @@ def bspline_shutter(y: wp.vec2, v: wp.vec2) -> float:
             return 0.0
     if high <= low:
         return 0.0
-    way = (high - low) * wp.max(wp.abs(v[0]), wp.abs(v[1]))
-    count = wp.clamp(int(wp.ceil(way)), 1, 8)
-    step = (high - low) / float(count)
+    panels = wp.ceil(wp.clamp(wp.max(wp.abs(v[0]), wp.abs(v[1])), 1.0, MOST_PANELS))
     total = float(0.0)
-    for k in range(count):
-        tau = low + (float(k) + GAUSS_NODE) * step
-        total += bspline_static(y - tau * v)
-        tau = low + (float(k) + 1.0 - GAUSS_NODE) * step
-        total += bspline_static(y - tau * v)
-    return 0.5 * total * step
+    for k in range(int(wp.floor(low * panels)), int(wp.ceil(high * panels))):
+        early = (float(k) + GAUSS_NODE) / panels
+        late = (float(k + 1) - GAUSS_NODE) / panels
+        total += bspline_static(y - early * v) + bspline_static(y - late * v)
+    return 0.5 * total / panels
 
 
 @cache
@@ -219,9 +220,11 @@ def moving_weight(kernel: str, form: str, time_filter: str = "none") -> wp.Funct
         c = wp.sqrt(c2)
         z0 = wp.clamp(-p, -c, c)
         z1 = wp.clamp(sigma - p, -c, c)
-        if z1 <= z0:
+        # Not (z1 − z0)/σ: below σ ≈ 0.01 the difference of two rounded numbers is no longer σ where it should be.
+        part = wp.clamp((p + c) / sigma, 0.0, 1.0) - wp.clamp((p - c) / sigma, 0.0, 1.0)
+        if part <= 0.0:
             return 0.0
-        return path(z0, z1, q, c2, (z1 - z0) / sigma, sigma)
+        return path(z0, z1, q, c2, part, sigma)
 
     return shutter_weight
 

@@ -69,28 +69,29 @@ def meet(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool
     at.side = -wp.sign(wp.dot(hit.n_g, w))
     n_g = at.side * hit.n_g
     at.flat = False
-    for attempt in range(2):
-        at.flat = attempt == 1
+    found = bool(False)
+    while not found:
         s = shading_normal(surfaces, hit, at.flat, moves)
         at.n = s.n * at.side
+        at.reflectance = 1.0
+        at.cos_t = 0.0
+        at.eta = 1.0
         cos_i = -wp.dot(w, at.n)
-        if cos_i > 0.0 or at.flat:
-            at.reflectance = 1.0
-            at.cos_t = 0.0
-            at.eta = 1.0
-            consistent = wp.dot(reflect(w, at.n), n_g) > 0.0
-            if dielectric:
-                ior = surfaces.ior[surfaces.material_of[hit.triangle]]
-                at.eta = ior
-                if at.side > 0.0:
-                    at.eta = 1.0 / ior
-                cos_t_squared = refracted_cosine_squared(cos_i, at.eta)
-                if cos_t_squared > 0.0:
-                    at.cos_t = wp.sqrt(cos_t_squared)
-                    at.reflectance = fresnel_reflectance(cos_i, at.cos_t, at.eta)
-                    consistent = consistent and wp.dot(refract(w, at.n, at.eta, at.cos_t), n_g) < 0.0
-            if consistent:
-                return at
+        found = cos_i > 0.0 and wp.dot(reflect(w, at.n), n_g) > 0.0
+        if dielectric:
+            ior = surfaces.ior[surfaces.material_of[hit.triangle]]
+            at.eta = ior
+            if at.side > 0.0:
+                at.eta = 1.0 / ior
+            cos_t_squared = refracted_cosine_squared(cos_i, at.eta)
+            if cos_t_squared > 0.0:
+                at.cos_t = wp.sqrt(cos_t_squared)
+                at.reflectance = fresnel_reflectance(cos_i, at.cos_t, at.eta)
+                found = found and wp.dot(refract(w, at.n, at.eta, at.cos_t), n_g) < 0.0
+        if at.flat:
+            found = True
+        elif not found:
+            at.flat = True
     return at
 
 

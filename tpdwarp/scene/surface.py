@@ -43,19 +43,22 @@ def closest_hit(
     """First surface along x + λω for λ in [start, end]; ``triangle`` is −1 where there is none."""
     hit = Hit()
     hit.triangle = -1
-    shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5) * SHIFT
-    query = wp.mesh_query_ray(surfaces.mesh, x + start * w + lift + shift, w, end - start)
-    if not query.result:
+    face = int(-1)
+    attempt = int(0)
+    while face < 0 and attempt < 2:
         shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5) * SHIFT
         query = wp.mesh_query_ray(surfaces.mesh, x + start * w + lift + shift, w, end - start)
-    if query.result:
-        corner = surfaces.triangles[query.face]
+        if query.result:
+            face = query.face
+        attempt += 1
+    if face >= 0:
+        corner = surfaces.triangles[face]
         q0 = surfaces.points[corner[0]]
         e1 = surfaces.points[corner[1]] - q0
         e2 = surfaces.points[corner[2]] - q0
         area = wp.cross(e1, e2)
         area_squared = wp.dot(area, area)
-        hit.triangle = query.face
+        hit.triangle = face
         hit.n_g = wp.normalize(area)
         hit.g1 = wp.cross(e2, area) / area_squared
         hit.g2 = wp.cross(area, e1) / area_squared

@@ -9,6 +9,7 @@ import numpy as np
 # The two-dimensional generalisation of the golden ratio sequence (M. Roberts, 2018).
 R2 = (0.7548776662466927, 0.5698402909980532)
 LEAST_TIMES = 8
+BLOCK = 8
 
 
 def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: int, seed: int) -> np.ndarray:
@@ -25,16 +26,22 @@ def time_count(samples: int) -> int:
     return samples * max(1, -(-LEAST_TIMES // samples))
 
 
+def block_order(width: int, height: int) -> np.ndarray:
+    """All pixels, block by block, so that what follows each other in the list lies together in the image."""
+    y, x = np.divmod(np.arange(width * height), width)
+    return np.lexsort((x % BLOCK, y % BLOCK, x // BLOCK, y // BLOCK))
+
+
 def samples_at(
-    slice_index: int, times: int, pixel_count: int, samples: int, seed: int, batch: int
+    slice_index: int, times: int, order: np.ndarray, samples: int, seed: int, batch: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """(pixels, sample numbers) that look at time slice ``slice_index`` of ``times``, in batches of pixels.
+    """(pixels, sample numbers) that look at time slice ``slice_index`` of ``times``, in batches of pixels in ``order``.
 
     Each pixel's samples are spread evenly over the slices, starting at a random one.
     """
     stride = times // samples
-    for first in range(0, pixel_count, batch):
-        pixels = np.arange(first, min(first + batch, pixel_count))
+    for first in range(0, len(order), batch):
+        pixels = order[first : first + batch]
         if times == 1:
             yield np.repeat(pixels, samples), np.tile(np.arange(samples), len(pixels))
             continue
