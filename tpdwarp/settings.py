@@ -17,6 +17,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "anchor": ("surface", "light"),
     "time_filter": ("none", "uniform", "cone", "epanechnikov", "quartic", "gaussian"),
 }
+PURPOSES = ("default", "render", "proxy", "guide")
 AOVS = ("caustic", "direct", "irradiance", "Z", "N", "P", "motion", "photons")
 
 
@@ -107,9 +108,10 @@ class Settings:
             refuse("time_filter", "weights the swept footprint of Eq. 9 (add --footprint swept)")
         if self.kernel == "bspline" and self.footprint == "swept":
             refuse("footprint", "swept is defined for the radial kernels of Eq. 7 (add --kernel epanechnikov)")
-        unknown = [name for name in self.aovs if name not in AOVS]
-        if unknown:
-            refuse("aov", f"knows no {unknown[0]!r}; there are {', '.join(AOVS)}")
+        for name, given, known in (("aov", self.aovs, AOVS), ("purposes", self.purposes, PURPOSES)):
+            unknown = [entry for entry in given if entry not in known]
+            if unknown:
+                refuse(name, f"knows no {unknown[0]!r}; there are {', '.join(known)}")
 
     @classmethod
     def of(cls, settings: Settings | None = None, **changes: Any) -> Settings:
