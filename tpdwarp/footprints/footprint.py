@@ -104,6 +104,7 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         t2 = wp.sqrt(s2 * s2 + widening)
         if t1 > LONGEST_AXIS:
             t1 = LONGEST_AXIS
+            t2 = wp.min(t2, LONGEST_AXIS)
             clamped = 1
         smallest = wp.max(t1 / LARGEST_ASPECT, SMALLEST_AXIS)
         if t2 < smallest:
