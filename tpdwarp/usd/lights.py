@@ -116,7 +116,7 @@ class Light:
 
     def _warn_unsupported(self) -> None:
         shaping, shadow = UsdLux.ShapingAPI(self.prim), UsdLux.ShadowAPI(self.prim)
-        if _authored(shaping.GetShapingConeAngleAttr(), 90.0, below=True) or _authored(
+        if _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
             shaping.GetShapingFocusAttr(), 0.0
         ):
             self._warnings(self.path, "the light's shaping cone and focus are not rendered")

@@ -94,8 +94,9 @@ class Materials:
 
     def _surface(self, material: UsdShade.Material, frame: float) -> Surface:
         path = str(material.GetPath())
-        shader = next((found for context in ("", "mtlx") if (found := _source(material, context))), None)
-        if shader is None:
+        universal, materialx = (material.ComputeSurfaceSource(context)[0] for context in ("", "mtlx"))
+        shader = universal or materialx
+        if not shader:
             self.warnings(path, "has no surface shader that can be read; displayColor or grey is used")
             return Surface(Material(path=path), True, False)
         inputs = _Inputs(shader, frame, self.warnings)
@@ -135,11 +136,6 @@ class Materials:
             self.warnings(path, "displacement is not rendered")
         varies = inputs.varies
         return Surface(Material(interaction, color, ior, path), by_display_color, varies)
-
-
-def _source(material: UsdShade.Material, context: str) -> UsdShade.Shader | None:
-    shader = material.ComputeSurfaceSource([context] if context else [])[0]
-    return shader or None
 
 
 class _Inputs:

@@ -146,9 +146,9 @@ class StageScene:
             return self._request.resolution
         self.require_camera()
         width = self._settings.image_width or DEFAULT_WIDTH
-        # The small addend undoes the rounding of single-precision apertures, which could lose a row of 16:9.
-        height = width * self._request.pixel_aspect / self._camera.aspect(self.start) + 1e-3
-        return width, max(1, math.floor(height))
+        height = width * self._request.pixel_aspect / self._camera.aspect(self.start)
+        # Apertures are stored in single precision, whose rounding must not cost a row.
+        return width, max(1, math.floor(height * (1 + 1e-6)))
 
     def shutter(self, frame: float, settings: Settings) -> Shutter:
         """The shutter of a frame.
