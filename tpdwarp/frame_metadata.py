@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from tpdwarp.usd.stage import StageScene
 
 
-def frame_metadata(source: StageScene, shutter: Shutter, settings: Settings, frame: Frame) -> dict[str, Any]:
+def frame_metadata(
+    source: StageScene, frame: float, shutter: Shutter, settings: Settings, made: Frame
+) -> dict[str, Any]:
     """Image attributes of one frame, by their EXR names.
 
     Camera matrices are at mid shutter and multiply row vectors; ``tpdwarp:shutterOpen`` and ``tpdwarp:shutterClose``
@@ -24,31 +26,32 @@ def frame_metadata(source: StageScene, shutter: Shutter, settings: Settings, fra
 
     Args:
         source: The stage rendered.
-        shutter: When it was rendered.
+        frame: Which frame it is; NaN for the default time.
+        shutter: When it was exposed.
         settings: How it was rendered.
-        frame: What came out.
+        made: What came out.
     """
-    energy, rate = frame.energy, source.frames_per_second
+    energy = made.energy
     metadata: dict[str, Any] = {
         "Software": f"tpdwarp {tpdwarp.__version__}",
-        "framesPerSecond": rate,
-        **_camera_attributes(frame.camera),
+        "framesPerSecond": source.frames_per_second,
+        **_camera_attributes(made.camera),
         "tpdwarp:version": tpdwarp.__version__,
         "tpdwarp:scene": source.file,
         "tpdwarp:settings": json.dumps(settings.as_dict(), sort_keys=True),
         "tpdwarp:seed": settings.seed,
-        "tpdwarp:renderSeconds": sum(frame.seconds.values()),
-        "tpdwarp:photons": len(frame.photons),
+        "tpdwarp:renderSeconds": sum(made.seconds.values()),
+        "tpdwarp:photons": len(made.photons),
         "tpdwarp:fluxSent": energy.sent,
         "tpdwarp:fluxDeposited": energy.deposited,
         "tpdwarp:fluxEscaped": energy.escaped,
         "tpdwarp:fluxAbsorbed": energy.absorbed,
-        "tpdwarp:fluxLost": energy.lost_total,
+        "tpdwarp:fluxLost": float(energy.lost_total),
     }
-    if not math.isnan(shutter.frame):
+    if not math.isnan(frame):
         metadata |= {
             "expTime": shutter.exposure / source.time_codes_per_second,
-            "tpdwarp:frame": shutter.frame,
+            "tpdwarp:frame": frame,
             "tpdwarp:shutterOpen": shutter.open,
             "tpdwarp:shutterClose": shutter.close,
         }

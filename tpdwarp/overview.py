@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable
 from typing import Any
 
-from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.requirements import Requirements, requirements_of
-from tpdwarp.sequence import FilePath, Frames, chosen_settings, frames_asked
+from tpdwarp.sequence import FilePath, Frames, chosen_settings, frames_asked, open_scene, shutter_of
 from tpdwarp.usd.frame_specs import frames_between
-from tpdwarp.usd.stage import StageScene
 
 
 def info(scene: FilePath, *, frames: Frames = None, default_time: bool = False, **settings: Any) -> dict[str, Any]:
@@ -32,13 +29,9 @@ def info(scene: FilePath, *, frames: Frames = None, default_time: bool = False, 
     """
     chosen = chosen_settings(settings)
     asked = frames_asked(frames, default_time)
-    source = StageScene.open(os.fspath(scene), chosen)
+    source = open_scene(scene, chosen, default_time)
     wanted = asked or frames_between(source.start, source.end)
-    if default_time:
-        shutters = [Shutter.still(math.nan)]
-    else:
-        shutters = [source.shutter(frame, chosen) for frame in wanted]
-    needed = ((shutter.frame, requirements_of(source.at(shutter))) for shutter in shutters)
+    needed = ((frame, requirements_of(source.at(shutter_of(source, frame, chosen)))) for frame in wanted)
     requirements = _runs(needed)
     # Described last, since warnings come up while frames are read.
     return {**source.describe(), "requirements": requirements}

@@ -17,12 +17,14 @@ from tpdwarp.frame import render_frame, trace_frame
 from tpdwarp.frame_metadata import frame_metadata
 from tpdwarp.frame_names import FrameNames, frame_text
 from tpdwarp.images import check_format, write_frame
+from tpdwarp.launch import Launcher
 from tpdwarp.photons.record import EnergyAccount, PhotonRecord
 from tpdwarp.progress import Progress, progress_of
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.statistics import statistics_of, write_statistics
 from tpdwarp.usd.debug_layer import DebugLayerWriter
+from tpdwarp.usd.default_time import DefaultTimeScene
 from tpdwarp.usd.frame_specs import frames_between, frames_of
 from tpdwarp.usd.stage import StageScene
 
@@ -148,16 +150,16 @@ def render(
     watch = EnergyWatch(source)
 
     def render_one(frame: float) -> FrameOutcome:
-        shutter, path = _shutter(source, frame, chosen), names.path(frame)
+        shutter, path = shutter_of(source, frame, chosen), names.path(frame)
         skipped = skip_existing and _is_complete(path)
         if skipped and layer is None:
             return FrameOutcome(frame, "skipped", path)
         made = trace_frame(source, shutter, chosen) if skipped else render_frame(source, shutter, chosen, width, height)
-        watch(shutter, made.energy)
+        watch(frame, shutter, made.energy)
         if layer is not None:
             layer.add_frame(frame, made.photons, chosen.smoothing)
         if not skipped:
-            write_frame(path, made.channels, frame_metadata(source, shutter, chosen, made))
+            write_frame(path, made.channels, frame_metadata(source, frame, shutter, chosen, made))
         status = "skipped" if skipped else "written"
         return FrameOutcome(frame, status, path, "", len(made.photons), made.energy, dict(made.seconds))
 
@@ -192,9 +194,9 @@ def write_photons(
     watch = EnergyWatch(source)
 
     def trace_one(frame: float) -> FrameOutcome:
-        shutter = _shutter(source, frame, chosen)
+        shutter = shutter_of(source, frame, chosen)
         traced = trace_frame(source, shutter, chosen)
-        watch(shutter, traced.energy)
+        watch(frame, shutter, traced.energy)
         writer.add_frame(frame, traced.photons, chosen.smoothing)
         return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
 
@@ -215,8 +217,8 @@ def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecor
         FrameError: The frame cannot be traced.
     """
     chosen = chosen_settings(settings)
-    source = StageScene.open(os.fspath(scene), chosen)
-    return trace_frame(source, _shutter(source, frame, chosen), chosen).photons
+    source = open_scene(scene, chosen, math.isnan(frame))
+    return trace_frame(source, shutter_of(source, frame, chosen), chosen).photons
 
 
 def chosen_settings(changes: Mapping[str, Any]) -> Settings:
@@ -227,6 +229,24 @@ def chosen_settings(changes: Mapping[str, Any]) -> Settings:
     """
     plain = {name: tuple(value) if isinstance(value, list) else value for name, value in changes.items()}
     return Settings.of(None, **plain)
+
+
+def open_scene(scene: FilePath, settings: Settings, default_time: bool) -> StageScene:
+    """The stage, at its default time if that is asked for.
+
+    Raises:
+        InputError: The stage cannot be used.
+    """
+    return (DefaultTimeScene if default_time else StageScene).open(os.fspath(scene), settings)
+
+
+def shutter_of(source: StageScene, frame: float, settings: Settings) -> Shutter:
+    """The shutter of a frame; a still where ``frame`` is NaN, the default time.
+
+    Raises:
+        InputError: The camera's shutter cannot be used.
+    """
+    return Shutter.still(source.start) if math.isnan(frame) else source.shutter(frame, settings)
 
 
 def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None:
@@ -257,12 +277,10 @@ def _open(
     scene: FilePath, settings: Settings, frames: Frames, default_time: bool
 ) -> tuple[StageScene, tuple[float, ...]]:
     asked = frames_asked(frames, default_time)
-    source = StageScene.open(os.fspath(scene), settings)
+    # Tried here, so that a missing device is refused once and not by every frame.
+    Launcher(settings.device, settings.threads)
+    source = open_scene(scene, settings, default_time)
     return source, asked or frames_between(source.start, source.end)
-
-
-def _shutter(source: StageScene, frame: float, settings: Settings) -> Shutter:
-    return Shutter.still(DEFAULT_TIME) if math.isnan(frame) else source.shutter(frame, settings)
 
 
 def _check_output(path: FilePath | None, source: StageScene) -> None:

@@ -54,7 +54,7 @@ def build_parser(commands: Sequence[str]) -> _Root:
         module = import_module(f"tpdwarp.cli.{name}")
         parser = choices.add_parser(name, help=module.SUMMARY, description=f"{module.SUMMARY}.", epilog=module.EPILOG)
         module.declare(parser)
-        parser.set_defaults(run=module.run)
+        parser.set_defaults(run=module.run, parser=parser)
     return root
 
 
@@ -65,7 +65,10 @@ class _Root(Parser):
         Raises:
             InputError: Wrong usage.
         """
-        return super().parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
+        options, unknown = self.parse_known_args(_joined(sys.argv[1:] if arguments is None else arguments))
+        if unknown:
+            options.parser.error(f"unknown arguments: {' '.join(unknown)}")
+        return options
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
