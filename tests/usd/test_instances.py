@@ -37,7 +37,7 @@ def test_native_instances_share_a_shape_and_keep_their_own_place(small):
         op.Set((k, 0, 4.0 * k), 5)
     scene = small.open().at(Shutter(1, 1, 2))
     assert [m.path for m in scene.meshes] == ["/Instance0/Mesh", "/Instance1/Mesh"]
-    np.testing.assert_allclose(scene.meshes[1].points, CORNERS + [1, 0, 0.5])
+    np.testing.assert_allclose(scene.meshes[1].points, CORNERS + np.array([1, 0, 0.5]))
     np.testing.assert_allclose(scene.meshes[1].motions, np.tile([0, 0, 1.0], (4, 1)))
     assert scene.meshes[0].motions is None
     assert scene.meshes[0].triangles is scene.meshes[1].triangles
@@ -50,7 +50,7 @@ def test_point_instances_are_placed_and_named_by_index(small):
     ball.AddTranslateOp().Set((0, 0, 1))
     scene = small.open().at(Shutter.still(1))
     assert [m.path for m in scene.meshes] == ["/Many[0]/Ball", "/Many[1]/Ball"]
-    np.testing.assert_allclose(scene.meshes[1].points, CORNERS + [5, 10, 1])
+    np.testing.assert_allclose(scene.meshes[1].points, CORNERS + np.array([5, 10, 1]))
 
 
 def test_orientation_and_scale_of_instances_are_usds(small):
@@ -125,7 +125,7 @@ def test_nested_instancers_multiply(small):
     small.mesh("/Many/Group/Inner/Ball")
     scene = small.open().at(Shutter.still(1))
     assert [m.path for m in scene.meshes] == [f"/Many[{i}]/Group/Inner[{k}]/Ball" for i in range(2) for k in range(2)]
-    np.testing.assert_allclose(scene.meshes[3].points, CORNERS + [100, 10, 2])
+    np.testing.assert_allclose(scene.meshes[3].points, CORNERS + np.array([100, 10, 2]))
 
 
 def test_abstract_prototypes_are_drawn_only_where_they_are_instanced(small):

@@ -35,7 +35,7 @@ def test_points_and_transforms_move_together(small):
     op.Set((0, 0, 0), 1)
     op.Set((8, 0, 0), 5)
     found = only(small.open().at(Shutter(2, 2, 3)))
-    np.testing.assert_allclose(found.points, square_at_height(6.5) + [3, 0, 0], rtol=1e-15)
+    np.testing.assert_allclose(found.points, square_at_height(6.5) + np.array([3, 0, 0]), rtol=1e-15)
     np.testing.assert_allclose(found.motions, np.tile([2.0, 0, 5], (4, 1)), rtol=1e-15)
 
 
