@@ -68,16 +68,17 @@ def meet(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool
     at = Interface()
     at.side = -wp.sign(wp.dot(hit.n_g, w))
     n_g = at.side * hit.n_g
-    at.flat = False
+    flat = bool(False)
     found = bool(False)
     while not found:
+        at.flat = flat
         s = shading_normal(surfaces, hit, at.flat, moves)
         at.n = s.n * at.side
         at.reflectance = 1.0
         at.cos_t = 0.0
         at.eta = 1.0
         cos_i = -wp.dot(w, at.n)
-        found = cos_i > 0.0 and wp.dot(reflect(w, at.n), n_g) > 0.0
+        consistent = cos_i > 0.0 and wp.dot(reflect(w, at.n), n_g) > 0.0
         if dielectric:
             ior = surfaces.ior[surfaces.material_of[hit.triangle]]
             at.eta = ior
@@ -87,11 +88,10 @@ def meet(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool
             if cos_t_squared > 0.0:
                 at.cos_t = wp.sqrt(cos_t_squared)
                 at.reflectance = fresnel_reflectance(cos_i, at.cos_t, at.eta)
-                found = found and wp.dot(refract(w, at.n, at.eta, at.cos_t), n_g) < 0.0
-        if at.flat:
-            found = True
-        elif not found:
-            at.flat = True
+                consistent = consistent and wp.dot(refract(w, at.n, at.eta, at.cos_t), n_g) < 0.0
+        # Not in an if: Warp reads a field of a struct again after a branch that changes it.
+        found = consistent or flat
+        flat = True
     return at
 
 

@@ -51,6 +51,7 @@ class PhotonArrays:
     dxdv: wp.array(dtype=wp.vec3)
     dxdt: wp.array(dtype=wp.vec3)
     receiver_motion: wp.array(dtype=wp.vec3)
+    emitted: wp.array(dtype=wp.vec3)
     flux: wp.array(dtype=wp.vec3)
     absorbed: wp.array(dtype=wp.vec3)
     culled: wp.array(dtype=wp.vec3)
@@ -176,6 +177,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         out.dxdu[i] = beam.dxdu
         out.dxdv[i] = beam.dxdv
         out.dxdt[i] = beam.dxdt
+        out.emitted[i] = emitted
         out.flux[i] = flux
         out.absorbed[i] = absorbed
         out.culled[i] = culled
@@ -258,7 +260,7 @@ def trace_photons(
             inputs = [geometry.surfaces, patch, launcher.array(cells, wp.int32), launcher.array(masks, wp.int32)]
             launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
             fate, branches = out.fate.numpy(), out.branches.numpy()
-            _tally(account, out, fate)
+            _tally(account, out, fate, masks)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
             if len(keep):
                 rows = {name: getattr(out, name).numpy()[keep] for name in _FIELDS}
@@ -266,15 +268,16 @@ def trace_photons(
                 landed.append(rows)
             cells, masks = next_paths(cells, masks, branches)
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
-    account.sent = account.deposited + account.escaped + account.absorbed + account.lost_total
     if not landed:
         return _empty(), account
     return PhotonMap(**{name: np.concatenate([rows[name] for rows in landed]) for name in ("ids", *_FIELDS)}), account
 
 
-def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray) -> None:
+def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: np.ndarray) -> None:
     flux = out.flux.numpy().sum(axis=1, dtype=np.float64)
     specular = fate != Fate.DIRECT
+    # Counted at the light, not added up from where it went: so the account can show that something is missing.
+    account.sent += float(out.emitted.numpy()[specular & (masks == 0)].sum(dtype=np.float64))
     account.deposited += float(flux[fate == Fate.DEPOSITED].sum())
     account.escaped += float(flux[fate == Fate.ESCAPED].sum())
     account.absorbed += float(out.absorbed.numpy()[specular].sum(dtype=np.float64))
