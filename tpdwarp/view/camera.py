@@ -65,17 +65,29 @@ def camera_ray(camera: Camera, film: wp.vec2, time: float) -> Beam:
     right = wp.normalize(camera.right + time * camera.right_motion)
     up = wp.normalize(camera.up + time * camera.up_motion)
     back = wp.normalize(camera.back + time * camera.back_motion)
+    right_rate = _axis_rate(camera.right, camera.right_motion, time)
+    up_rate = _axis_rate(camera.up, camera.up_motion, time)
+    back_rate = _axis_rate(camera.back, camera.back_motion, time)
     beam.x = camera.position + time * camera.position_motion
     beam.dxdt = camera.position_motion
     if camera.orthographic == 1:
         beam.x += x * right + y * up
-        beam.dxdt += x * camera.right_motion + y * camera.up_motion
+        beam.dxdt += x * right_rate + y * up_rate
         beam.w = -back
-        rate = -camera.back_motion
+        beam.dwdt = -back_rate
     else:
         d = x * right + y * up - back
         length = wp.length(d)
         beam.w = d / length
-        rate = (x * camera.right_motion + y * camera.up_motion - camera.back_motion) / length
-    beam.dwdt = rate - beam.w * wp.dot(beam.w, rate)
+        rate = (x * right_rate + y * up_rate - back_rate) / length
+        beam.dwdt = rate - beam.w * wp.dot(beam.w, rate)
     return beam
+
+
+@wp.func
+def _axis_rate(axis: wp.vec3, motion: wp.vec3, time: float) -> wp.vec3:
+    """Change over the shutter of the unit axis along ``axis + time · motion``."""
+    now = axis + time * motion
+    length = wp.length(now)
+    unit = now / length
+    return (motion - unit * wp.dot(unit, motion)) / length

@@ -1,0 +1,170 @@
+"""Scenes, cameras and sources written down in code, and what the camera sees of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tests.oracle.shapes import grid_points, grid_triangles
+from tpdwarp.launch import Launcher
+from tpdwarp.scene.description import (
+    CameraAtShutter,
+    Interaction,
+    LightAtShutter,
+    LightKind,
+    Material,
+    MeshAtShutter,
+    SceneAtShutter,
+    Shutter,
+)
+from tpdwarp.scene.geometry import geometry_of
+from tpdwarp.scene.normalization import Normalization
+from tpdwarp.scene.requirements import requirements_of
+from tpdwarp.view.camera import camera_of
+from tpdwarp.view.visible import light_arrays, visible_points
+
+SHUTTER = Shutter(1.0, 1.0, 2.0)
+ONE_THREAD = Launcher("cpu", 1)
+QUAD = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+WHITE = Material(color=(1.0, 1.0, 1.0))
+WATER = Material(Interaction.DIELECTRIC, ior=1.33)
+SUN = LightAtShutter("/sun", LightKind.DISTANT, (1.0, 1.0, 1.0))
+
+
+def turned(rotation) -> np.ndarray:
+    """Rows are the x, y, z axes turned by a rotation vector (Rodrigues)."""
+    rotation = np.asarray(rotation, float)
+    angle = np.linalg.norm(rotation)
+    k = np.cross(rotation / angle, np.eye(3))
+    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+
+
+def quad(path: str, low, high, z: float, material: Material = WHITE, motion=None, up: bool = True) -> MeshAtShutter:
+    """A horizontal rectangle between two corners (x, y), facing up or down."""
+    (x0, y0), (x1, y1) = low, high
+    corners = np.array([[x0, y0, z], [x1, y0, z], [x1, y1, z], [x0, y1, z]], float)
+    motions = None if motion is None else np.tile(np.asarray(motion, float), (4, 1))
+    return MeshAtShutter(path, corners, QUAD if up else QUAD[:, ::-1].copy(), motions, materials=(material,))
+
+
+def floor(size: float = 4.0, **options) -> MeshAtShutter:
+    return quad("/floor", (-size, -size), (size, size), 0.0, **options)
+
+
+def looking_down(window=(-1, 1, -1, 1), height: float = 3.0, **options) -> CameraAtShutter:
+    """An orthographic camera above the origin; x to the right, y up in the image."""
+    return CameraAtShutter("/cam", True, np.array([0.0, 0.0, height]), np.eye(3), window, **options)
+
+
+def bumpy(path: str, material: Material, height: float, moving: bool, upside_down: bool = False) -> MeshAtShutter:
+    """A smooth sheet with vertex normals, whose vertices and normals move unevenly; uneven enough to bend rays."""
+    x = np.linspace(-1.5, 1.5, 7)
+    points = grid_points(x, x, lambda x, y: height + 0.1 * np.sin(2 * x + y) + 0.05 * y**2)
+    normals = np.stack(
+        [-0.2 * np.cos(2 * points[:, 0] + points[:, 1]),
+         -0.1 * np.cos(2 * points[:, 0] + points[:, 1]) - 0.1 * points[:, 1],
+         np.ones(len(points))], axis=1,
+    )  # fmt: skip
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    triangles = grid_triangles(7, 7).astype(np.int32)
+    if upside_down:
+        triangles, normals = triangles[:, ::-1].copy(), -normals
+    random = np.random.default_rng(12)
+    motions, turns = random.normal(0, 0.05, points.shape), random.normal(0, 0.08, points.shape)
+    return MeshAtShutter(
+        path, points, triangles, motions if moving else None, normals, turns if moving else None, triangles, (material,)
+    )  # fmt: skip
+
+
+def view_rays(
+    camera: CameraAtShutter, width: int, height: int, films: np.ndarray, time: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and unit directions [n, 3] of camera rays at ``time`` in the shutter (−½ … ½), float64, scene units."""
+    axes = camera.axes + time * camera.axes_motion
+    right, up, back = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    eye = camera.position + time * camera.position_motion
+    left, end, bottom, top = camera.window
+    x = (left + (end - left) * films[:, 0] / width)[:, None]
+    y = (top - (top - bottom) * films[:, 1] / height)[:, None]
+    if camera.orthographic:
+        return eye + x * right + y * up, np.broadcast_to(-back, (len(films), 3))
+    directions = x * right + y * up - back
+    return np.broadcast_to(eye, directions.shape), directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Camera paths of one pass, scene units; weights turn irradiance into radiance."""
+
+    items: np.ndarray
+    positions: np.ndarray
+    motions: np.ndarray
+    normals: np.ndarray
+    receivers: np.ndarray
+    weights: np.ndarray
+    direct: np.ndarray
+    depths: np.ndarray
+
+
+def see(
+    scene: SceneAtShutter, width: int, height: int, films, *, moves: bool = False, time: float = 0.0
+) -> list[Seen]:
+    """What camera rays through ``films`` [n, 2] see at ``time`` in the shutter, pass by pass."""
+    norm = Normalization.of(scene)
+    needs = requirements_of(scene)
+    geometry = geometry_of(scene, norm, ONE_THREAD, with_motions=moves).at(time, ONE_THREAD)
+    geometry.surfaces.time = time
+    camera = camera_of(scene.camera, width, height, norm)
+    lights = light_arrays(scene.lights, norm, ONE_THREAD)
+    passes = visible_points(
+        geometry.surfaces, lights, camera, np.asarray(films, float), needs, ONE_THREAD, moves=moves, time=time
+    )
+    found = []
+    for batch in passes:
+        queries, arrays = batch.queries, batch.arrays
+        found.append(
+            Seen(
+                batch.items,
+                norm.world_points(queries.position.numpy()),
+                norm.world_vectors(queries.motion.numpy()),
+                queries.normal.numpy(),
+                queries.receiver.numpy(),
+                arrays.weight.numpy().astype(float),
+                arrays.direct.numpy().astype(float),
+                arrays.first_depth.numpy() / norm.scale,
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A scene source made of a function of the shutter."""
+
+    scene: Callable[[Shutter], SceneAtShutter]
+    file: str = "memory"
+
+    def at(self, shutter: Shutter) -> SceneAtShutter:
+        return self.scene(shutter)
+
+    def reference_shutters(self) -> list[Shutter]:
+        return [Shutter.still(0.0)]
+
+
+def steady(meshes, lights=(SUN,), camera: CameraAtShutter | None = None) -> Source:
+    """A source of one scene; motions are per frame and everything keeps moving past the origin at frame ½."""
+
+    def at(shutter: Shutter) -> SceneAtShutter:
+        moved = []
+        for mesh in meshes:
+            if mesh.motions is None:
+                moved.append(mesh)
+                continue
+            change: dict[str, object] = {"points": mesh.points + (shutter.middle - 0.5) * mesh.motions}
+            change["motions"] = mesh.motions * shutter.exposure if shutter.exposure else None
+            moved.append(replace(mesh, **change))
+        return SceneAtShutter(shutter, tuple(moved), tuple(lights), camera or looking_down())
+
+    return Source(at)

@@ -1,0 +1,106 @@
+"""Camera rays and their time column against float64 formulas."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.view.scenes import turned, view_rays
+from tpdwarp.photons.beam import Beam
+from tpdwarp.scene.description import CameraAtShutter
+from tpdwarp.scene.normalization import Normalization
+from tpdwarp.view.camera import Camera, camera_of, camera_ray, pixel_size
+
+WIDTH, HEIGHT = 40, 20
+NORMALIZATION = Normalization((1.0, -2.0, 0.5), 0.25, 0.8)
+# Positions of order one in the tracer's units, made of a handful of float32 operations.
+ROUNDING = 16 * 2.0**-24
+FILMS = np.random.default_rng(6).uniform(0, (WIDTH, HEIGHT), (200, 2)).astype(np.float32).astype(float)
+
+
+def camera(orthographic: bool, moving: bool = True) -> CameraAtShutter:
+    axes = turned((0.3, -0.5, 0.2))
+    spin = np.cross((0.1, -0.2, 0.3), axes) if moving else np.zeros((3, 3))
+    travel = np.array([0.3, 0.1, -0.4]) if moving else np.zeros(3)
+    window = (-0.7, 1.1, -0.3, 0.6)
+    return CameraAtShutter(
+        "/cam", orthographic, np.array([2.0, 1.0, 3.0]), axes, window, position_motion=travel, axes_motion=spin
+    )
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def shoot(camera: Camera, films: wp.array(dtype=wp.vec2), time: float, out: wp.array(dtype=Beam)):
+    i = wp.tid()
+    out[i] = camera_ray(camera, films[i], time)
+
+
+def beams(description: CameraAtShutter, time: float) -> dict[str, np.ndarray]:
+    """Rays in the tracer's units."""
+    out = wp.zeros(len(FILMS), dtype=Beam, device="cpu")
+    films = wp.array(FILMS, dtype=wp.vec2, device="cpu")
+    rays = camera_of(description, WIDTH, HEIGHT, NORMALIZATION)
+    wp.launch(shoot, len(FILMS), inputs=[rays, films, time, out], device="cpu")
+    found = out.numpy()
+    return {name: found[name].astype(float) for name in ("x", "w", "dxdt", "dwdt")}
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("time", [-0.5, 0.0, 0.3])
+def test_rays_leave_the_eye_through_their_place_on_the_film(orthographic, time):
+    description = camera(orthographic)
+    found = beams(description, time)
+    origins, directions = view_rays(description, WIDTH, HEIGHT, FILMS, time)
+    origins = (origins - np.array(NORMALIZATION.origin)) * NORMALIZATION.scale
+    np.testing.assert_allclose(found["x"], origins, atol=ROUNDING)
+    np.testing.assert_allclose(found["w"], directions, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("time", [-0.5, 0.0, 0.3])
+def test_the_time_column_is_the_derivative_of_the_ray(orthographic, time):
+    description, h = camera(orthographic), 1e-4
+    found = beams(description, time)
+    early, late = (view_rays(description, WIDTH, HEIGHT, FILMS, time + s * h) for s in (-1, 1))
+    rates = [(b - a) / (2 * h) for a, b in zip(early, late, strict=True)]
+    # The central difference is off by h² times a third derivative of order one.
+    np.testing.assert_allclose(found["dxdt"], rates[0] * NORMALIZATION.scale, atol=ROUNDING + h**2)
+    np.testing.assert_allclose(found["dwdt"], rates[1], atol=ROUNDING + h**2)
+
+
+def test_a_camera_at_rest_has_no_time_column():
+    for orthographic in (False, True):
+        found = beams(camera(orthographic, moving=False), 0.5)
+        assert not found["dxdt"].any() and not found["dwdt"].any()
+
+
+def test_the_first_pixel_is_the_upper_left_one():
+    upright = CameraAtShutter("/cam", True, np.zeros(3), np.eye(3), (-1, 1, -0.5, 0.5))
+    origins, _ = view_rays(upright, WIDTH, HEIGHT, np.array([[0.0, 0.0], [WIDTH, HEIGHT]]), 0.0)
+    np.testing.assert_allclose(origins[:, :2], [[-1, 0.5], [1, -0.5]])
+
+
+@pytest.mark.parametrize("distance", [1.0, 3.0])
+def test_half_a_pixel_is_half_of_the_distance_between_neighbouring_rays(distance):
+    scale = NORMALIZATION.scale
+    for orthographic in (False, True):
+        description = replace(camera(orthographic, moving=False), window=(-1, 1, -0.5, 0.5))
+        size = pixel_size(camera_of(description, WIDTH, HEIGHT, NORMALIZATION))
+        middle = np.array([[WIDTH / 2, HEIGHT / 2], [WIDTH / 2 + 1, HEIGHT / 2]])
+        origins, directions = view_rays(description, WIDTH, HEIGHT, middle, 0.0)
+        along = distance / (directions @ -description.axes[2])
+        seen = origins + along[:, None] * directions
+        expected = 0.5 * np.linalg.norm(seen[1] - seen[0]) * scale
+        assert size.base + size.slope * distance * scale == pytest.approx(expected, rel=1e-5)
+
+
+def test_without_a_camera_footprints_are_not_widened():
+    size = pixel_size(None)
+    assert size.base == 0 and size.slope == 0
+
+
+def test_clipping_distances_are_scaled_and_stay_finite():
+    rays = camera_of(replace(camera(False), near=0.2, far=1e30), WIDTH, HEIGHT, NORMALIZATION)
+    assert rays.near == pytest.approx(0.05) and 1e3 < rays.far < 1e30
