@@ -50,7 +50,7 @@ def assert_waves(stage: Usd.Stage, time: float, waves: list[tuple[float, float, 
     """Compares with z = 1 + Σ a·cos(k·d·p − ωt) and its gradient; waves are amplitude, wavelength, speed, degrees."""
     points, normals = mesh_values(stage, "/World/Water", time)
     height, slope_x, slope_y = np.ones(len(points)), 0.0, 0.0
-    # The height is a sum over places that were rounded to float32, where it is as steep as all slopes together.
+    # Places were rounded to float32; heights and slopes follow them by at most this much.
     steepness = 0.0
     for amplitude, wavelength, speed, degrees in waves:
         k = 2 * np.pi / wavelength
@@ -199,7 +199,7 @@ def test_sun_shines_straight_down_with_unit_irradiance() -> None:
 
 def test_sea_is_three_crossing_waves_and_loops_in_eight_frames() -> None:
     stage = shipped("sea")
-    waves = [(0.06 * s, 1.0 * s, 0.125 * s, heading) for s, heading in ((1.0, 15.0), (0.77, 85.0), (0.62, -40.0))]
+    waves = [(0.06 * s, s, s / 8, heading) for s, heading in ((1.0, 15.0), (0.77, 85.0), (0.62, -40.0))]
     for time in FRAMES:
         assert_waves(stage, time, waves)
     for time in FRAMES[:-8]:
@@ -264,7 +264,10 @@ def test_mirror_ring_reflects_inward_and_stands_still() -> None:
 def test_mirror_light_is_a_point_that_orbits_seven_and_a_half_degrees_a_frame() -> None:
     stage = shipped("mirror")
     lamp = UsdLux.SphereLight.Get(stage, "/World/Lamp")
-    assert lamp.GetTreatAsPointAttr().Get() and lamp.GetRadiusAttr().Get() == 0.0
+    assert lamp.GetTreatAsPointAttr().Get()
+    # Radiant intensity of a sphere [W/sr]; two values rounded to float32, one of them squared.
+    radiant_intensity = lamp.GetIntensityAttr().Get() * np.pi * lamp.GetRadiusAttr().Get() ** 2
+    assert radiant_intensity == pytest.approx(13.0, rel=3 * 2.0**-24)
     places = np.array([lamp.ComputeLocalToWorldTransform(time).ExtractTranslation() for time in FRAMES])
     # Rotations are in double precision; half steps too, because the shutter opens and closes between samples.
     np.testing.assert_allclose(np.linalg.norm(places[:, :2], axis=1), 2.2, atol=1e-12)

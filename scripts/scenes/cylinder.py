@@ -11,7 +11,7 @@ from scenes.authoring import SceneWriter
 from scenes.surfaces import tube_of, tube_quads
 
 LENGTH = 2.0
-HEIGHT = 0.4
+HEIGHT = 0.26
 
 
 def write_cylinder(
@@ -51,5 +51,5 @@ def write_cylinder(
     writer.floor(size=8.0, albedo=0.7)
     writer.sun(irradiance=1.0)
     writer.measuring_camera((1.0, 0.0, 0.5 * (HEIGHT - radius)), size=2.4)
-    writer.camera(eye=(4.6, -1.2, 3.0), target=(0.75, 0.0, 0.1), field_of_view=42.0)
+    writer.camera(eye=(3.6, -1.0, 2.3), target=(0.85, 0.0, 0.0), field_of_view=44.0, exposure=0.5)
     writer.save(path)

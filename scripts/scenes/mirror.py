@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from pxr import Gf, UsdGeom, UsdLux
@@ -11,7 +12,8 @@ from scenes.surfaces import tube_of, tube_quads
 
 LAMP_DISTANCE = 2.2
 LAMP_HEIGHT = 1.8
-LAMP_INTENSITY = 40.0
+LAMP_RADIUS = 0.05
+LAMP_RADIANT_INTENSITY = 13.0
 START_ANGLE = 40.0
 
 
@@ -40,11 +42,10 @@ def write_mirror(
     points, outward = tube_of(radius, 0.5 * radius, resolution)
     writer.shape(mesh, points, -outward)
     lamp = UsdLux.SphereLight.Define(writer.stage, "/World/Lamp")
-    lamp.CreateRadiusAttr(0.0)
+    # A bulb seen from afar: a radius of zero would leave its brightness to each renderer's reading.
+    lamp.CreateRadiusAttr(LAMP_RADIUS)
     lamp.CreateTreatAsPointAttr(True)
-    # The only reading under which a light without area has a brightness.
-    lamp.CreateNormalizeAttr(True)
-    lamp.CreateIntensityAttr(LAMP_INTENSITY)
+    lamp.CreateIntensityAttr(LAMP_RADIANT_INTENSITY / (math.pi * LAMP_RADIUS**2))
     turn = lamp.AddRotateZOp(UsdGeom.XformOp.PrecisionDouble)
     lamp.AddTranslateOp().Set(Gf.Vec3d(LAMP_DISTANCE, 0.0, LAMP_HEIGHT))
     for time in writer.times:

@@ -8,7 +8,7 @@ from scenes.authoring import SceneWriter
 from scenes.surfaces import PlaneWave, grid_quads, water_at
 
 LEVEL = 1.0
-WATER_SIZE = 2.8
+WATER_SIZE = 2.4
 GAP_BELOW_TROUGHS = 0.02
 # Size relative to the longest wave, and heading in degrees.
 TRAIN = ((1.0, 15.0), (0.77, 85.0), (0.62, -40.0))
@@ -54,5 +54,5 @@ def write_sea(
     writer.sun(irradiance=1.0)
     below = LEVEL - reach - GAP_BELOW_TROUGHS
     writer.measuring_camera((0.0, 0.0, below), size=2.0)
-    writer.camera(eye=(-0.2, -1.0, 0.98 * below), target=(0.0, -0.3, 0.0), field_of_view=64.0, exposure=0.5)
+    writer.camera(eye=(-0.75, -0.65, 0.98 * below), target=(-0.35, -0.25, 0.0), field_of_view=76.0, exposure=0.5)
     writer.save(path)

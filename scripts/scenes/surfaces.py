@@ -89,7 +89,7 @@ def water_at(
     wave_vectors = wave_numbers[:, None] * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     # Whole cycles are dropped, so that samples a period apart are equal bits, and are stored once.
     cycles = np.array([wave.speed / wave.wavelength for wave in waves]) * time
-    phases = 2 * np.pi * (cycles % 1.0)
+    phases = 2 * np.pi * (np.round(cycles, 12) % 1.0)
     return _computed(
         water,
         columns * rows,

@@ -49,5 +49,5 @@ def write_wave(
     below = LEVEL - amplitude - GAP_BELOW_TROUGHS
     writer.measuring_camera((0.0, 0.0, below), size=2.0)
     # Under water, so that the floor is seen straight and the rim of the water's square stays out of the picture.
-    writer.camera(eye=(-0.5, -1.5, 0.98 * below), target=(-0.1, -0.65, 0.0), field_of_view=68.0, exposure=1.0)
+    writer.camera(eye=(-1.7, -1.45, 0.98 * below), target=(-0.9, -0.85, 0.0), field_of_view=74.0, exposure=0.5)
     writer.save(path)
