@@ -41,9 +41,9 @@ def test_sampled_points_and_transforms_give_way_to_their_defaults(stage):
     move.Set((0, 0, 7), 1)
     stage.Save()
     file = stage.GetRootLayer().realPath
-    np.testing.assert_allclose(points_of(StageScene.open(file, Settings()))["/Mesh"], SQUARE + (5, 5, 12))
+    np.testing.assert_allclose(points_of(StageScene.open(file, Settings()))["/Mesh"], np.add(SQUARE, (5, 5, 12)))
     scene = DefaultTimeScene.open(file, Settings())
-    np.testing.assert_allclose(points_of(scene)["/Mesh"], SQUARE + (0, 0, 2))
+    np.testing.assert_allclose(points_of(scene)["/Mesh"], np.add(SQUARE, (0, 0, 2)))
     assert len(scene.reference_shutters()) == 1 and scene.warnings.messages == []
 
 
@@ -71,7 +71,7 @@ def test_instances_with_samples_are_pinned_too(stage):
     instance.AddTranslateOp().Set((3, 0, 0))
     stage.Save()
     found = points_of(DefaultTimeScene.open(stage.GetRootLayer().realPath, Settings()))
-    np.testing.assert_allclose(found["/Instance/Mesh"], SQUARE + (3, 0, 0))
+    np.testing.assert_allclose(found["/Instance/Mesh"], np.add(SQUARE, (3, 0, 0)))
 
 
 def test_nothing_is_written_to_the_stage_itself(stage):

@@ -1,0 +1,162 @@
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from small_stage import write_stage
+
+import tpdwarp
+from tpdwarp import sequence
+from tpdwarp.cli import main
+from tpdwarp.errors import InputError
+
+ROOT = Path(tpdwarp.__file__).parent.parent
+
+# A renderer that never comes to an end after its first frame, for interrupting it.
+SLOW = """
+import sys, time
+import numpy as np
+from tpdwarp import sequence
+from tpdwarp.cli import main
+from tpdwarp.frame import Frame
+from tpdwarp.photons.record import EnergyAccount, PhotonRecord
+
+def no_photons():
+    vectors, numbers = np.zeros((0, 3)), np.zeros(0, np.int32)
+    return PhotonRecord(numbers, *[vectors] * 6, np.zeros((0, 2)), numbers, numbers, ())
+
+def render_frame(source, shutter, settings, width, height):
+    if shutter.frame > 1:
+        print("busy", flush=True)
+        time.sleep(60)
+    grey = {name: np.ones((height, width), np.float32) for name in "RGBA"}
+    return Frame(no_photons(), EnergyAccount(sent=1.0), {}, grey, source.at(shutter).camera)
+
+sequence.render_frame = render_frame
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def start(arguments, *command, **options):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(
+        [sys.executable, *command, *map(str, arguments)],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "required: COMMAND (see tpdwarp --help)"),
+        (["dance"], "invalid choice: 'dance'"),
+        (["render"], "required: SCENE, OUT (see tpdwarp render --help)"),
+        (["render", "a", "b", "--no-such-option"], "--no-such-option (see tpdwarp render --help)"),
+        (["render", "a", "b", "--phot", "3"], "--phot"),
+        (["render", "a", "b", "--photons", "many"], "--photons"),
+        (["render", "a", "b.exr", "--exposure", "1", "--shutter", "0", "1"], "not allowed with"),
+        (["render", "a", "b.exr", "-f", "1", "-d"], "not allowed with"),
+        (["render", "no.usda", "b.exr"], "no.usda: no such file"),
+        (["render", "no.usda", "b.exr", "--kernel", "square"], "--kernel must be one of"),
+        (["render", "no.usda", "b.exr", "--progress", "wheel"], "--progress must be one of"),
+        (["photons", "no.usda", "b.usdc"], "no.usda: no such file"),
+        (["info", "no.usda"], "no.usda: no such file"),
+    ],
+)
+def test_what_cannot_be_used_is_said_in_one_line_with_code_2(arguments, message, capsys):
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and re.fullmatch(r"error: [^\n]*\n", err) and message in err
+
+
+def test_help_and_version_are_no_errors(capsys):
+    for arguments in (["--help"], ["render", "--help"], ["photons", "-h"], ["info", "-h"], ["--version"]):
+        assert main(arguments) == 0
+        out, err = capsys.readouterr()
+        assert out and not err
+    assert out == f"tpdwarp {tpdwarp.__version__}\n"
+
+
+@pytest.fixture
+def break_info(monkeypatch):
+    def with_error(error):
+        def fail(*arguments, **settings):
+            raise error
+
+        monkeypatch.setattr("tpdwarp.overview.info", fail)
+
+    return with_error
+
+
+def test_the_unexpected_is_one_line_with_code_1(break_info, capsys, monkeypatch):
+    monkeypatch.delenv("TPDWARP_DEBUG", raising=False)
+    break_info(ZeroDivisionError("by\nzero"))
+    assert main(["info", "a"]) == 1
+    assert capsys.readouterr().err == "error: internal: ZeroDivisionError: by zero\n"
+
+
+@pytest.mark.parametrize(("error", "code"), [(ZeroDivisionError("x"), 1), (InputError("y"), 2)])
+def test_tracebacks_appear_only_when_asked_for(break_info, capsys, monkeypatch, error, code):
+    break_info(error)
+    for value, shown in (("0", False), ("1", True)):
+        monkeypatch.setenv("TPDWARP_DEBUG", value)
+        assert main(["info", "a"]) == code
+        assert ("Traceback" in capsys.readouterr().err) == shown
+
+
+def test_an_interruption_is_code_130_in_one_line(break_info, capsys):
+    break_info(KeyboardInterrupt())
+    assert main(["info", "a"]) == 130
+    assert capsys.readouterr().err == "error: interrupted\n"
+
+
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_render_leaves_complete_frames_only(tmp_path, signal_number):
+    stage = write_stage(tmp_path / "stage.usda")
+    out = tmp_path / "out"
+    arguments = ["render", stage, out / "a.##.exr", "-w", 8, "--debug-layer", out / "a.usdc", "--stats", out / "a.json"]
+    process = start(arguments, "-c", SLOW)
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if line == "busy\n":
+            break
+    process.send_signal(signal_number)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, (lines, err)
+    assert err == "error: interrupted\n"
+    assert os.listdir(out) == ["a.01.exr"]
+
+
+def test_a_reader_that_leaves_early_is_no_traceback(tmp_path):
+    stage = write_stage(tmp_path / "stage.usda")
+    process = start(["-m", "tpdwarp", "info", stage])
+    process.stdout.close()
+    assert "Traceback" not in process.stderr.read()
+    process.stderr.close()
+    assert process.wait(60) == 1
+
+
+def test_python_m_tpdwarp_is_the_program():
+    process = start(["-m", "tpdwarp", "--version"])
+    assert process.communicate(timeout=60)[0] == f"tpdwarp {tpdwarp.__version__}\n"
+    assert process.returncode == 0
+
+
+def test_the_callers_signal_handler_is_put_back(capsys):
+    before = signal.getsignal(signal.SIGTERM)
+    main(["info", "none.usda"])
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_sequences_take_their_renderer_from_the_frame_room():
+    from tpdwarp import frame
+
+    assert (sequence.render_frame, sequence.trace_frame) == (frame.render_frame, frame.trace_frame)
