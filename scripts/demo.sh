@@ -7,7 +7,7 @@ root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
 cd "$root"
 mkdir -p out
 .venv/bin/python -m tpdwarp render usd_scenes/wave.usdc out/wave.####.exr \
-    --frames 1:8 -w 512 --debug-layer out/wave.debug.usdc ${CI:+--progress plain}
+    --frames 1:8 -w 512 --debug-layer out/wave.debug.usdc --curves 4096 ${CI:+--progress plain}
 .venv/bin/python scripts/to_png.py out/wave.????.exr
 cat <<END
 
