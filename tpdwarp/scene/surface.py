@@ -63,7 +63,9 @@ def closest_hit(
         hit.g1 = wp.cross(e2, area) / area_squared
         hit.g2 = wp.cross(area, e1) / area_squared
         hit.distance = wp.dot(hit.n_g, q0 - x) / wp.dot(hit.n_g, w)
-        hit.position = x + hit.distance * w
+        # Again from nearby: the first step rounds like the way from the light, the second like the point itself.
+        position = x + hit.distance * w
+        hit.position = position + (wp.dot(hit.n_g, q0 - position) / wp.dot(hit.n_g, w)) * w
         b1 = wp.dot(hit.g1, hit.position - q0)
         b2 = wp.dot(hit.g2, hit.position - q0)
         hit.beta = wp.vec3(1.0 - b1 - b2, b1, b2)
