@@ -1,0 +1,77 @@
+"""Where and when the camera samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tpdwarp.view.sampling import block_order, film_positions, samples_at, time_count
+
+WIDTH, HEIGHT = 19, 13
+COUNT = WIDTH * HEIGHT
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 4, 8, 12])
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("batch", [7, 1000])
+def test_every_pixel_takes_each_of_its_samples_exactly_once_over_all_slices(samples, moving, batch):
+    times = time_count(samples) if moving else 1
+    taken = np.zeros((COUNT, samples), int)
+    for slice_index in range(times):
+        order = block_order(WIDTH, HEIGHT)
+        for pixels, numbers in samples_at(slice_index, times, order, samples, 3, batch):
+            np.add.at(taken, (pixels, numbers), 1)
+    np.testing.assert_array_equal(taken, 1)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 4, 8, 12])
+def test_the_samples_of_a_pixel_are_spread_evenly_over_the_shutter(samples):
+    times = time_count(samples)
+    slices = np.full((COUNT, samples), -1)
+    for slice_index in range(times):
+        for pixels, numbers in samples_at(slice_index, times, np.arange(COUNT), samples, 3, COUNT):
+            slices[pixels, numbers] = slice_index
+    stride = times // samples
+    assert times >= 8 and times % samples == 0
+    np.testing.assert_array_equal(slices // stride, np.broadcast_to(np.arange(samples), slices.shape))
+    # All times are looked at, in about equal parts of the image.
+    looked_at = np.bincount((slices % stride)[:, 0], minlength=stride) / COUNT
+    np.testing.assert_allclose(looked_at, 1 / stride, atol=4 * np.sqrt(1 / stride / COUNT))
+
+
+@pytest.mark.parametrize("samples", [1, 4, 64])
+@pytest.mark.parametrize("seed", [0, 2**31 - 1])
+def test_film_positions_lie_inside_their_pixel(samples, seed):
+    pixels, numbers = np.repeat(np.arange(COUNT), samples), np.tile(np.arange(samples), COUNT)
+    films = film_positions(pixels, numbers, WIDTH, samples, seed)
+    within = films - np.stack([pixels % WIDTH, pixels // WIDTH], axis=1)
+    assert within.min() >= 0 and within.max() < 1
+    if samples > 1:
+        # One sample of the mean of a unit interval: deviation 1/√12, of as many as there are.
+        np.testing.assert_allclose(within.mean(axis=0), 0.5, atol=4 / np.sqrt(12 * COUNT))
+
+
+def test_a_single_sample_takes_the_centre():
+    films = film_positions(np.arange(COUNT), np.zeros(COUNT, int), WIDTH, 1, 5)
+    np.testing.assert_array_equal(films % 1, 0.5)
+
+
+def test_samples_of_a_pixel_spread_over_it():
+    """Sixteen points of the sequence leave no empty quarter, in any pixel."""
+    pixels, numbers = np.repeat(np.arange(COUNT), 16), np.tile(np.arange(16), COUNT)
+    films = film_positions(pixels, numbers, WIDTH, 16, 1) % 1
+    quarter = (2 * (films[:, 0] >= 0.5) + (films[:, 1] >= 0.5)).astype(int).reshape(COUNT, 16)
+    counts = np.stack([(quarter == k).sum(axis=1) for k in range(4)])
+    assert counts.min() >= 2
+
+
+def test_samples_depend_on_the_seed_and_on_nothing_else():
+    pixels, numbers = np.arange(COUNT), np.zeros(COUNT, int)
+    a, again, other = (film_positions(pixels, numbers, WIDTH, 4, seed) for seed in (7, 7, 8))
+    np.testing.assert_array_equal(a, again)
+    assert np.abs(a - other).max() > 0.1
+
+
+@pytest.mark.parametrize("size", [(1, 1), (8, 8), (19, 13), (3, 40)])
+def test_block_order_visits_every_pixel_once(size):
+    np.testing.assert_array_equal(np.sort(block_order(*size)), np.arange(size[0] * size[1]))
