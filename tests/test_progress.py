@@ -4,8 +4,8 @@ import re
 import pytest
 
 from tpdwarp.errors import InputError
+from tpdwarp.outcomes import FrameOutcome
 from tpdwarp.progress import AlfProgress, BarProgress, PlainProgress, Progress, clock, progress_of
-from tpdwarp.sequence import FrameOutcome
 
 WRITTEN = FrameOutcome(1, "written", "out/1.exr", total_seconds=2.0)
 SKIPPED = FrameOutcome(2, "skipped", "out/2.exr")

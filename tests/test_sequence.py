@@ -78,7 +78,7 @@ def test_all_frames_of_the_stage_are_rendered_unless_some_are_named(stage, tmp_p
     assert result.written == (1, 2, 3) and result.ok
     assert files_in(tmp_path / "out") == ["a.01.exr", "a.02.exr", "a.03.exr"]
     assert list(result.energy) == [1, 2, 3] and result.energy[2].sent == 2.0
-    for frames, expected in (("2:3", [2, 3]), (2, [2]), ([3, 1.0, 3], [3, 1])):
+    for frames, expected in (("2:3", [2, 3]), (2, [2]), (np.int64(3), [3]), ([3, 1.0, 3], [3, 1])):
         fake.rendered.clear()
         tpdwarp.render(stage, tmp_path / "out" / "a.##.exr", frames=frames, **SMALL)
         assert fake.rendered == expected
@@ -143,6 +143,22 @@ def test_a_sequence_that_fails_throughout_leaves_no_debug_layer_and_says_so(stag
     result = tpdwarp.render(stage, tmp_path / "o" / "a.##.exr", debug_layer=layer, **SMALL)
     assert len(result.failed) == 3 and str(layer) in result.problems[0]
     assert files_in(tmp_path / "o") == []
+
+
+def test_a_debug_layer_that_cannot_be_written_fails_the_frame_but_costs_no_image(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch)
+    add_frame = sequence.DebugLayerWriter.add_frame
+
+    def refuse_2(self, time, record, smoothing):
+        if time == 2:
+            raise FrameError("a.usdc: No space left on device")
+        add_frame(self, time, record, smoothing)
+
+    monkeypatch.setattr(sequence.DebugLayerWriter, "add_frame", refuse_2)
+    result = tpdwarp.render(stage, tmp_path / "a.##.exr", debug_layer=tmp_path / "a.usdc", **SMALL)
+    assert result.failed == {2.0: "a.usdc: No space left on device"}
+    assert all((tmp_path / f"a.0{frame}.exr").exists() for frame in (1, 2, 3))
+    assert sampled_frames(tmp_path / "a.usdc") == [1, 3]
 
 
 def test_an_interruption_leaves_what_was_complete_and_nothing_else(stage, tmp_path, monkeypatch):

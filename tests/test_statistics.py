@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from tpdwarp.sequence import FrameOutcome, SequenceResult
+from tpdwarp.outcomes import FrameOutcome, SequenceResult
 from tpdwarp.settings import Settings
 from tpdwarp.statistics import statistics_of, versions, write_statistics
 

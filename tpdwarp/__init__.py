@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tpdwarp.errors import FrameError, InputError
+    from tpdwarp.outcomes import FrameOutcome, SequenceResult
     from tpdwarp.overview import info
-    from tpdwarp.sequence import FrameOutcome, SequenceResult, render, trace_photons, write_photons
+    from tpdwarp.sequence import render, trace_photons, write_photons
     from tpdwarp.settings import Settings
 
 __version__ = "0.1.0"
@@ -36,9 +37,9 @@ __all__ = [
 
 _HOMES = {
     "FrameError": "tpdwarp.errors",
-    "FrameOutcome": "tpdwarp.sequence",
+    "FrameOutcome": "tpdwarp.outcomes",
     "InputError": "tpdwarp.errors",
-    "SequenceResult": "tpdwarp.sequence",
+    "SequenceResult": "tpdwarp.outcomes",
     "Settings": "tpdwarp.settings",
     "info": "tpdwarp.overview",
     "render": "tpdwarp.sequence",

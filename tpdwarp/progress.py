@@ -11,7 +11,7 @@ from tpdwarp.errors import InputError
 from tpdwarp.frame_names import frame_text
 
 if TYPE_CHECKING:
-    from tpdwarp.sequence import FrameOutcome
+    from tpdwarp.outcomes import FrameOutcome
 
 KINDS = ("auto", "bar", "plain", "alf", "none")
 

@@ -5,21 +5,23 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from numbers import Real
+from typing import Any
 
 from tpdwarp.energy_watch import EnergyWatch
-from tpdwarp.errors import FrameError, InputError, logger
+from tpdwarp.errors import InputError, logger
 from tpdwarp.files import check_writable
 from tpdwarp.frame import render_frame, trace_frame
 from tpdwarp.frame_metadata import frame_metadata
-from tpdwarp.frame_names import FrameNames, frame_text
+from tpdwarp.frame_names import FrameNames
 from tpdwarp.images import check_format, write_frame
 from tpdwarp.launch import Launcher
-from tpdwarp.photons.record import EnergyAccount, PhotonRecord
+from tpdwarp.outcomes import FrameOutcome, SequenceResult
+from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.progress import Progress, progress_of
+from tpdwarp.runner import reason_of, run_frames
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.statistics import statistics_of, write_statistics
@@ -32,71 +34,6 @@ Frames = str | float | Iterable[float] | None
 FilePath = str | os.PathLike[str]
 
 DEFAULT_TIME = math.nan
-
-
-@dataclass(frozen=True)
-class FrameOutcome:
-    """What became of one frame.
-
-    Attributes:
-        frame: Time code; NaN for the default time.
-        status: ``written``, ``traced`` (photons only), ``skipped`` (the file was there) or ``failed``.
-        path: The frame's file, or empty.
-        reason: Why it failed, in one line.
-        photons: Photons landed.
-        energy: Where the flux went; None where nothing was traced.
-        seconds: Seconds by stage.
-        total_seconds: Seconds in all, writing included.
-    """
-
-    frame: float
-    status: Literal["written", "traced", "skipped", "failed"]
-    path: str = ""
-    reason: str = ""
-    photons: int = 0
-    energy: EnergyAccount | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
-    total_seconds: float = 0.0
-
-
-@dataclass(frozen=True)
-class SequenceResult:
-    """What became of a sequence.
-
-    Attributes:
-        outcomes: One a frame, in order.
-        seconds: Seconds in all.
-        problems: What failed beyond single frames (the debug layer, the statistics), one line each.
-    """
-
-    outcomes: tuple[FrameOutcome, ...]
-    seconds: float
-    problems: tuple[str, ...] = ()
-
-    @property
-    def written(self) -> tuple[float, ...]:
-        """Frames written (or traced)."""
-        return tuple(outcome.frame for outcome in self.outcomes if outcome.status in ("written", "traced"))
-
-    @property
-    def skipped(self) -> tuple[float, ...]:
-        """Frames left alone, for their files were there."""
-        return tuple(outcome.frame for outcome in self.outcomes if outcome.status == "skipped")
-
-    @property
-    def failed(self) -> dict[float, str]:
-        """Frames that failed, and why."""
-        return {outcome.frame: outcome.reason for outcome in self.outcomes if outcome.status == "failed"}
-
-    @property
-    def energy(self) -> dict[float, EnergyAccount]:
-        """The energy account of every frame traced."""
-        return {outcome.frame: outcome.energy for outcome in self.outcomes if outcome.energy is not None}
-
-    @property
-    def ok(self) -> bool:
-        """Whether nothing failed."""
-        return not self.failed and not self.problems
 
 
 def render(
@@ -156,14 +93,15 @@ def render(
             return FrameOutcome(frame, "skipped", path)
         made = trace_frame(source, shutter, chosen) if skipped else render_frame(source, shutter, chosen, width, height)
         watch(frame, shutter, made.energy)
-        if layer is not None:
-            layer.add_frame(frame, made.photons, chosen.smoothing)
+        # The image first: a debug layer that cannot be written makes the frame fail, but costs no image.
         if not skipped:
             write_frame(path, made.channels, frame_metadata(source, frame, shutter, chosen, made))
+        if layer is not None:
+            layer.add_frame(frame, made.photons, chosen.smoothing)
         status = "skipped" if skipped else "written"
         return FrameOutcome(frame, status, path, "", len(made.photons), made.energy, dict(made.seconds))
 
-    outcomes, problems = _run(wanted, render_one, names.path, shown, layer)
+    outcomes, problems = run_frames(wanted, render_one, names.path, shown, layer)
     return _finished(source, chosen, outcomes, problems, started, stats)
 
 
@@ -200,7 +138,7 @@ def write_photons(
         writer.add_frame(frame, traced.photons, chosen.smoothing)
         return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
 
-    outcomes, problems = _run(wanted, trace_one, lambda frame: "", shown, writer)
+    outcomes, problems = run_frames(wanted, trace_one, lambda frame: "", shown, writer)
     return _finished(source, chosen, outcomes, problems, started, stats)
 
 
@@ -264,7 +202,7 @@ def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None
     if isinstance(frames, str):
         return frames_of(frames)
     try:
-        listed = (frames,) if isinstance(frames, int | float) else tuple(frames)
+        listed = (frames,) if isinstance(frames, Real) else tuple(frames)
         chosen = tuple(dict.fromkeys(float(frame) for frame in listed))
     except (TypeError, ValueError):
         raise InputError(f"--frames {frames!r}: these are no frames (give numbers, or a text like '1:24')") from None
@@ -314,75 +252,6 @@ def _debug_layer(
     )
 
 
-def _run(
-    frames: Sequence[float],
-    work: Callable[[float], FrameOutcome],
-    path_of: Callable[[float], str],
-    shown: Progress,
-    layer: DebugLayerWriter | None,
-) -> tuple[list[FrameOutcome], list[str]]:
-    """Works through ``frames``, then completes ``layer``; gives what became of the frames, and what else failed."""
-    outcomes: list[FrameOutcome] = []
-    problems: list[str] = []
-    try:
-        with layer if layer is not None else nullcontext():
-            shown.start(len(frames))
-            try:
-                refusal = _work_through(frames, work, path_of, shown, outcomes)
-            finally:
-                shown.finish()
-            if refusal is not None:
-                raise refusal
-            if layer is not None and all(outcome.status == "failed" for outcome in outcomes):
-                raise FrameError(f"{layer.path}: is not written, for no frame could be traced")
-    except InputError:
-        raise
-    except Exception as error:
-        logger.debug("after the last frame", exc_info=error)
-        problems.append(_reason(error))
-    return outcomes, problems
-
-
-def _work_through(
-    frames: Sequence[float],
-    work: Callable[[float], FrameOutcome],
-    path_of: Callable[[float], str],
-    shown: Progress,
-    outcomes: list[FrameOutcome],
-) -> InputError | None:
-    """Works through ``frames``; gives the first :class:`InputError` if that is how every frame failed."""
-    refusal: InputError | None = None
-    refused = 0
-    for frame in frames:
-        shown.begin(frame)
-        started = time.perf_counter()
-        try:
-            outcome = work(frame)
-        except Exception as error:
-            if isinstance(error, InputError):
-                refused += 1
-                refusal = refusal or error
-            logger.debug(f"frame {frame_text(frame)}", exc_info=error)
-            outcome = FrameOutcome(frame, "failed", path_of(frame), _reason(error))
-        outcome = replace(outcome, total_seconds=time.perf_counter() - started)
-        outcomes.append(outcome)
-        shown.end(outcome)
-    return refusal if refused == len(frames) else None
-
-
-def _reason(error: Exception) -> str:
-    """Why something failed, in one line."""
-    if isinstance(error, FrameError | InputError):
-        text = str(error)
-    elif isinstance(error, MemoryError):
-        text = "out of memory (try fewer --photons, fewer --samples or a smaller --imageWidth)"
-    elif isinstance(error, OSError):
-        text = ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
-    else:
-        text = f"internal: {type(error).__name__}: {error}"
-    return " ".join(text.split())
-
-
 def _finished(
     source: StageScene,
     settings: Settings,
@@ -398,5 +267,5 @@ def _finished(
         write_statistics(stats, statistics_of(source.file, settings, result))
     except Exception as error:
         logger.debug("statistics", exc_info=error)
-        return replace(result, problems=(*result.problems, _reason(error)))
+        return replace(result, problems=(*result.problems, reason_of(error)))
     return result

@@ -14,7 +14,7 @@ from tpdwarp.files import complete_or_absent
 from tpdwarp.settings import Settings
 
 if TYPE_CHECKING:
-    from tpdwarp.sequence import FrameOutcome, SequenceResult
+    from tpdwarp.outcomes import FrameOutcome, SequenceResult
 
 _LIBRARIES = ("warp-lang", "numpy", "usd-core", "OpenImageIO")
 

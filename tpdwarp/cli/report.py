@@ -14,7 +14,7 @@ from tpdwarp.frame_names import frame_text
 from tpdwarp.progress import Progress
 
 if TYPE_CHECKING:
-    from tpdwarp.sequence import SequenceResult
+    from tpdwarp.outcomes import SequenceResult
 
 
 @contextmanager
