@@ -90,7 +90,7 @@ def render_frame(source: SceneSource, shutter: Shutter, settings: Settings, widt
     maps = []
     estimator = ESTIMATORS[settings.estimator]()
     for number, part in enumerate(estimator.parts(animation, shutter, scenes, pixel, clock)):
-        for points, pixels in view.points():
+        for points, pixels, time, window in view.points():
             with clock.stage("gather"):
                 if number == 0:
                     film.add_view(points, pixels)
@@ -100,6 +100,8 @@ def render_frame(source: SceneSource, shutter: Shutter, settings: Settings, widt
                         points.queries,
                         part.form,
                         animation.launcher,
+                        time=time,
+                        window=window,
                         query_moves=view.moves,
                         with_motion=with_motion,
                     )
@@ -111,6 +113,9 @@ def render_frame(source: SceneSource, shutter: Shutter, settings: Settings, widt
     return Frame(record, energy, clock.seconds, film.channels(settings.aovs), middle)
 
 
+_Seen = tuple[VisiblePoints, np.ndarray, float, tuple[float, float]]
+
+
 class _View:
     """Visible points of all camera samples, in batches; kept between parts where there is room."""
 
@@ -119,12 +124,14 @@ class _View:
     ) -> None:
         self._animation, self._scenes, self._size, self._clock = animation, scenes, (width, height), clock
         self.moves = any(s.requirements.view_motion for s in scenes)
+        in_time = self.moves or any(s.requirements.photon_motion for s in scenes)
+        self._times = time_count(animation.settings.samples) if in_time else 1
         several = animation.settings.estimator == "accumulation"
         self._keep = several and width * height * animation.settings.samples <= KEPT_SAMPLES
-        self._kept: list[tuple[VisiblePoints, np.ndarray]] = []
+        self._kept: list[_Seen] = []
 
-    def points(self) -> Iterator[tuple[VisiblePoints, np.ndarray]]:
-        """Visible points with the pixel of each."""
+    def points(self) -> Iterator[_Seen]:
+        """Visible points, the pixel of each, when in the shutter (−½ … ½) they were seen, and for which part of it."""
         if self._kept:
             yield from self._kept
             return
@@ -133,16 +140,18 @@ class _View:
                 self._kept.append(found)
             yield found
 
-    def _trace(self) -> Iterator[tuple[VisiblePoints, np.ndarray]]:
+    def _trace(self) -> Iterator[_Seen]:
         settings, launcher, norm = self._animation.settings, self._animation.launcher, self._animation.normalization
         width, height = self._size
-        times = time_count(settings.samples) if self.moves else 1
+        times = self._times
         count = len(self._scenes)
         order = block_order(width, height)
         for slice_index in range(times):
             where = (slice_index + 0.5) / times
             segment = min(int(where * count), count - 1)
             loaded = self._scenes[segment]
+            strata = settings.samples if times > 1 else 1
+            window = ((slice_index * strata // times + 0.5) / strata - 0.5, 1.0 / strata)
             with self._clock.stage("view"):
                 camera = camera_of(loaded.scene.camera, width, height, norm)
                 lights = light_arrays(loaded.scene.lights, norm, launcher)
@@ -163,11 +172,10 @@ class _View:
                     launcher,
                     moves=self.moves,
                     segments=count,
-                    time=where - 0.5,
                 )
                 while True:
                     with self._clock.stage("view"):
                         points = next(passes, None)
                     if points is None:
                         break
-                    yield points, pixels[points.items]
+                    yield points, pixels[points.items], where - 0.5, window

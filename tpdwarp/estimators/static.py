@@ -39,4 +39,4 @@ def still_part(
             seed=settings.seed,
             weight=weight,
         )
-    return shaped([replace(photons, time=time)], energy, plan, False, animation, pixel, clock)
+    return shaped([replace(photons, time=time, duration=weight)], energy, plan, False, animation, pixel, clock)

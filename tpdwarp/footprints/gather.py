@@ -16,6 +16,9 @@ from tpdwarp.launch import Launcher
 SMALLEST_COSINE = wp.constant(0.5)
 CLOSE = wp.constant(1.0e-5)
 GROUP = wp.constant(64)
+LARGEST_STEP = wp.constant(0.25)
+SMALLEST_STEP = wp.constant(0.05)
+SMOOTH = ("bspline",)
 FAR_AWAY = wp.constant(1.0e30)
 
 
@@ -23,8 +26,8 @@ FAR_AWAY = wp.constant(1.0e30)
 class QueryArrays:
     """Points at which irradiance is wanted, in the tracer's units.
 
-    ``position`` is where the point stands at mid shutter, ``motion`` the way it goes over the whole shutter (that of
-    the surface point a pixel sees), ``normal`` faces the viewer, ``receiver`` is the object it lies on (−1: no query).
+    ``position`` is where the point stands when it is looked at, ``motion`` the way it goes over the whole shutter (that
+    of the surface point a pixel sees), ``normal`` faces the viewer, ``receiver`` its object (−1: no query).
     """
 
     position: wp.array(dtype=wp.vec3)
@@ -44,17 +47,43 @@ class IrradianceArrays:
 
 
 @cache
+def _weight(kernel: str, form: str, time_filter: str, moves: bool) -> wp.Function:
+    """w(y, v) with y relative to where the footprint stands in the middle of its way."""
+    support = wp.constant(SUPPORT[kernel])
+    still = static_weight(kernel)
+    if not moves:
+
+        @wp.func
+        def static(y: wp.vec2, v: wp.vec2) -> float:
+            return still(y)
+
+        return static
+    moving = moving_weight(kernel, form, time_filter)
+
+    @wp.func
+    def swept(y: wp.vec2, v: wp.vec2) -> float:
+        if wp.abs(y[0]) >= support + 0.5 * wp.abs(v[0]) or wp.abs(y[1]) >= support + 0.5 * wp.abs(v[1]):
+            return 0.0
+        if v[0] == 0.0 and v[1] == 0.0:
+            return still(y)
+        return moving(y + 0.5 * v, v)
+
+    return swept
+
+
+@cache
 def gather_kernel(
     kernel: str, form: str, time_filter: str, moves: bool, query_moves: bool, with_motion: bool
 ) -> wp.Kernel:
     """The gathering kernel for one footprint kernel; a scene at rest takes the static weight.
 
     One thread takes a group of neighbouring queries, walks the BVH once for each run of them that fits into ``reach``,
-    and lets every footprint it finds fall on all of the run.
+    and lets every footprint it finds fall on all of the run. Queries that stand still take the whole shutter, moving
+    ones their window of it.
     """
-    still = static_weight(kernel)
-    moving = moving_weight(kernel, form, time_filter) if moves else static_weight(kernel)
     support = wp.constant(SUPPORT[kernel])
+    smooth = kernel in SMOOTH
+    weight = _weight(kernel, form, time_filter, moves)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather(
@@ -64,6 +93,9 @@ def gather_kernel(
         footprints: FootprintArrays,
         duration: float,
         reach: float,
+        time: float,
+        window_center: float,
+        window: float,
         count: int,
         queries: QueryArrays,
         # Out
@@ -76,6 +108,8 @@ def gather_kernel(
             # A run: queries from start on whose way over the shutter fits into a box of size reach.
             low = wp.vec3(FAR_AWAY, FAR_AWAY, FAR_AWAY)
             high = -low
+            fastest = float(0.0)
+            moving_run = bool(False)
             stop = int(start)
             while stop < end:
                 if queries.receiver[stop] >= 0:
@@ -83,7 +117,12 @@ def gather_kernel(
                     a = x
                     b = x
                     if wp.static(query_moves):
-                        half = 0.5 * queries.motion[stop]
+                        travels = wp.length_sq(queries.motion[stop]) > 0.0
+                        if low[0] == FAR_AWAY:
+                            moving_run = travels
+                        elif travels != moving_run:
+                            break
+                        half = window * queries.motion[stop]
                         a = wp.min(x - half, x + half)
                         b = wp.max(x - half, x + half)
                     grown_low = wp.min(low, a)
@@ -92,9 +131,13 @@ def gather_kernel(
                         break
                     low = grown_low
                     high = grown_high
+                    if wp.static(query_moves):
+                        fastest = wp.max(fastest, wp.length(queries.motion[stop]))
                 stop += 1
 
             if low[0] < FAR_AWAY:
+                middle = 0.5 * (low + high)
+                radius = 0.5 * wp.length(high - low)
                 j = int(0)
                 margin = wp.vec3(CLOSE, CLOSE, CLOSE)
                 query = wp.bvh_query_aabb(bvh, low - margin, high + margin)
@@ -106,30 +149,75 @@ def gather_kernel(
                     row_v = footprints.row_v[j]
                     density = footprints.density[j]
                     slack = footprints.slack[j] + CLOSE
-                    way = footprints.dxdt[j]
-                    v = wp.vec2(wp.dot(row_u, way), wp.dot(row_v, way))
-                    for i in range(start, stop):
+                    way = wp.vec3(0.0, 0.0, 0.0)
+                    v = wp.vec2(0.0, 0.0)
+                    since = float(0.0)
+                    length = float(0.0)
+                    last = stop
+                    if wp.static(moves):
+                        # The part of the shutter that the query's window and the photon's own have in common.
+                        center_time = footprints.time[j]
+                        opening = center_time - 0.5 * duration
+                        closing = center_time + 0.5 * duration
+                        share = float(1.0)
+                        if moving_run:
+                            opening = wp.max(window_center - 0.5 * window, opening)
+                            closing = wp.min(window_center + 0.5 * window, closing)
+                            share = window
+                        length = closing - opening
+                        if length <= 1.0e-6 * duration:
+                            last = start
+                        middle_time = 0.5 * (opening + closing)
+                        since = middle_time - time
+                        center += ((middle_time - center_time) / duration) * footprints.dxdt[j]
+                        way = (length / duration) * footprints.dxdt[j]
+                        v = wp.vec2(wp.dot(row_u, way), wp.dot(row_v, way))
+                        density = density * (length / (share * duration))
+                    # Most long thin footprints that lie askew miss the run although their boxes do not.
+                    spread = radius + window * fastest
+                    off_u = wp.abs(wp.dot(row_u, middle - center)) - wp.length(row_u) * spread
+                    off_v = wp.abs(wp.dot(row_v, middle - center)) - wp.length(row_v) * spread
+                    if off_u > support + 0.5 * wp.abs(v[0]) or off_v > support + 0.5 * wp.abs(v[1]):
+                        last = start
+                    # A footprint much larger than the run is a parabola there.
+                    parabolic = bool(False)
+                    w_0 = float(0.0)
+                    slope = wp.vec2(0.0, 0.0)
+                    bend = wp.vec3(0.0, 0.0, 0.0)
+                    y_0 = wp.vec2(wp.dot(row_u, middle - center), wp.dot(row_v, middle - center))
+                    if wp.static(smooth):
+                        step = radius * wp.max(wp.length(row_u), wp.length(row_v))
+                        if step < LARGEST_STEP and last - start > 8 and not moving_run:
+                            parabolic = True
+                            step = wp.max(step, SMALLEST_STEP)
+                            w_0 = weight(y_0, v)
+                            right = weight(y_0 + wp.vec2(step, 0.0), v)
+                            left = weight(y_0 - wp.vec2(step, 0.0), v)
+                            upper = weight(y_0 + wp.vec2(0.0, step), v)
+                            lower = weight(y_0 - wp.vec2(0.0, step), v)
+                            corner = weight(y_0 + wp.vec2(step, step), v)
+                            slope = wp.vec2(right - left, upper - lower) / (2.0 * step)
+                            bend = wp.vec3(
+                                0.5 * (right + left) - w_0, 0.5 * (upper + lower) - w_0, corner + w_0 - right - upper
+                            ) / (step * step)
+                    for i in range(start, last):
                         if queries.receiver[i] == receiver:
                             if wp.dot(queries.normal[i], n_p) > SMALLEST_COSINE:
                                 d = queries.position[i] - center
                                 if wp.static(query_moves):
                                     motion = queries.motion[i]
-                                    d += footprints.time[j] * motion
-                                    relative = way - duration * motion
+                                    d += since * motion
+                                    relative = way - length * motion
                                     v = wp.vec2(wp.dot(row_u, relative), wp.dot(row_v, relative))
                                 y = wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d))
                                 w = float(0.0)
-                                if wp.static(moves):
-                                    inside = wp.abs(y[0]) < support + 0.5 * wp.abs(v[0])
-                                    inside = inside and wp.abs(y[1]) < support + 0.5 * wp.abs(v[1])
-                                    if inside and wp.abs(wp.dot(n_p, d)) <= slack:
-                                        if v[0] == 0.0 and v[1] == 0.0:
-                                            w = still(y)
-                                        else:
-                                            w = moving(y + 0.5 * v, v)
-                                else:
-                                    if wp.abs(wp.dot(n_p, d)) <= slack:
-                                        w = still(y)
+                                if wp.abs(wp.dot(n_p, d)) <= slack:
+                                    if parabolic:
+                                        o = y - y_0
+                                        w = w_0 + wp.dot(slope, o)
+                                        w += bend[0] * o[0] * o[0] + bend[1] * o[1] * o[1] + bend[2] * o[0] * o[1]
+                                    else:
+                                        w = weight(y, v)
                                 if w > 0.0:
                                     added = w * density
                                     out.irradiance[i] = out.irradiance[i] + added
@@ -175,10 +263,20 @@ def gather(
     form: GatherForm,
     launcher: Launcher,
     *,
+    time: float = 0.0,
+    window: tuple[float, float] = (0.0, 1.0),
     query_moves: bool = False,
     with_motion: bool = False,
 ) -> Irradiance:
-    """Irradiance that ``footprints`` leave at ``queries``."""
+    """Irradiance that ``footprints`` leave at ``queries``, averaged over part of the shutter.
+
+    Args:
+        time: When the queries stand where they are, in the shutter (−½ … ½).
+        window: Middle and length of the part of the shutter that these queries stand for (it holds ``time``). What a
+            pixel sees correlates with when it sees it, so its samples share the shutter out between them.
+        query_moves: Whether queries carry their motion.
+        with_motion: Whether the flux-weighted D_t x and the number of footprints are wanted.
+    """
     count = queries.position.shape[0]
     out = IrradianceArrays()
     out.irradiance = launcher.zeros(count, wp.vec3)
@@ -188,8 +286,8 @@ def gather(
     if footprints.count:
         moves = footprints.moves or query_moves
         kernel = gather_kernel(form.kernel, form.form, form.time_filter, moves, query_moves, with_motion)
-        inputs = [footprints.bvh.id, footprints.arrays, footprints.duration, footprints.reach, count, queries, out]
-        launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)
+        inputs = [footprints.bvh.id, footprints.arrays, footprints.duration, footprints.reach, time, *window]
+        launcher(kernel, -(-count // GROUP), [*inputs, count, queries, out], smallest_chunk=16)
     if not with_motion:
         return Irradiance(out.irradiance.numpy())
     return Irradiance(

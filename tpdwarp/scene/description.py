@@ -7,6 +7,7 @@ before the scene is recentred). A *motion* is a displacement over the whole shut
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -45,7 +46,7 @@ class Shutter:
     def segments(self, count: int) -> list[Shutter]:
         """The shutter cut into ``count`` equal sub-intervals, in order of time."""
         edges = [self.open + self.exposure * k / count for k in range(count + 1)]
-        return [Shutter(self.frame, a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+        return [Shutter(self.frame, a, b) for a, b in itertools.pairwise(edges)]
 
 
 class Interaction(IntEnum):

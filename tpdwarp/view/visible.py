@@ -25,6 +25,8 @@ from tpdwarp.scene.surface import LIFT, closest_hit, diffuse_color, occluded
 from tpdwarp.view.camera import Camera, camera_ray
 
 SMALLEST_THROUGHPUT = 4.0e-3
+# Where glass sweeps by, a pixel's view can race over the receiver; beyond this way (unit scene) a shutter it is noise.
+FASTEST_QUERY = wp.constant(0.25)
 INV_PI = wp.constant(0.3183098861837907)
 FAR = wp.constant(1.0e6)
 
@@ -113,7 +115,6 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
         bounces: int,
         smallest_throughput: float,
         segments: float,
-        time: float,
         # Out
         queries: QueryArrays,
         out: VisibleArrays,
@@ -156,10 +157,12 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
                 queries.position[i] = beam.x
                 if wp.static(moves):
                     motion = segments * beam.dxdt
-                    if not wp.isfinite(wp.length_sq(motion)):
+                    speed = wp.length(motion)
+                    if not wp.isfinite(speed):
                         motion = segments * hit.motion
+                    elif speed > FASTEST_QUERY:
+                        motion = motion * (FASTEST_QUERY / speed)
                     queries.motion[i] = motion
-                    queries.position[i] = beam.x - time * motion
                 break
             if wp.static(specular):
                 if bounce == bounces:
@@ -212,14 +215,12 @@ def visible_points(
     *,
     moves: bool,
     segments: int = 1,
-    time: float = 0.0,
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
 
     Args:
         moves: Whether queries carry their motion.
         segments: Segments of the shutter; scene and camera are those of one of them.
-        time: Time in the whole shutter (−½ … ½) at which ``surfaces`` stand.
     """
     items = np.arange(len(films), dtype=np.int32)
     masks = np.zeros(len(films), np.int32)
@@ -230,7 +231,7 @@ def visible_points(
         queries, out = launcher.rows(QueryArrays, len(items)), launcher.rows(VisibleArrays, len(items))
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
         scene = [surfaces, lights, camera, device_films]
-        limits = [requirements.bounces, SMALLEST_THROUGHPUT, float(segments), time]
+        limits = [requirements.bounces, SMALLEST_THROUGHPUT, float(segments)]
         launcher(kernel, len(items), [*scene, *paths, *limits, queries, out])
         yield VisiblePoints(items, queries, out, first)
         items, masks = next_paths(items, masks, out.branches.numpy())
