@@ -111,6 +111,22 @@ def test_segments_of_a_steady_motion_add_up_to_the_whole(motion):
     np.testing.assert_allclose(four, one, atol=32 * OFFSET * one.max())
 
 
+@pytest.mark.parametrize("motion", [(0, 0, 0), (0.09, 0.05, 0)])
+def test_views_that_share_the_shutter_out_between_them_average_to_the_whole(motion):
+    way, motion = np.array([0.18, -0.07, 0]), np.array(motion)
+    photons = [photon_map([t * way], STEP_U, STEP_V, way / 2, flux=0.5, time=t, duration=0.5) for t in (-0.25, 0.25)]
+    footprints, at = shaped(*photons, kernel="epanechnikov", moves=True), points(200, 0.15)
+    whole = irradiance(footprints, queries(at, motion), FORMS[1], query_moves=True).irradiance
+    parts = [
+        irradiance(
+            footprints, queries(at + t * motion, motion), FORMS[1], query_moves=True, time=t, window=(t, 1 / 3)
+        ).irradiance
+        for t in (-1 / 3, 0.0, 1 / 3)
+    ]
+    assert np.count_nonzero(whole) > 50
+    np.testing.assert_allclose(np.mean(parts, axis=0), whole, atol=32 * OFFSET * whole.max())
+
+
 def test_a_photon_stays_on_its_own_object():
     photon = shaped(photon_map([(0, 0, 0)], STEP_U, STEP_V, receiver=3))
     found = irradiance(photon, queries(np.zeros((3, 3)), receiver=[3, 4, -1])).irradiance[:, 0]
