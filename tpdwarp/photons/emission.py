@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -147,23 +147,58 @@ class Lattice:
 
 @dataclass(frozen=True)
 class EmissionPlan:
-    """The lattices of all lights, and the number of ids they use together."""
+    """The lattices of all lights that the stills show.
+
+    Attributes:
+        lattices: One or more a light.
+        planned_ids: Ids that these lattices use together.
+        photons: Photons a frame.
+        normalization: The tracer's units.
+    """
 
     lattices: tuple[Lattice, ...]
-    id_count: int
+    planned_ids: int
+    photons: int
     normalization: Normalization
 
+    @property
+    def id_count(self) -> int:
+        """Ids in all: room is kept for lattices of lights that no still shows."""
+        return self.planned_ids + 8 * self.photons + 64
+
     def patches(self, scene: SceneAtShutter) -> list[tuple[Lattice, Patch]]:
-        """The cells of each lattice that this shutter emits."""
+        """The cells of each lattice that this shutter emits.
+
+        Lights that the stills show otherwise (a flash between two of them, a body that leaves the patch) get lattices
+        of this shutter's own, and as many photons as all others together; their ids do not last.
+        """
         corners = specular_corners(scene, self.normalization)
-        lights = {light.path: light for light in scene.lights}
+        if not len(corners):
+            return []
+        lights = {light.path: light for light in scene.lights if any(light.power)}
+        planned = [lattice for lattice in self.lattices if self._holds(lattice, lights.get(lattice.light), corners)]
+        foreseen = {lattice.light for lattice in planned}
+        unforeseen = [
+            candidate
+            for light in lights.values()
+            if light.path not in foreseen
+            for candidate in _candidates(light.path, [(light, corners)], self.normalization)
+            if not candidate.spare
+        ]
+        behind = 2.0 * _farthest(scene, self.normalization) + 1.0
         result = []
-        for lattice in self.lattices:
-            light = lights.get(lattice.light)
-            bounds = _bounds(light, lattice.axes, lattice.limit, corners, self.normalization) if light else None
+        for lattice in (*planned, *_lattices(unforeseen, self.photons, self.planned_ids)):
+            light = lights[lattice.light]
+            bounds = _bounds(light, lattice.axes, lattice.limit, corners, self.normalization)
             if bounds is not None:
-                result.append((lattice, _patch(lattice, light, bounds, self.normalization)))
+                result.append((lattice, _patch(lattice, light, bounds, behind, self.normalization)))
         return result
+
+    def _holds(self, lattice: Lattice, light: LightAtShutter | None, corners: np.ndarray) -> bool:
+        """Whether ``light`` shines, and sees no specular surface outside the lattices that were laid out for it."""
+        if light is None or lattice.limit != WIDEST_SINGLE_PATCH:
+            return light is not None
+        return _spread(light, corners, lattice.axes[2], self.normalization) <= WIDEST_SINGLE_PATCH
 
 
 def plan_emission(source: SceneSource, photons: int, normalization: Normalization) -> EmissionPlan:
@@ -181,36 +216,39 @@ def plan_emission(source: SceneSource, photons: int, normalization: Normalizatio
         ]
         if views:
             candidates += _candidates(path, views, normalization)
-    total = sum(candidate.power for candidate in candidates)
-    lattices: list[Lattice] = []
-    next_id = 0
+    lattices = _lattices(candidates, photons, 0)
+    used = max((lattice.first_id + lattice.wrap[0] * lattice.wrap[1] for lattice in lattices), default=0)
+    return EmissionPlan(tuple(lattices), used, photons, normalization)
+
+
+def _lattices(candidates: list[_Candidate], photons: int, first_id: int) -> list[Lattice]:
+    """Lattices with cells for ``photons`` photons, shared between candidates by power; spare ones are not counted."""
+    total = sum(candidate.power for candidate in candidates if not candidate.spare)
+    lattices = []
     for candidate in candidates:
-        if candidate.power <= 0.0:
-            continue
         count = max(1.0, photons * candidate.power / total)
         width, height = candidate.size
         across = max(1, round(math.sqrt(count * width / height)))
         down = max(1, round(count / across))
+        origin, step = candidate.origin, (width / across, height / down)
+        if candidate.limit == CUBE_FACE:
+            # Cells end where the face ends, so that no two faces emit the same directions.
+            origin = (-CUBE_FACE, -CUBE_FACE)
+            step = tuple(2.0 * CUBE_FACE / math.ceil(2.0 * CUBE_FACE / size - 1e-6) for size in step)
         wrap = (2 * across, 2 * down)
         lattices.append(
-            Lattice(
-                candidate.light,
-                candidate.face,
-                candidate.axes,
-                candidate.limit,
-                candidate.origin,
-                (width / across, height / down),
-                wrap,
-                next_id,
-            )
+            Lattice(candidate.light, candidate.face, candidate.axes, candidate.limit, origin, step, wrap, first_id)
         )
-        next_id += wrap[0] * wrap[1]
-    return EmissionPlan(tuple(lattices), next_id, normalization)
+        first_id += wrap[0] * wrap[1]
+    return lattices
 
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A patch that a light could use: where it lies, the largest domain seen there and the power through it."""
+    """A patch that a light could use: where it lies, the largest domain seen there and the power through it.
+
+    A ``spare`` one is a face of the cube that nothing was seen through yet, sized like the strongest of the others.
+    """
 
     light: str
     face: int
@@ -219,6 +257,7 @@ class _Candidate:
     origin: tuple[float, float]
     size: tuple[float, float]
     power: float
+    spare: bool = False
 
 
 def _candidates(
@@ -245,8 +284,27 @@ def _candidates(
         power = max(sum(light.power) * _area(b) for light, b in seen)
         if first.kind == LightKind.DISTANT:
             power /= normalization.scale**2
-        found.append(_Candidate(path, number, axes, limit, (largest[0], largest[2]), size, power))
+        if power > 0.0:
+            found.append(_Candidate(path, number, axes, limit, (largest[0], largest[2]), size, power))
+    if found and len(faces) > 1:
+        strongest, seen = max(found, key=lambda candidate: candidate.power), {candidate.face for candidate in found}
+        found += [
+            replace(strongest, face=number, axes=axes, spare=True)
+            for number, axes in enumerate(faces)
+            if number not in seen
+        ]
     return found
+
+
+def _farthest(scene: SceneAtShutter, normalization: Normalization) -> float:
+    """Radius of a sphere about the origin that holds the scene over its shutter, in the tracer's units."""
+    radius = normalization.radius
+    for mesh in scene.meshes:
+        for sign in (0.0,) if mesh.motions is None else (-0.5, 0.5):
+            points = mesh.points if mesh.motions is None else mesh.points + sign * mesh.motions
+            reach = normalization.points(points)
+            radius = max(radius, float(np.sqrt(np.einsum("ij,ij->i", reach, reach).max(initial=0.0))))
+    return radius
 
 
 def _area(bounds: tuple[float, float, float, float]) -> float:
@@ -278,8 +336,6 @@ def _bounds(
     normalization: Normalization,
 ) -> tuple[float, float, float, float] | None:
     """Patch coordinates (u0, u1, v0, v1) that can reach ``corners`` over the light's own shutter; None if none can."""
-    if not len(corners):
-        return None
     boxes = []
     for sign in (-0.5, 0.5) if light.moves else (0.0,):
         if light.kind == LightKind.DISTANT:
@@ -323,7 +379,7 @@ def _angles(corners: np.ndarray, axes: np.ndarray, limit: float) -> np.ndarray:
         local = np.concatenate([np.stack(part, axis=1) for part in parts])
     found.append(local.reshape(-1, 3))
     points = np.concatenate(found)
-    points = points[points[:, 2] > 0.0] if limit >= CUBE_FACE else points
+    points = points[points[:, 2] > 0.0]
     if not len(points):
         return np.zeros((0, 2))
     uv = np.arctan2(points[:, :2], points[:, 2:])
@@ -335,8 +391,10 @@ def _patch(
     lattice: Lattice,
     light: LightAtShutter,
     bounds: tuple[float, float, float, float],
+    behind: float,
     normalization: Normalization,
 ) -> Patch:
+    """The cells of ``lattice`` that cover ``bounds``; light from afar starts ``behind`` the origin."""
     patch = Patch()
     cells = []
     for axis in (0, 1):
@@ -347,7 +405,6 @@ def _patch(
     (patch.first_u, patch.count_u), (patch.first_v, patch.count_v) = cells
     patch.origin, patch.step = wp.vec2(*lattice.origin), wp.vec2(*lattice.step)
     if light.kind == LightKind.DISTANT:
-        behind = 2.0 * normalization.radius + 1.0
         axes, motions = light.axes, light.axes_motion
         patch.domain = int(Domain.PLANE)
         patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*-axes[2])
