@@ -23,6 +23,8 @@ LARGEST_ASPECT = wp.constant(1000.0)
 SMALLEST_AXIS = wp.constant(1.0e-6)
 # How far a query may lie off the footprint's plane, as a part of the footprint's own reach.
 SLACK = wp.constant(0.25)
+MOST_PIECES = 32
+FAR = wp.constant(1.0e30)
 
 
 @wp.struct
@@ -48,9 +50,23 @@ class FootprintArrays:
     slack: wp.array(dtype=wp.float32)
     receiver: wp.array(dtype=wp.int32)
     time: wp.array(dtype=wp.float32)
+    long_axis: wp.array(dtype=wp.vec3)
+    reach: wp.array(dtype=wp.vec2)
+    clamped: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class PieceArrays:
+    """Footprints cut across their long axis, one row a piece: long thin footprints that lie askew fill their box badly.
+
+    A piece owns the queries whose coordinate along the footprint's long axis lies in [start, end).
+    """
+
+    footprint: wp.array(dtype=wp.int32)
+    start: wp.array(dtype=wp.float32)
+    end: wp.array(dtype=wp.float32)
     lower: wp.array(dtype=wp.vec3)
     upper: wp.array(dtype=wp.vec3)
-    clamped: wp.array(dtype=wp.int32)
 
 
 @cache
@@ -121,8 +137,6 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         sr = wp.sin(right)
         left1 = cl * e1 + sl * e2
         left2 = cl * e2 - sl * e1
-        wide_u = t1 * cr * left1 - sign * t2 * sr * left2
-        wide_v = t1 * sr * left1 + sign * t2 * cr * left2
         row_u = (cr / t1) * left1 - (sign * sr / t2) * left2
         row_v = (sr / t1) * left1 + (sign * cr / t2) * left2
 
@@ -134,20 +148,54 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         out.relative[i] = dxdt[i] - receiver_motion[i]
         out.density[i] = flux[i] * (wp.static(scale * scale) / (t1 * t2))
         out.clamped[i] = clamped
-        extent = wp.vec3(0.0, 0.0, 0.0)
-        for k in range(3):
-            if wp.static(radial):
-                extent[k] = 0.5 * wp.sqrt(wide_u[k] * wide_u[k] + wide_v[k] * wide_v[k])
-            else:
-                extent[k] = wp.static(support) * (wp.abs(wide_u[k]) + wp.abs(wide_v[k]))
-        slack = SLACK * (wp.length(extent) + 0.5 * wp.length(out.relative[i]))
-        out.slack[i] = slack
-        for k in range(3):
-            extent[k] = extent[k] + 0.5 * wp.abs(dxdt[i][k]) + slack * wp.abs(n[k])
-        out.lower[i] = x - extent
-        out.upper[i] = x + extent
+        out.long_axis[i] = left1
+        along = wp.static(support) * t1
+        across = wp.static(support) * t2
+        if wp.static(radial):
+            along = 0.5 * t1
+            across = 0.5 * t2
+        else:
+            along *= wp.abs(cr) + wp.abs(sr)
+            across *= wp.abs(cr) + wp.abs(sr)
+        out.reach[i] = wp.vec2(along, across)
+        out.slack[i] = SLACK * (along + across + 0.5 * wp.length(out.relative[i]))
 
     return shape_footprints
+
+
+@wp.kernel(enable_backward=False)
+def bound_pieces(
+    base: int,
+    # In
+    footprints: FootprintArrays,
+    counts: wp.array(dtype=wp.int32),
+    numbers: wp.array(dtype=wp.int32),
+    # Out
+    out: PieceArrays,
+):
+    """Bounds of the pieces, swept over the photon's own part of the shutter."""
+    i = base + wp.tid()
+    j = out.footprint[i]
+    count = counts[j]
+    number = numbers[i]
+    reach = footprints.reach[j]
+    n = footprints.normal[j]
+    axis = footprints.long_axis[j]
+    other = wp.cross(n, axis)
+    half = reach[0] / float(count)
+    middle = (2.0 * float(number) + 1.0) * half - reach[0]
+    out.start[i] = middle - half
+    out.end[i] = middle + half
+    if number == 0:
+        out.start[i] = -FAR
+    if number == count - 1:
+        out.end[i] = FAR
+    center = footprints.center[j] + middle * axis
+    for k in range(3):
+        extent = half * wp.abs(axis[k]) + reach[1] * wp.abs(other[k])
+        extent += 0.5 * wp.abs(footprints.dxdt[j][k]) + footprints.slack[j] * wp.abs(n[k])
+        out.lower[i][k] = center[k] - extent
+        out.upper[i][k] = center[k] + extent
 
 
 @dataclass
@@ -156,15 +204,17 @@ class FootprintMap:
 
     Attributes:
         arrays: Device arrays, one row a footprint.
-        bvh: Bounds of the footprints, swept over their own part of the shutter.
+        pieces: The parts that ``bvh`` is built over.
+        bvh: Bounds of the pieces, swept over their own part of the shutter.
         duration: Part of the shutter that each footprint's ``dxdt`` spans.
         moves: Whether any footprint moves.
-        reach: Half the typical size of a footprint: queries this close together are gathered together.
+        reach: Half the typical size of a piece: queries this close together are gathered together.
         clamped: Footprints whose length or aspect was limited.
         count: Number of footprints.
     """
 
     arrays: FootprintArrays
+    pieces: PieceArrays
     bvh: wp.Bvh | None
     duration: float
     moves: bool
@@ -181,7 +231,7 @@ def shape_footprints(
     out = launcher.rows(FootprintArrays, count)
     duration = maps[0].duration if maps else 1.0
     if not count:
-        return FootprintMap(out, None, duration, moves, 0.0, 0, 0)
+        return FootprintMap(out, PieceArrays(), None, duration, moves, 0.0, 0, 0)
     names = ("position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux")
     columns = [launcher.array(np.concatenate([getattr(m, name) for m in maps]), wp.vec3) for name in names]
     out.receiver = launcher.array(np.concatenate([m.receiver for m in maps]), wp.int32)
@@ -190,6 +240,16 @@ def shape_footprints(
     launcher(
         footprint_kernel(kernel != "bspline", SUPPORT[kernel]), count, [*columns, float(smoothing), pixel, out]
     )
-    reach = 0.5 * float(np.median(np.linalg.norm(out.upper.numpy() - out.lower.numpy(), axis=1)))
+    along, across = out.reach.numpy().T
+    counts = np.ceil(along / np.maximum(across, np.median(across))).clip(1, MOST_PIECES).astype(np.int32)
+    owners = np.repeat(np.arange(count, dtype=np.int32), counts)
+    numbers = np.arange(len(owners), dtype=np.int32) - np.repeat(np.cumsum(counts, dtype=np.int32) - counts, counts)
+    pieces = launcher.rows(PieceArrays, len(owners))
+    pieces.footprint = launcher.array(owners, wp.int32)
+    inputs = [out, launcher.array(counts, wp.int32), launcher.array(numbers, wp.int32), pieces]
+    launcher(bound_pieces, len(owners), inputs)
+    reach = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
     clamped = int(out.clamped.numpy().sum(dtype=np.int64))
-    return FootprintMap(out, wp.Bvh(out.lower, out.upper), duration, moves, reach, clamped, count)
+    return FootprintMap(
+        out, pieces, wp.Bvh(pieces.lower, pieces.upper), duration, moves, 0.5 * reach, clamped, count
+    )

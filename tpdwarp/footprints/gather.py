@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
-from tpdwarp.footprints.footprint import FootprintArrays, FootprintMap
+from tpdwarp.footprints.footprint import FootprintArrays, FootprintMap, PieceArrays
 from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
 from tpdwarp.launch import Launcher
 
@@ -91,6 +91,7 @@ def gather_kernel(
         # In
         bvh: wp.uint64,
         footprints: FootprintArrays,
+        pieces: PieceArrays,
         duration: float,
         reach: float,
         time: float,
@@ -109,7 +110,8 @@ def gather_kernel(
             low = wp.vec3(FAR_AWAY, FAR_AWAY, FAR_AWAY)
             high = -low
             fastest = float(0.0)
-            moving_run = bool(False)
+            run_window = float(window)
+            run_center = float(window_center)
             stop = int(start)
             while stop < end:
                 if queries.receiver[stop] >= 0:
@@ -117,12 +119,16 @@ def gather_kernel(
                     a = x
                     b = x
                     if wp.static(query_moves):
-                        travels = wp.length_sq(queries.motion[stop]) > 0.0
+                        speed = wp.length(queries.motion[stop])
                         if low[0] == FAR_AWAY:
-                            moving_run = travels
-                        elif travels != moving_run:
+                            # A query that races over the receiver stands for less of the shutter.
+                            fastest = 1.5 * speed
+                            share = wp.min(1.0, reach / wp.max(window * fastest, 1.0e-20))
+                            run_window = share * window
+                            run_center = time + share * (window_center - time)
+                        elif speed > fastest or (fastest > 0.0 and speed == 0.0):
                             break
-                        half = window * queries.motion[stop]
+                        half = run_window * queries.motion[stop]
                         a = wp.min(x - half, x + half)
                         b = wp.max(x - half, x + half)
                     grown_low = wp.min(low, a)
@@ -131,17 +137,19 @@ def gather_kernel(
                         break
                     low = grown_low
                     high = grown_high
-                    if wp.static(query_moves):
-                        fastest = wp.max(fastest, wp.length(queries.motion[stop]))
                 stop += 1
 
             if low[0] < FAR_AWAY:
                 middle = 0.5 * (low + high)
                 radius = 0.5 * wp.length(high - low)
-                j = int(0)
+                piece = int(0)
                 margin = wp.vec3(CLOSE, CLOSE, CLOSE)
                 query = wp.bvh_query_aabb(bvh, low - margin, high + margin)
-                while wp.bvh_query_next(query, j):
+                while wp.bvh_query_next(query, piece):
+                    j = pieces.footprint[piece]
+                    piece_start = pieces.start[piece]
+                    piece_end = pieces.end[piece]
+                    axis = footprints.long_axis[j]
                     receiver = footprints.receiver[j]
                     center = footprints.center[j]
                     n_p = footprints.normal[j]
@@ -160,12 +168,12 @@ def gather_kernel(
                         opening = center_time - 0.5 * duration
                         closing = center_time + 0.5 * duration
                         share = float(1.0)
-                        if moving_run:
-                            opening = wp.max(window_center - 0.5 * window, opening)
-                            closing = wp.min(window_center + 0.5 * window, closing)
-                            share = window
+                        if fastest > 0.0:
+                            opening = wp.max(run_center - 0.5 * run_window, opening)
+                            closing = wp.min(run_center + 0.5 * run_window, closing)
+                            share = run_window
                         length = closing - opening
-                        if length <= 1.0e-6 * duration:
+                        if length <= 1.0e-6 * share * duration:
                             last = start
                         middle_time = 0.5 * (opening + closing)
                         since = middle_time - time
@@ -174,10 +182,13 @@ def gather_kernel(
                         v = wp.vec2(wp.dot(row_u, way), wp.dot(row_v, way))
                         density = density * (length / (share * duration))
                     # Most long thin footprints that lie askew miss the run although their boxes do not.
-                    spread = radius + window * fastest
+                    spread = radius + run_window * fastest
                     off_u = wp.abs(wp.dot(row_u, middle - center)) - wp.length(row_u) * spread
                     off_v = wp.abs(wp.dot(row_v, middle - center)) - wp.length(row_v) * spread
                     if off_u > support + 0.5 * wp.abs(v[0]) or off_v > support + 0.5 * wp.abs(v[1]):
+                        last = start
+                    along = wp.dot(axis, middle - center)
+                    if along + spread < piece_start or along - spread >= piece_end:
                         last = start
                     # A footprint much larger than the run is a parabola there.
                     parabolic = bool(False)
@@ -187,7 +198,7 @@ def gather_kernel(
                     y_0 = wp.vec2(wp.dot(row_u, middle - center), wp.dot(row_v, middle - center))
                     if wp.static(smooth):
                         step = radius * wp.max(wp.length(row_u), wp.length(row_v))
-                        if step < LARGEST_STEP and last - start > 8 and not moving_run:
+                        if step < LARGEST_STEP and last - start > 8 and fastest == 0.0:
                             parabolic = True
                             step = wp.max(step, SMALLEST_STEP)
                             w_0 = weight(y_0, v)
@@ -211,7 +222,9 @@ def gather_kernel(
                                     v = wp.vec2(wp.dot(row_u, relative), wp.dot(row_v, relative))
                                 y = wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d))
                                 w = float(0.0)
-                                if wp.abs(wp.dot(n_p, d)) <= slack:
+                                along = wp.dot(axis, d)
+                                owned = along >= piece_start and along < piece_end
+                                if owned and wp.abs(wp.dot(n_p, d)) <= slack:
                                     if parabolic:
                                         o = y - y_0
                                         w = w_0 + wp.dot(slope, o)
@@ -286,8 +299,9 @@ def gather(
     if footprints.count:
         moves = footprints.moves or query_moves
         kernel = gather_kernel(form.kernel, form.form, form.time_filter, moves, query_moves, with_motion)
-        inputs = [footprints.bvh.id, footprints.arrays, footprints.duration, footprints.reach, time, *window]
-        launcher(kernel, -(-count // GROUP), [*inputs, count, queries, out], smallest_chunk=16)
+        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.duration, footprints.reach]
+        inputs = [*photons, time, *window, count, queries, out]
+        launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)
     if not with_motion:
         return Irradiance(out.irradiance.numpy())
     return Irradiance(
