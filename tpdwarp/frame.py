@@ -155,9 +155,7 @@ class _View:
             with self._clock.stage("view"):
                 camera = camera_of(loaded.scene.camera, width, height, norm)
                 lights = light_arrays(loaded.scene.lights, norm, launcher)
-                geometry = loaded.geometry.at(where * count - segment - 0.5, launcher)
-                surfaces = geometry.surfaces
-                surfaces.time = where * count - segment - 0.5
+                surfaces = loaded.geometry.at(where * count - segment - 0.5, launcher)
             batches = samples_at(
                 slice_index, times, order, settings.samples, settings.seed, max(1, BATCH // settings.samples)
             )

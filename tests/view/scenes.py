@@ -115,13 +115,11 @@ def see(
     """What camera rays through ``films`` [n, 2] see at ``time`` in the shutter, pass by pass."""
     norm = Normalization.of(scene)
     needs = requirements_of(scene)
-    geometry = geometry_of(scene, norm, ONE_THREAD, with_motions=moves).at(time, ONE_THREAD)
-    geometry.surfaces.time = time
+    geometry = geometry_of(scene, norm, ONE_THREAD, with_motions=moves)
+    surfaces = geometry.at(time, ONE_THREAD)
     camera = camera_of(scene.camera, width, height, norm)
     lights = light_arrays(scene.lights, norm, ONE_THREAD)
-    passes = visible_points(
-        geometry.surfaces, lights, camera, np.asarray(films, float), needs, ONE_THREAD, moves=moves
-    )
+    passes = visible_points(surfaces, lights, camera, np.asarray(films, float), needs, ONE_THREAD, moves=moves)
     found = []
     for batch in passes:
         queries, arrays = batch.queries, batch.arrays

@@ -51,19 +51,32 @@ class Geometry:
     mesh: wp.Mesh
     moves: bool
     paths: tuple[str, ...]
+    _moved: wp.Mesh | None = None
 
-    def at(self, time: float, launcher: Launcher) -> Geometry:
-        """The same geometry with its points moved to ``time`` in the shutter (−½ … ½)."""
-        if not self.moves or time == self.surfaces.time:
-            return self
-        surfaces = self.surfaces
-        points = surfaces.points.numpy() + np.float32(time - surfaces.time) * surfaces.motions.numpy()
-        mesh = _mesh(points, surfaces.triangles.numpy(), launcher)
-        moved = Surfaces()
-        for name in Surfaces.vars:
-            setattr(moved, name, getattr(surfaces, name))
-        moved.mesh, moved.time, moved.points = mesh.id, time, mesh.points
-        return Geometry(moved, mesh, True, self.paths)
+    def at(self, time: float, launcher: Launcher) -> Surfaces:
+        """The same surfaces with their points moved to ``time`` in the shutter (−½ … ½).
+
+        The BVH is refitted: what is returned is good until the next call.
+        """
+        if not self.moves:
+            return replace_time(self.surfaces, time)
+        if self._moved is None:
+            self._moved = _mesh(self.surfaces.points.numpy(), self.surfaces.triangles.numpy(), launcher)
+        points = self.surfaces.points.numpy() + np.float32(time) * self.surfaces.motions.numpy()
+        self._moved.points.assign(points)
+        self._moved.refit()
+        surfaces = replace_time(self.surfaces, time)
+        surfaces.mesh, surfaces.points = self._moved.id, self._moved.points
+        return surfaces
+
+
+def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
+    """A copy that stands at ``time``: normals, lights and the camera follow it, points are the caller's business."""
+    copy = Surfaces()
+    for name in Surfaces.vars:
+        setattr(copy, name, getattr(surfaces, name))
+    copy.time = time
+    return copy
 
 
 def _mesh(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> wp.Mesh:

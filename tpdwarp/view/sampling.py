@@ -8,7 +8,7 @@ import numpy as np
 
 # The two-dimensional generalisation of the golden ratio sequence (M. Roberts, 2018).
 R2 = (0.7548776662466927, 0.5698402909980532)
-LEAST_TIMES = 8
+LEAST_TIMES = 16
 BLOCK = 8
 
 
