@@ -67,7 +67,7 @@ def test_check_6_light_that_rides_on_a_rigidly_moving_receiver_is_still(way):
 
 
 def test_a_common_motion_of_light_and_viewpoint_cancels():
-    way, common = np.array([0.11, -0.04, 0]), np.array([0.3, 0.2, 0.1])
+    way, common = np.array([0.11, -0.04, 0]), np.array([0.1, 0.05, 0.02])
     alone = irradiance(shaped(uneven(way), moves=True), queries(points()), query_moves=True).irradiance
     moving = shaped(uneven(way + common), moves=True)
     both = irradiance(moving, queries(points(), common), query_moves=True).irradiance
@@ -96,7 +96,7 @@ def test_a_camera_over_a_static_caustic_blurs_it_by_its_own_motion():
     np.testing.assert_allclose(passing, moved, atol=4 * OFFSET * moved.max())
 
 
-@pytest.mark.parametrize("motion", [(0, 0, 0), (0.09, 0.05, 0)])
+@pytest.mark.parametrize("motion", [(0, 0, 0), (0.02, 0.015, 0)])
 def test_segments_of_a_steady_motion_add_up_to_the_whole(motion):
     way = np.array([0.18, -0.07, 0])
     whole = shaped(photon_map([(0, 0, 0)], STEP_U, STEP_V, way), kernel="epanechnikov", moves=True)
@@ -105,26 +105,37 @@ def test_segments_of_a_steady_motion_add_up_to_the_whole(motion):
         for t in (-0.375, -0.125, 0.125, 0.375)
     ]
     cut = shaped(*parts, kernel="epanechnikov", moves=True)
-    at = queries(points(200, 0.15), motion)
+    at = queries(points(300, 0.12), motion)
     one, four = (irradiance(f, at, FORMS[1], query_moves=True).irradiance for f in (whole, cut))
     assert np.count_nonzero(one) > 50
     np.testing.assert_allclose(four, one, atol=32 * OFFSET * one.max())
 
 
-@pytest.mark.parametrize("motion", [(0, 0, 0), (0.09, 0.05, 0)])
-def test_views_that_share_the_shutter_out_between_them_average_to_the_whole(motion):
+@pytest.mark.parametrize(("motion", "windows"), [((0, 0, 0), 3), ((0.02, 0.015, 0), 3), ((0.3, -0.2, 0), 32)])
+def test_views_that_share_the_shutter_out_between_them_average_to_the_whole(motion, windows):
+    """However fast a view moves: one that races needs more windows, since it stands for no more than a footprint."""
     way, motion = np.array([0.18, -0.07, 0]), np.array(motion)
     photons = [photon_map([t * way], STEP_U, STEP_V, way / 2, flux=0.5, time=t, duration=0.5) for t in (-0.25, 0.25)]
-    footprints, at = shaped(*photons, kernel="epanechnikov", moves=True), points(200, 0.15)
-    whole = irradiance(footprints, queries(at, motion), FORMS[1], query_moves=True).irradiance
-    parts = [
-        irradiance(
-            footprints, queries(at + t * motion, motion), FORMS[1], query_moves=True, time=t, window=(t, 1 / 3)
-        ).irradiance
-        for t in (-1 / 3, 0.0, 1 / 3)
-    ]
-    assert np.count_nonzero(whole) > 50
-    np.testing.assert_allclose(np.mean(parts, axis=0), whole, atol=32 * OFFSET * whole.max())
+    footprints, at = shaped(*photons, kernel="epanechnikov", moves=True), points(300, 0.12)
+    whole = footprint_weight("epanechnikov", "shutter", at, np.array(STEP_U), np.array(STEP_V), way - motion)
+    found = []
+    for t in (np.arange(windows) + 0.5) / windows - 0.5:
+        seen = queries(at + t * motion, motion)
+        part = irradiance(footprints, seen, FORMS[1], query_moves=True, time=t, window=(t, 1 / windows))
+        found.append(part.irradiance[:, 0])
+    assert np.count_nonzero(whole) > 20
+    np.testing.assert_allclose(np.mean(found, axis=0), whole, atol=32 * OFFSET * whole.max())
+
+
+def test_a_view_that_races_stands_for_the_time_about_its_own():
+    photon = shaped(photon_map([(0, 0, 0)], STEP_U, STEP_V), kernel="epanechnikov")
+    motion, t = np.array([2.0, 0, 0]), 0.2
+    seen = queries(points(300, 0.05) * (1, 0.4, 1), motion)
+    found = irradiance(photon, seen, FORMS[1], query_moves=True, time=t, window=(t, 0.25)).irradiance
+    still = irradiance(photon, seen, FORMS[1]).irradiance
+    # Blurred over no more than the footprint's own size, it still meets it where it is at that time.
+    assert found.max() > 0.25 * still.max()
+    assert np.corrcoef(found[:, 0], still[:, 0])[0, 1] > 0.8
 
 
 def test_a_photon_stays_on_its_own_object():

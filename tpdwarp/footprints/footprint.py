@@ -24,7 +24,6 @@ SMALLEST_AXIS = wp.constant(1.0e-6)
 # How far a query may lie off the footprint's plane, as a part of the footprint's own reach.
 SLACK = wp.constant(0.25)
 MOST_PIECES = 32
-FAR = wp.constant(1.0e30)
 
 
 @wp.struct
@@ -57,14 +56,14 @@ class FootprintArrays:
 
 @wp.struct
 class PieceArrays:
-    """Footprints cut across their long axis, one row a piece: long thin footprints that lie askew fill their box badly.
+    """Swept footprints cut across their long axis, one row a piece: what is long and lies askew fills its box badly.
 
-    A piece owns the queries whose coordinate along the footprint's long axis lies in [start, end).
+    Pieces of a footprint follow each other, ``number`` counts them. They are equal boxes on a line, so that those
+    that meet another box follow each other, too.
     """
 
     footprint: wp.array(dtype=wp.int32)
-    start: wp.array(dtype=wp.float32)
-    end: wp.array(dtype=wp.float32)
+    number: wp.array(dtype=wp.int32)
     lower: wp.array(dtype=wp.vec3)
     upper: wp.array(dtype=wp.vec3)
 
@@ -148,7 +147,6 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         out.relative[i] = dxdt[i] - receiver_motion[i]
         out.density[i] = flux[i] * (wp.static(scale * scale) / (t1 * t2))
         out.clamped[i] = clamped
-        out.long_axis[i] = left1
         along = wp.static(support) * t1
         across = wp.static(support) * t2
         if wp.static(radial):
@@ -157,8 +155,15 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         else:
             along *= wp.abs(cr) + wp.abs(sr)
             across *= wp.abs(cr) + wp.abs(sr)
-        out.reach[i] = wp.vec2(along, across)
         out.slack[i] = SLACK * (along + across + 0.5 * wp.length(out.relative[i]))
+        along += 0.5 * wp.abs(wp.dot(left1, dxdt[i]))
+        across += 0.5 * wp.abs(wp.dot(left2, dxdt[i]))
+        if along >= across:
+            out.long_axis[i] = left1
+            out.reach[i] = wp.vec2(along, across)
+        else:
+            out.long_axis[i] = left2
+            out.reach[i] = wp.vec2(across, along)
 
     return shape_footprints
 
@@ -169,31 +174,22 @@ def bound_pieces(
     # In
     footprints: FootprintArrays,
     counts: wp.array(dtype=wp.int32),
-    numbers: wp.array(dtype=wp.int32),
     # Out
     out: PieceArrays,
 ):
-    """Bounds of the pieces, swept over the photon's own part of the shutter."""
+    """Bounds of the pieces of what a footprint sweeps over in the photon's own part of the shutter."""
     i = base + wp.tid()
     j = out.footprint[i]
     count = counts[j]
-    number = numbers[i]
     reach = footprints.reach[j]
     n = footprints.normal[j]
     axis = footprints.long_axis[j]
     other = wp.cross(n, axis)
     half = reach[0] / float(count)
-    middle = (2.0 * float(number) + 1.0) * half - reach[0]
-    out.start[i] = middle - half
-    out.end[i] = middle + half
-    if number == 0:
-        out.start[i] = -FAR
-    if number == count - 1:
-        out.end[i] = FAR
-    center = footprints.center[j] + middle * axis
+    center = footprints.center[j] + ((2.0 * float(out.number[i]) + 1.0) * half - reach[0]) * axis
+    depth = footprints.slack[j] + 0.5 * wp.abs(wp.dot(n, footprints.dxdt[j]))
     for k in range(3):
-        extent = half * wp.abs(axis[k]) + reach[1] * wp.abs(other[k])
-        extent += 0.5 * wp.abs(footprints.dxdt[j][k]) + footprints.slack[j] * wp.abs(n[k])
+        extent = half * wp.abs(axis[k]) + reach[1] * wp.abs(other[k]) + depth * wp.abs(n[k])
         out.lower[i][k] = center[k] - extent
         out.upper[i][k] = center[k] + extent
 
@@ -245,9 +241,8 @@ def shape_footprints(
     owners = np.repeat(np.arange(count, dtype=np.int32), counts)
     numbers = np.arange(len(owners), dtype=np.int32) - np.repeat(np.cumsum(counts, dtype=np.int32) - counts, counts)
     pieces = launcher.rows(PieceArrays, len(owners))
-    pieces.footprint = launcher.array(owners, wp.int32)
-    inputs = [out, launcher.array(counts, wp.int32), launcher.array(numbers, wp.int32), pieces]
-    launcher(bound_pieces, len(owners), inputs)
+    pieces.footprint, pieces.number = launcher.array(owners, wp.int32), launcher.array(numbers, wp.int32)
+    launcher(bound_pieces, len(owners), [out, launcher.array(counts, wp.int32), pieces])
     reach = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
     clamped = int(out.clamped.numpy().sum(dtype=np.int64))
     return FootprintMap(

@@ -71,6 +71,12 @@ def _weight(kernel: str, form: str, time_filter: str, moves: bool) -> wp.Functio
     return swept
 
 
+@wp.func
+def _meet(lower: wp.vec3, upper: wp.vec3, low: wp.vec3, high: wp.vec3) -> bool:
+    """Whether two boxes have a point in common, decided as the BVH does."""
+    return wp.min(wp.min(high - lower, upper - low)) >= 0.0
+
+
 @cache
 def gather_kernel(
     kernel: str, form: str, time_filter: str, moves: bool, query_moves: bool, with_motion: bool
@@ -147,9 +153,6 @@ def gather_kernel(
                 query = wp.bvh_query_aabb(bvh, low - margin, high + margin)
                 while wp.bvh_query_next(query, piece):
                     j = pieces.footprint[piece]
-                    piece_start = pieces.start[piece]
-                    piece_end = pieces.end[piece]
-                    axis = footprints.long_axis[j]
                     receiver = footprints.receiver[j]
                     center = footprints.center[j]
                     n_p = footprints.normal[j]
@@ -162,6 +165,10 @@ def gather_kernel(
                     since = float(0.0)
                     length = float(0.0)
                     last = stop
+                    if pieces.number[piece] > 0:
+                        # Of the pieces that meet the run, the first one stands for the footprint.
+                        if _meet(pieces.lower[piece - 1], pieces.upper[piece - 1], low - margin, high + margin):
+                            last = start
                     if wp.static(moves):
                         # The part of the shutter that the query's window and the photon's own have in common.
                         center_time = footprints.time[j]
@@ -186,9 +193,6 @@ def gather_kernel(
                     off_u = wp.abs(wp.dot(row_u, middle - center)) - wp.length(row_u) * spread
                     off_v = wp.abs(wp.dot(row_v, middle - center)) - wp.length(row_v) * spread
                     if off_u > support + 0.5 * wp.abs(v[0]) or off_v > support + 0.5 * wp.abs(v[1]):
-                        last = start
-                    along = wp.dot(axis, middle - center)
-                    if along + spread < piece_start or along - spread >= piece_end:
                         last = start
                     # A footprint much larger than the run is a parabola there.
                     parabolic = bool(False)
@@ -222,9 +226,7 @@ def gather_kernel(
                                     v = wp.vec2(wp.dot(row_u, relative), wp.dot(row_v, relative))
                                 y = wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d))
                                 w = float(0.0)
-                                along = wp.dot(axis, d)
-                                owned = along >= piece_start and along < piece_end
-                                if owned and wp.abs(wp.dot(n_p, d)) <= slack:
+                                if wp.abs(wp.dot(n_p, d)) <= slack:
                                     if parabolic:
                                         o = y - y_0
                                         w = w_0 + wp.dot(slope, o)
