@@ -47,6 +47,11 @@ make_venv() {
     elif "$python" -m pip --version >/dev/null 2>&1 && "$python" -c 'import venv' 2>/dev/null; then
         "$python" -m venv --clear --without-pip "$venv"
         "$python" -m pip --python "$venv/bin/python" install --quiet pip
+    elif [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        echo "Installing Debian's python3-venv, which $python lacks" >&2
+        apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq python3-venv >/dev/null ||
+            fail "$python can make no virtual environments (apt install python3-venv)"
+        "$python" -m venv --clear "$venv"
     else
         fail "$python can make no virtual environments (apt install python3-venv)"
     fi

@@ -1,0 +1,117 @@
+"""Error of the estimators on the travelling wave against its exact caustic, and what each costs."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tests.oracle import Wave, irradiance_average
+from tpdwarp.frame import render_frame
+from tpdwarp.scene.description import (
+    CameraAtShutter,
+    Interaction,
+    LightAtShutter,
+    LightKind,
+    Material,
+    MeshAtShutter,
+    SceneAtShutter,
+    Shutter,
+)
+from tpdwarp.settings import Settings
+
+PIXELS = 256
+ROWS = 64
+CASES = (
+    ("tpd", 1024, 1),
+    ("tpd", 4096, 1),
+    ("tpd", 16384, 1),
+    ("tpd", 65536, 1),
+    ("tpd", 65536, 4),
+    ("pd", 16384, 1),
+    ("accumulation", 16384, 1),
+)
+
+
+class WaveInMemory:
+    """The wave of the oracle as a scene: smooth motion, exact positions and normals, an orthographic camera."""
+
+    file = "wave"
+
+    def __init__(self, wave: Wave, columns: int = 1025) -> None:
+        self.wave = wave
+        self.x = np.linspace(-2.0, 2.0, columns)
+        first = np.arange(columns - 1)
+        corners = [(first, first + 1, first + 1 + columns), (first, first + 1 + columns, first + columns)]
+        self.triangles = np.concatenate([np.stack(c, axis=1) for c in corners]).astype(np.int32)
+
+    def _surface(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        k = 2.0 * np.pi / self.wave.wavelength
+        phase = k * (self.x - self.wave.speed * time)
+        height = self.wave.height + self.wave.amplitude * np.cos(phase)
+        slope = -self.wave.amplitude * k * np.sin(phase)
+        points = np.concatenate([np.stack([self.x, np.full_like(self.x, y), height], axis=1) for y in (-2.0, 2.0)])
+        normals = np.stack([-slope, np.zeros_like(slope), np.ones_like(slope)], axis=1)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return points, np.concatenate([normals, normals])
+
+    def at(self, shutter: Shutter) -> SceneAtShutter:
+        points, normals = self._surface(shutter.middle)
+        motions = {}
+        if shutter.exposure > 0.0:
+            step = 1e-4
+            (p0, n0), (p1, n1) = self._surface(shutter.middle - step), self._surface(shutter.middle + step)
+            rate = shutter.exposure / (2.0 * step)
+            motions = {"motions": (p1 - p0) * rate, "normal_motions": (n1 - n0) * rate}
+        water = MeshAtShutter(
+            "/Water",
+            points,
+            self.triangles,
+            normals=normals,
+            normal_indices=self.triangles,
+            materials=(Material(Interaction.DIELECTRIC, ior=self.wave.ior),),
+            **motions,
+        )
+        corners = np.array([[-4.0, -4.0, 0.0], [4.0, -4.0, 0.0], [4.0, 4.0, 0.0], [-4.0, 4.0, 0.0]])
+        floor = MeshAtShutter("/Floor", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+        sun = LightAtShutter("/Sun", LightKind.DISTANT, (1.0, 1.0, 1.0))
+        camera = CameraAtShutter("/Camera", True, np.array([0.0, 0.0, 0.85]), np.eye(3), (-1.0, 1.0, -0.25, 0.25))
+        return SceneAtShutter(shutter, (floor, water), (sun,), camera)
+
+    def reference_shutters(self) -> list[Shutter]:
+        return [Shutter.still(0.0)]
+
+
+def run() -> list[dict[str, object]]:
+    """Relative RMSE of the irradiance for each case, and CPU seconds after kernels are compiled."""
+    results = []
+    for wavelength in (1.3, 0.65):
+        wave = Wave(wavelength=wavelength, speed=wavelength / 8.0)
+        truth = irradiance_average(np.linspace(-1.0, 1.0, PIXELS + 1), wave, 0.0, 1.0, times=256)
+        source = WaveInMemory(wave)
+        print(f"wavelength {wavelength}, exposure 1 frame, irradiance over [-1, 1] at {PIXELS} columns")
+        print(f"  {'estimator':13s} {'photons':>8s} {'segments':>8s} {'rel. RMSE':>10s} {'CPU s':>7s}")
+        for estimator, photons, segments in CASES:
+            settings = Settings(estimator=estimator, photons=photons, segments=segments, aovs=("irradiance",))
+            render_frame(source, Shutter(0.0, 0.0, 1.0), settings, PIXELS, ROWS)
+            start = time.process_time()
+            frame = render_frame(source, Shutter(0.0, 0.0, 1.0), settings, PIXELS, ROWS)
+            seconds = time.process_time() - start
+            error = frame.channels["irradiance.R"].astype(float) - truth
+            relative = float(np.sqrt(np.mean(error**2)) / truth.mean())
+            print(f"  {estimator:13s} {photons:8d} {segments:8d} {relative:10.4f} {seconds:7.2f}", flush=True)
+            results.append(
+                {
+                    "wavelength": wavelength,
+                    "estimator": estimator,
+                    "photons": photons,
+                    "segments": segments,
+                    "relative_rmse": relative,
+                    "cpu_seconds": seconds,
+                }
+            )
+    return results
