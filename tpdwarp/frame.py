@@ -10,7 +10,6 @@ import numpy as np
 
 from tpdwarp.estimators import ESTIMATORS
 from tpdwarp.estimators.base import Animation, Clock, LoadedScene
-from tpdwarp.footprints.gather import gather
 from tpdwarp.photons.record import EnergyAccount, PhotonRecord
 from tpdwarp.photons.tracing import record_of
 from tpdwarp.scene.description import CameraAtShutter, SceneSource, Shutter
@@ -94,12 +93,9 @@ def render_frame(source: SceneSource, shutter: Shutter, settings: Settings, widt
             with clock.stage("gather"):
                 if number == 0:
                     film.add_view(points, pixels)
-                if part.footprints.count:
-                    light = gather(
-                        part.footprints,
+                if part.light is not None:
+                    light = part.light.irradiance(
                         points.queries,
-                        part.form,
-                        animation.launcher,
                         time=time,
                         window=window,
                         query_moves=view.moves,

@@ -10,7 +10,7 @@ from tpdwarp.errors import InputError
 
 CHOICES: dict[str, tuple[str, ...]] = {
     "motion": ("linear", "cubic"),
-    "estimator": ("tpd", "pd", "accumulation"),
+    "estimator": ("tpd", "pd", "tdpm", "accumulation", "distribution"),
     "kernel": ("bspline", "uniform", "cone", "epanechnikov", "quartic", "gaussian"),
     "footprint": ("shutter", "swept"),
     "emission": ("lattice", "jittered"),
@@ -32,17 +32,21 @@ class Settings:
         exposure: Exposure in frames, opening at the frame; None takes the camera's ``shutter:open/close``.
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
-        estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``accumulation`` (brute force).
+        estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``tdpm`` (the nearest photons
+            of the shutter), ``accumulation`` (brute force), ``distribution`` (random times).
         kernel: Filter kernel of a footprint.
         footprint: ``shutter`` (true time average) or ``swept`` (Eq. 7 of the paper).
         emission: ``lattice`` or ``jittered``.
-        anchor: What a photon rides on over the shutter: the ``surface`` it first hit, or its emission point (``light``).
+        anchor: What a photon rides on over the shutter: the ``surface`` it first hit, or its emission point
+            (``light``).
         smoothing: Footprint size in lattice cells.
         time_filter: Shutter response of Eq. 9, or ``none``; needs ``footprint="swept"``.
         seed: Seed of all random choices.
         device: Warp device, for instance ``cpu`` or ``cuda:0``.
         threads: CPU threads; 0 for all cores.
-        accumulation_times: Shutter times averaged by the ``accumulation`` estimator.
+        accumulation_times: Shutter times that ``accumulation`` averages, or that random times are drawn from.
+        tdpm_neighbours: Photons in an estimate of ``tdpm``.
+        tdpm_between: In-between frames of ``tdpm``; without it each photon has a random time.
         image_width: Width in pixels; None takes the render settings' resolution, or 960.
         complexity: As in usdrecord; accepted, and without effect on polygonal meshes.
         purposes: Purposes rendered beside ``default``.
@@ -69,6 +73,8 @@ class Settings:
     device: str = "cpu"
     threads: int = 0
     accumulation_times: int = 64
+    tdpm_neighbours: int = 100
+    tdpm_between: int | None = None
     image_width: int | None = None
     complexity: float = 1.0
     purposes: tuple[str, ...] = ("render",)
@@ -81,7 +87,7 @@ class Settings:
         def refuse(name: str, why: str) -> None:
             raise InputError(f"--{name.replace('_', '-')} {why}")
 
-        for name in ("photons", "samples", "segments", "accumulation_times", "image_width"):
+        for name in ("photons", "samples", "segments", "accumulation_times", "tdpm_neighbours", "image_width"):
             value = getattr(self, name)
             if value is None:
                 continue
@@ -89,6 +95,10 @@ class Settings:
                 refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")
         if self.photons > 2**28:
             refuse("photons", f"must be at most {2**28}, not {self.photons}")
+        if self.tdpm_neighbours < 2:
+            refuse("tdpm_neighbours", "must be at least 2: the last of them marks the edge and adds nothing")
+        if self.tdpm_between is not None and (not isinstance(self.tdpm_between, int) or self.tdpm_between < 0):
+            refuse("tdpm_between", f"must be a whole number, 0 or more, not {self.tdpm_between}")
         if not isinstance(self.threads, int) or self.threads < 0:
             refuse("threads", f"must be 0 (all cores) or more, not {self.threads}")
         if not 0 <= self.seed < 2**31:

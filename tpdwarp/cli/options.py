@@ -64,6 +64,8 @@ METHOD = (
     SettingOption("segments", ("--segments",), int, "K"),
     SettingOption("estimator", ("--estimator",)),
     SettingOption("accumulation_times", ("--accumulation-times",), int, "N"),
+    SettingOption("tdpm_neighbours", ("--tdpm-neighbours",), int, "N"),
+    SettingOption("tdpm_between", ("--tdpm-between",), int, "N"),
     SettingOption("kernel", ("--kernel",)),
     SettingOption("footprint", ("--footprint",)),
     SettingOption("emission", ("--emission",)),

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from tpdwarp.estimators.accumulation import Accumulation
 from tpdwarp.estimators.base import Estimator
+from tpdwarp.estimators.distribution import Distribution
 from tpdwarp.estimators.static import Static
 from tpdwarp.estimators.temporal import Temporal
+from tpdwarp.estimators.time_dependent import TimeDependent
 
-ESTIMATORS: dict[str, type[Estimator]] = {"tpd": Temporal, "pd": Static, "accumulation": Accumulation}
+ESTIMATORS: dict[str, type[Estimator]] = {
+    "tpd": Temporal,
+    "pd": Static,
+    "tdpm": TimeDependent,
+    "accumulation": Accumulation,
+    "distribution": Distribution,
+}

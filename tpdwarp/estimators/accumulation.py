@@ -16,8 +16,7 @@ class Accumulation:
     def parts(
         self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
     ) -> Iterator[Part]:
-        moves = any(s.requirements.photon_motion or s.requirements.view_motion for s in scenes)
-        times = animation.settings.accumulation_times if moves else 1
+        times = animation.settings.accumulation_times if any(scene.moves for scene in scenes) else 1
         for number in range(times):
             where = (number + 0.5) / times
             instant = shutter.open + where * shutter.exposure

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from tpdwarp.footprints.footprint import FootprintMap, PixelSize
-from tpdwarp.footprints.gather import GatherForm
+from tpdwarp.footprints.gather import GatherForm, Irradiance, QueryArrays, gather
 from tpdwarp.launch import Launcher
 from tpdwarp.photons.emission import EmissionPlan, plan_emission
 from tpdwarp.photons.record import EnergyAccount
@@ -44,6 +44,11 @@ class LoadedScene:
     geometry: Geometry
     requirements: Requirements
 
+    @property
+    def moves(self) -> bool:
+        """Whether photons or the view move over the shutter."""
+        return self.requirements.photon_motion or self.requirements.view_motion
+
 
 class Animation:
     """A scene source with what stays the same from frame to frame: units, emission lattices, device.
@@ -72,8 +77,7 @@ class Animation:
     def load_segments(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
         """The scenes of the segments of ``shutter``; one where nothing moves."""
         scenes = [self.load(part, clock) for part in shutter.segments(self.settings.segments)]
-        still = not any(s.requirements.photon_motion or s.requirements.view_motion for s in scenes)
-        return scenes[:1] if still else scenes
+        return scenes if any(scene.moves for scene in scenes) else scenes[:1]
 
     def plan(self, photons: int, clock: Clock) -> EmissionPlan:
         """Emission lattices for ``photons`` photons a shutter; made once for the whole animation."""
@@ -83,6 +87,58 @@ class Animation:
         return self._plans[photons]
 
 
+class IrradianceField(Protocol):
+    """Irradiance from photons at any point."""
+
+    def irradiance(
+        self,
+        queries: QueryArrays,
+        *,
+        time: float,
+        window: tuple[float, float],
+        query_moves: bool,
+        with_motion: bool,
+    ) -> Irradiance:
+        """Irradiance at ``queries``; the arguments are those of :func:`tpdwarp.footprints.gather.gather`."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FootprintField:
+    """The irradiance that footprints add up to.
+
+    Attributes:
+        footprints: The footprints.
+        form: How they are evaluated.
+        launcher: Where.
+    """
+
+    footprints: FootprintMap
+    form: GatherForm
+    launcher: Launcher
+
+    def irradiance(
+        self,
+        queries: QueryArrays,
+        *,
+        time: float,
+        window: tuple[float, float],
+        query_moves: bool,
+        with_motion: bool,
+    ) -> Irradiance:
+        """Irradiance at ``queries``."""
+        return gather(
+            self.footprints,
+            queries,
+            self.form,
+            self.launcher,
+            time=time,
+            window=window,
+            query_moves=query_moves,
+            with_motion=with_motion,
+        )
+
+
 @dataclass
 class Part:
     """Part of a frame's photons; the irradiances of all parts add up.
@@ -90,15 +146,13 @@ class Part:
     Attributes:
         maps: The photons, one map a (sub-)shutter.
         energy: Where their flux went.
-        footprints: Their footprints.
-        form: How the footprints are evaluated.
+        light: The irradiance they make; None where there is none, or where photons are only traced.
         plan: The lattices they come from.
     """
 
     maps: list[PhotonMap]
     energy: EnergyAccount
-    footprints: FootprintMap | None
-    form: GatherForm
+    light: IrradianceField | None
     plan: EmissionPlan
 
 

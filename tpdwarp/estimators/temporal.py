@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
+from tpdwarp.estimators.base import Animation, Clock, FootprintField, LoadedScene, Part
 from tpdwarp.footprints.footprint import PixelSize, shape_footprints
 from tpdwarp.footprints.gather import GatherForm
 from tpdwarp.photons.record import EnergyAccount
@@ -44,13 +44,15 @@ class Temporal:
 def shaped(maps, energy, plan, moves: bool, animation: Animation, pixel: PixelSize | None, clock: Clock) -> Part:
     """A part whose footprints are shaped for ``pixel`` and evaluated as the settings say."""
     settings = animation.settings
-    form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
-    footprints = None
+    light = None
     if pixel is not None:
         with clock.stage("footprints"):
             footprints = shape_footprints(
                 maps, settings.kernel, settings.smoothing, pixel, moves, animation.launcher
             )
+        if footprints.count:
+            form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
+            light = FootprintField(footprints, form, animation.launcher)
         if footprints.clamped:
             energy.counts["footprints clamped"] = energy.counts.get("footprints clamped", 0) + footprints.clamped
-    return Part(maps, energy, footprints, form, plan)
+    return Part(maps, energy, light, plan)

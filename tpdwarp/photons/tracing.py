@@ -9,6 +9,7 @@ flux of a branch is exact rather than a matter of chance.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -231,14 +232,16 @@ def trace_photons(
     seed: int = 0,
     weight: float = 1.0,
     smallest_branch: float = SMALLEST_BRANCH,
+    chosen: Callable[[Patch], np.ndarray] | None = None,
 ) -> tuple[PhotonMap, EnergyAccount]:
-    """Traces every lattice photon of ``plan`` through ``geometry``.
+    """Traces the lattice photons of ``plan`` through ``geometry``.
 
     Args:
         riding: Keep each photon on the material point it first hit (beyond the paper), not on its emission point.
         jittered: Emit from random points of the lattice cells instead of their centres.
         weight: Part of the frame's exposure that these photons stand for; scales all flux.
         smallest_branch: Reflected branches below this fraction of the emitted flux are given up and accounted lost.
+        chosen: Gives the cells of a patch to emit (u + count_u · v from its first cell); None emits all.
 
     Returns:
         The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
@@ -252,7 +255,8 @@ def trace_photons(
     )
     for lattice, patch in plan.patches(scene):
         patch.power = weight * patch.power
-        cells = np.arange(patch.count_u * patch.count_v, dtype=np.int32)
+        cells = chosen(patch) if chosen else np.arange(patch.count_u * patch.count_v)
+        cells = cells.astype(np.int32)
         masks = np.zeros(len(cells), np.int32)
         account.add(EnergyAccount(counts={"emitted": len(cells)}))
         while len(cells):

@@ -1,0 +1,29 @@
+"""Small frames of a travelling wave, and of water at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tests.oracle import Wave
+from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, steady, wave_source
+from tpdwarp.frame import Frame, Traced, render_frame, trace_frame
+from tpdwarp.scene.description import Shutter
+from tpdwarp.settings import Settings
+
+OPEN = Shutter(0, 0, 1)
+STILL_SCENE = steady([floor(), bumpy("/water", WATER, 1.0, False)], (SUN,), looking_down(height=0.6))
+SETTINGS = Settings(photons=4096, samples=2, accumulation_times=16, aovs=("irradiance",))
+COLUMNS, ROWS = 64, 8
+
+
+def traced(source=None, shutter: Shutter = OPEN, **changes) -> Traced:
+    return trace_frame(source or wave_source(Wave()), shutter, Settings.of(SETTINGS, **changes))
+
+
+def rendered(source=None, shutter: Shutter = OPEN, **changes) -> Frame:
+    return render_frame(source or wave_source(Wave()), shutter, Settings.of(SETTINGS, **changes), COLUMNS, ROWS)
+
+
+def irradiance(frame: Frame) -> np.ndarray:
+    """Photon irradiance of the first channel, shape [h, w]."""
+    return frame.channels["irradiance.R"].astype(float)
