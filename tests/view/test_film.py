@@ -108,11 +108,11 @@ def test_irradiance_of_a_pixel_is_the_mean_over_the_surfaces_seen_not_over_backg
     arrays.first_depth = ONE_THREAD.array(np.array([1.5, 1.0, 2.0, -1.0]), wp.float32)
     arrays.weight = ONE_THREAD.array(np.array([[0.25] * 3, [0.5] * 3, [0] * 3, [0] * 3]), wp.vec3)
     found = np.array([[4.0] * 3, [8.0] * 3, [0] * 3, [0] * 3], np.float32)
-    film = Film(1, 1, 4, norm, 1.0)
+    film = Film(1, 1, 4, norm, 1.0, AOVS)
     points = VisiblePoints(np.arange(4), queries, arrays, True)
     film.add_view(points, np.zeros(4, int))
-    film.add_caustic(points, np.zeros(4, int), Irradiance(found))
-    channels = {name: float(values[0, 0]) for name, values in film.channels(AOVS).items()}
+    film.add_caustic(np.zeros(4, int), points.arrays.weight.numpy(), np.ones(4, bool), Irradiance(found))
+    channels = {name: float(values[0, 0]) for name, values in film.channels().items()}
     # Lengths are doubled in scene units, so that areas count four times.
     assert channels["irradiance.R"] == pytest.approx(6.0 / 4)
     assert channels["caustic.R"] == pytest.approx((0.25 * 4 + 0.5 * 8) / 4 / 4)

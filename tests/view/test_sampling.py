@@ -17,10 +17,12 @@ COUNT = WIDTH * HEIGHT
 def test_every_pixel_takes_each_of_its_samples_exactly_once_over_all_slices(samples, moving, batch):
     times = time_count(samples) if moving else 1
     taken = np.zeros((COUNT, samples), int)
-    for slice_index in range(times):
-        order = block_order(WIDTH, HEIGHT)
-        for pixels, numbers in samples_at(slice_index, times, order, samples, 3, batch):
-            np.add.at(taken, (pixels, numbers), 1)
+    order = block_order(WIDTH, HEIGHT)
+    for first in range(0, COUNT, batch):
+        pixels = order[first : first + batch]
+        for slice_index in range(times):
+            places, numbers = samples_at(slice_index, times, pixels, samples, 3)
+            np.add.at(taken, (pixels[places], numbers), 1)
     np.testing.assert_array_equal(taken, 1)
 
 
@@ -29,8 +31,8 @@ def test_the_samples_of_a_pixel_are_spread_evenly_over_the_shutter(samples):
     times = time_count(samples)
     slices = np.full((COUNT, samples), -1)
     for slice_index in range(times):
-        for pixels, numbers in samples_at(slice_index, times, np.arange(COUNT), samples, 3, COUNT):
-            slices[pixels, numbers] = slice_index
+        pixels, numbers = samples_at(slice_index, times, np.arange(COUNT), samples, 3)
+        slices[pixels, numbers] = slice_index
     stride = times // samples
     assert times >= 8 and times % samples == 0
     np.testing.assert_array_equal(slices // stride, np.broadcast_to(np.arange(samples), slices.shape))

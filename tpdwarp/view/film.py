@@ -19,11 +19,14 @@ class Film:
         samples: Samples a pixel.
         normalization: Maps the tracer's units back to scene units.
         scale: Factor on radiance (the camera's exposure).
+        aovs: Channel groups wanted beside the beauty.
     """
 
-    def __init__(self, width: int, height: int, samples: int, normalization: Normalization, scale: float) -> None:
+    def __init__(
+        self, width: int, height: int, samples: int, normalization: Normalization, scale: float, aovs: tuple[str, ...]
+    ) -> None:
         self.width, self.height, self.samples = width, height, samples
-        self._norm, self._scale = normalization, scale
+        self._norm, self._scale, self._aovs = normalization, scale, aovs
         count = width * height
         self._sums: dict[str, np.ndarray] = {}
         self._coverage = np.zeros(count)
@@ -40,22 +43,31 @@ class Film:
         hit = depth >= 0.0
         self._coverage += self._sum(hit, pixels)
         self._diffuse += self._sum(points.queries.receiver.numpy() >= 0, pixels)
-        self._add("N", points.arrays.first_normal.numpy(), pixels)
-        self._add("P", points.arrays.first_position.numpy(), pixels)
-        np.minimum.at(self._depth, pixels[hit], depth[hit])
+        if "N" in self._aovs:
+            self._add("N", points.arrays.first_normal.numpy(), pixels)
+        if "P" in self._aovs:
+            self._add("P", points.arrays.first_position.numpy(), pixels)
+        if "Z" in self._aovs:
+            np.minimum.at(self._depth, pixels[hit], depth[hit])
 
-    def add_caustic(self, points: VisiblePoints, pixels: np.ndarray, light: Irradiance) -> None:
-        """Adds what photons left at visible points."""
-        self._add("caustic", points.arrays.weight.numpy() * light.irradiance, pixels)
-        if not points.first:
-            return
-        self._add("irradiance", light.irradiance, pixels)
+    def add_caustic(self, pixels: np.ndarray, weights: np.ndarray, first: np.ndarray, light: Irradiance) -> None:
+        """Adds what photons left at visible points.
+
+        Args:
+            pixels: Pixel of each point, shape [n].
+            weights: Irradiance times this is radiance at the camera, shape [n, 3].
+            first: Whether each point lies on its sample's first path, shape [n].
+            light: Irradiance there.
+        """
+        self._add("caustic", weights * light.irradiance, pixels)
+        if "irradiance" in self._aovs:
+            self._add("irradiance", light.irradiance[first], pixels[first])
         if light.motion is not None:
-            self._add("motion", light.motion, pixels)
-            self._motion_weight += self._sum(light.weight, pixels)
-            self._add("photons", light.photons[:, None].astype(np.float64), pixels)
+            self._add("motion", light.motion[first], pixels[first])
+            self._motion_weight += self._sum(light.weight[first], pixels[first])
+            self._add("photons", light.photons[first, None].astype(np.float64), pixels[first])
 
-    def channels(self, aovs: tuple[str, ...]) -> dict[str, np.ndarray]:
+    def channels(self) -> dict[str, np.ndarray]:
         """Beauty and the asked AOVs, each [height, width] float32, rows from the top."""
         per_sample = 1.0 / self.samples
         area = self._norm.scale**2
@@ -64,7 +76,7 @@ class Film:
         beauty = direct + caustic
         out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": self._coverage * per_sample}
         hits, diffuse = np.maximum(self._coverage, 1.0), np.maximum(self._diffuse, 1.0)
-        for aov in aovs:
+        for aov in self._aovs:
             if aov in ("caustic", "direct", "irradiance"):
                 value = {"caustic": caustic, "direct": direct}.get(aov)
                 if value is None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 # The two-dimensional generalisation of the golden ratio sequence (M. Roberts, 2018).
@@ -33,21 +31,18 @@ def block_order(width: int, height: int) -> np.ndarray:
 
 
 def samples_at(
-    slice_index: int, times: int, order: np.ndarray, samples: int, seed: int, batch: int
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """(pixels, sample numbers) that look at time slice ``slice_index`` of ``times``, in batches of pixels in ``order``.
+    slice_index: int, times: int, pixels: np.ndarray, samples: int, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places in ``pixels`` and sample numbers that look at time slice ``slice_index`` of ``times``.
 
     Each pixel's samples are spread evenly over the slices, starting at a random one.
     """
+    if times == 1:
+        return np.repeat(np.arange(len(pixels)), samples), np.tile(np.arange(samples), len(pixels))
     stride = times // samples
-    for first in range(0, len(order), batch):
-        pixels = order[first : first + batch]
-        if times == 1:
-            yield np.repeat(pixels, samples), np.tile(np.arange(samples), len(pixels))
-            continue
-        offset = (_uniform(pixels, seed + 2) * stride).astype(np.int64)
-        chosen = pixels[offset == slice_index % stride]
-        yield chosen, np.full(len(chosen), slice_index // stride)
+    offset = (_uniform(pixels, seed + 2) * stride).astype(np.int64)
+    chosen = np.flatnonzero(offset == slice_index % stride)
+    return chosen, np.full(len(chosen), slice_index // stride)
 
 
 def _uniform(index: np.ndarray, seed: int) -> np.ndarray:

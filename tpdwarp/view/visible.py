@@ -21,7 +21,7 @@ from tpdwarp.scene.description import LightAtShutter, LightKind
 from tpdwarp.scene.geometry import Surfaces
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
-from tpdwarp.scene.surface import LIFT, closest_hit, diffuse_color, occluded
+from tpdwarp.scene.surface import LIFT, closest_hit, diffuse_color, occluded, shading_normal
 from tpdwarp.view.camera import Camera, camera_ray
 
 SMALLEST_THROUGHPUT = 4.0e-3
@@ -74,15 +74,19 @@ def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalizatio
 
 
 @wp.func
-def direct_irradiance(surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp.vec3, lift: wp.vec3) -> wp.vec3:
-    """Irradiance from lights that nothing hides; whatever is specular hides them too (its light comes as photons)."""
+def direct_irradiance(surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp.vec3, n_g: wp.vec3) -> wp.vec3:
+    """Irradiance from lights that nothing hides; whatever is specular hides them too (its light comes as photons).
+
+    The cosine is that of the shading normal ``n``; what the surface itself hides, ``n_g`` decides.
+    """
+    lift = LIFT * n_g
     total = wp.vec3(0.0, 0.0, 0.0)
     for k in range(lights.power.shape[0]):
         place = lights.place[k] + surfaces.time * lights.place_motion[k]
         if lights.distant[k] == 1:
             w = -wp.normalize(place)
             cosine = wp.dot(n, w)
-            if cosine > 0.0:
+            if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
                 if not occluded(surfaces, x, w, lift, FAR):
                     total += lights.power[k] * cosine
         else:
@@ -90,7 +94,7 @@ def direct_irradiance(surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp
             distance = wp.length(d)
             w = d / distance
             cosine = wp.dot(n, w)
-            if cosine > 0.0:
+            if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
                 if not occluded(surfaces, x, w, lift, distance):
                     total += lights.power[k] * (cosine / (distance * distance))
     return total
@@ -140,16 +144,18 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
             if hit.triangle < 0:
                 break
             beam = arrive(beam, hit, wp.static(moves))
-            n_g = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+            side = -wp.sign(wp.dot(hit.n_g, beam.w))
+            n_g = side * hit.n_g
+            n = side * shading_normal(surfaces, hit, False, wp.static(moves)).n
             if bounce == 0:
                 out.first_position[i] = beam.x
-                out.first_normal[i] = n_g
+                out.first_normal[i] = n
                 out.first_depth[i] = hit.distance * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
             if interaction == 0:
                 weight = wp.cw_mul(throughput, diffuse_color(surfaces, hit)) * INV_PI
-                irradiance = direct_irradiance(surfaces, lights, beam.x, n_g, LIFT * n_g)
+                irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g)
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]

@@ -1,0 +1,174 @@
+"""What a frame's camera samples see, sorted for the gather: queries that stand still together, moving ones by time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.estimators.base import Animation, Clock, LoadedScene
+from tpdwarp.footprints.gather import QueryArrays
+from tpdwarp.view.camera import Camera, camera_of
+from tpdwarp.view.film import Film
+from tpdwarp.view.sampling import block_order, film_positions, samples_at, time_count
+from tpdwarp.view.visible import LightArrays, VisiblePoints, light_arrays, visible_points
+
+# Samples that are looked at, and gathered, together.
+BATCH = 1 << 20
+KEPT_SAMPLES = 1 << 22
+
+
+@dataclass
+class Sight:
+    """Visible points on diffuse surfaces that are gathered together.
+
+    Attributes:
+        queries: Where they are.
+        pixels: Pixel of each, shape [n].
+        weights: Irradiance times this is radiance at the camera, shape [n, 3].
+        first: Whether each lies on its sample's first path, shape [n].
+        time: When in the shutter (−½ … ½) they stand there.
+        window: Middle and length of the part of the shutter they stand for.
+        moves: Whether they move.
+    """
+
+    queries: QueryArrays
+    pixels: np.ndarray
+    weights: np.ndarray
+    first: np.ndarray
+    time: float = 0.0
+    window: tuple[float, float] = (0.0, 1.0)
+    moves: bool = False
+
+
+@dataclass
+class _Rows:
+    """Visible points as host arrays, piled up batch by batch."""
+
+    columns: dict[str, list[np.ndarray]] = field(default_factory=dict)
+
+    def add(self, points: VisiblePoints, chosen: np.ndarray, pixels: np.ndarray, slots: np.ndarray) -> None:
+        values = {
+            "position": points.queries.position.numpy()[chosen],
+            "motion": points.queries.motion.numpy()[chosen],
+            "normal": points.queries.normal.numpy()[chosen],
+            "receiver": points.queries.receiver.numpy()[chosen],
+            "weights": points.arrays.weight.numpy()[chosen],
+            "pixels": pixels[chosen],
+            "slots": slots[chosen],
+            "first": np.full(len(chosen), points.first),
+        }
+        for name, rows in values.items():
+            self.columns.setdefault(name, []).append(rows)
+
+
+class View:
+    """The camera samples of one frame.
+
+    Args:
+        animation: Settings, device and units.
+        scenes: The scene over each segment of the shutter.
+        width, height: Pixels.
+        clock: Where the time goes.
+        keep: Whether sights are kept for the next time they are asked for (where there is room).
+    """
+
+    def __init__(
+        self, animation: Animation, scenes: list[LoadedScene], width: int, height: int, clock: Clock, keep: bool
+    ) -> None:
+        self._animation, self._scenes, self._size, self._clock = animation, scenes, (width, height), clock
+        settings = animation.settings
+        self._moves = any(s.requirements.view_motion for s in scenes)
+        self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
+        self._keep = keep and width * height * settings.samples <= KEPT_SAMPLES
+        self._kept: list[Sight] = []
+
+    def sights(self, film: Film | None) -> Iterator[Sight]:
+        """All visible points; what they show by direct light is added to ``film``."""
+        if self._kept:
+            yield from self._kept
+            return
+        for sight in self._look(film):
+            if self._keep:
+                self._kept.append(sight)
+            yield sight
+
+    def _look(self, film: Film | None) -> Iterator[Sight]:
+        width, height = self._size
+        order = block_order(width, height)
+        pixel_count = max(1, BATCH // self._animation.settings.samples)
+        for first in range(0, len(order), pixel_count):
+            yield from self._look_at(order[first : first + pixel_count], film)
+
+    def _look_at(self, pixels: np.ndarray, film: Film | None) -> Iterator[Sight]:
+        """Sights of some pixels, at all times of the shutter."""
+        samples = self._animation.settings.samples
+        still = _Rows()
+        for number in range(self._times):
+            where, window = self._time(number)
+            places, chosen = samples_at(number, self._times, pixels, samples, self._animation.settings.seed)
+            for points in self._visible(number, pixels[places], chosen):
+                seen = pixels[places][points.items]
+                slots = places[points.items] * samples + chosen[points.items]
+                with self._clock.stage("view"):
+                    if film is not None:
+                        film.add_view(points, seen)
+                    receiver = points.queries.receiver.numpy()
+                    moving = points.queries.motion.numpy().any(axis=1) & self._moves
+                    still.add(points, np.flatnonzero((receiver >= 0) & ~moving), seen, slots)
+                    racing = np.flatnonzero((receiver >= 0) & moving)
+                if len(racing):
+                    rows = _Rows()
+                    rows.add(points, racing, seen, slots)
+                    yield self._sight(rows, where, window, True)
+        if still.columns:
+            yield self._sight(still, 0.0, (0.0, 1.0), False)
+
+    def _time(self, number: int) -> tuple[float, tuple[float, float]]:
+        """When in the shutter a slice looks, and middle and length of the part that its samples stand for."""
+        samples = self._animation.settings.samples if self._times > 1 else 1
+        stratum = number * samples // self._times
+        return (number + 0.5) / self._times - 0.5, ((stratum + 0.5) / samples - 0.5, 1.0 / samples)
+
+    def _visible(self, number: int, pixels: np.ndarray, samples: np.ndarray) -> Iterator[VisiblePoints]:
+        settings, launcher = self._animation.settings, self._animation.launcher
+        count = len(self._scenes)
+        where = (number + 0.5) / self._times * count
+        segment = min(int(where), count - 1)
+        loaded = self._scenes[segment]
+        with self._clock.stage("view"):
+            camera, lights = self._equipment(loaded)
+            surfaces = loaded.geometry.at(where - segment - 0.5, launcher)
+            films = film_positions(pixels, samples, self._size[0], settings.samples, settings.seed)
+        passes = visible_points(
+            surfaces, lights, camera, films, loaded.requirements, launcher, moves=self._moves, segments=count
+        )
+        while True:
+            with self._clock.stage("view"):
+                points = next(passes, None)
+            if points is None:
+                return
+            yield points
+
+    def _equipment(self, loaded: LoadedScene) -> tuple[Camera, LightArrays]:
+        norm = self._animation.normalization
+        return (
+            camera_of(loaded.scene.camera, *self._size, norm),
+            light_arrays(loaded.scene.lights, norm, self._animation.launcher),
+        )
+
+    def _sight(self, rows: _Rows, time: float, window: tuple[float, float], moves: bool) -> Sight:
+        with self._clock.stage("view"):
+            columns = {name: np.concatenate(parts) for name, parts in rows.columns.items()}
+            if not moves and self._times > 1:
+                # What lies together in the image is gathered together, whenever it was seen.
+                by_place = np.argsort(columns["slots"], kind="stable")
+                columns = {name: values[by_place] for name, values in columns.items()}
+            launcher = self._animation.launcher
+            queries = QueryArrays()
+            for name in ("position", "motion", "normal"):
+                setattr(queries, name, launcher.array(columns[name], wp.vec3))
+            queries.receiver = launcher.array(columns["receiver"], wp.int32)
+        return Sight(queries, columns["pixels"], columns["weights"], columns["first"], time, window, moves)
