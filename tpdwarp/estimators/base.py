@@ -14,9 +14,10 @@ from tpdwarp.launch import Launcher
 from tpdwarp.photons.emission import EmissionPlan, plan_emission
 from tpdwarp.photons.record import EnergyAccount
 from tpdwarp.photons.tracing import PhotonMap
-from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter
+from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter, reference_scenes
 from tpdwarp.scene.geometry import Geometry, geometry_of
 from tpdwarp.scene.normalization import Normalization
+from tpdwarp.scene.opening import scene_at_opening
 from tpdwarp.scene.requirements import Requirements, requirements_of
 from tpdwarp.settings import Settings
 
@@ -61,13 +62,22 @@ class Animation:
     def __init__(self, source: SceneSource, settings: Settings) -> None:
         self.source, self.settings = source, settings
         self.launcher = Launcher(settings.device, settings.threads)
-        self.normalization = Normalization.of(source.at(source.reference_shutters()[0]))
+        self.normalization = Normalization.of(reference_scenes(source)[0])
         self._plans: dict[int, EmissionPlan] = {}
 
     def load(self, shutter: Shutter, clock: Clock) -> LoadedScene:
         """The scene over ``shutter``, on the device."""
         with clock.stage("read"):
             scene = self.source.at(shutter)
+        return self._built(scene, clock)
+
+    def load_opening(self, shutter: Shutter, clock: Clock) -> LoadedScene:
+        """The scene as it stands when ``shutter`` opens, with its forward difference; without a camera."""
+        with clock.stage("read"):
+            scene = scene_at_opening(self.source, shutter)
+        return self._built(scene, clock)
+
+    def _built(self, scene: SceneAtShutter, clock: Clock) -> LoadedScene:
         with clock.stage("build"):
             needs = requirements_of(scene)
             with_motions = needs.photon_motion or needs.view_motion

@@ -16,7 +16,15 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
-from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter, SceneSource
+from tpdwarp.scene.description import (
+    Interaction,
+    LightAtShutter,
+    LightKind,
+    MeshAtShutter,
+    SceneAtShutter,
+    SceneSource,
+    reference_scenes,
+)
 from tpdwarp.scene.normalization import Normalization
 
 FINEST_ANGLE = 0.1
@@ -203,7 +211,7 @@ class EmissionPlan:
 
 def plan_emission(source: SceneSource, photons: int, normalization: Normalization) -> EmissionPlan:
     """Lays out the lattices for ``photons`` photons a frame, shared between lights by the power they send."""
-    stills = [source.at(shutter) for shutter in source.reference_shutters()]
+    stills = reference_scenes(source)
     corners = [specular_corners(scene, normalization) for scene in stills]
     paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
     candidates = []

@@ -15,6 +15,8 @@ from typing import Protocol
 
 import numpy as np
 
+from tpdwarp.errors import InputError
+
 
 @dataclass(frozen=True)
 class Shutter:
@@ -205,3 +207,21 @@ class SceneSource(Protocol):
         Emission lattices are laid out over these, so that photons keep their identity from frame to frame.
         """
         ...
+
+
+def reference_scenes(source: SceneSource) -> list[SceneAtShutter]:
+    """The scenes over the reference shutters of ``source``, but for those that cannot be used.
+
+    Raises:
+        InputError: None of them can be.
+    """
+    scenes: list[SceneAtShutter] = []
+    refused: InputError | None = None
+    for shutter in source.reference_shutters():
+        try:
+            scenes.append(source.at(shutter))
+        except InputError as error:
+            refused = refused or error
+    if refused and not scenes:
+        raise refused
+    return scenes
