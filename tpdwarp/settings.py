@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from tpdwarp.errors import InputError
+from tpdwarp.presets import PRESETS
 
 CHOICES: dict[str, tuple[str, ...]] = {
     "motion": ("linear", "cubic"),
@@ -15,6 +16,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "footprint": ("shutter", "swept"),
     "emission": ("lattice", "jittered"),
     "anchor": ("surface", "light"),
+    "trace_at": ("middle", "open"),
     "time_filter": ("none", "uniform", "cone", "epanechnikov", "quartic", "gaussian"),
 }
 PURPOSES = ("default", "render", "proxy", "guide")
@@ -32,13 +34,14 @@ class Settings:
         exposure: Exposure in frames, opening at the frame; None takes the camera's ``shutter:open/close``.
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
-        estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``tdpm`` (the nearest photons
-            of the shutter), ``accumulation`` (brute force), ``distribution`` (random times).
+        estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``tdpm`` (nearest photons),
+            ``accumulation`` (brute force), ``distribution`` (random times).
         kernel: Filter kernel of a footprint.
         footprint: ``shutter`` (true time average) or ``swept`` (Eq. 7 of the paper).
         emission: ``lattice`` or ``jittered``.
         anchor: What a photon rides on over the shutter: the ``surface`` it first hit, or its emission point
             (``light``).
+        trace_at: When in the shutter ``tpd`` traces: ``middle``, or ``open`` (forward differences, as in the paper).
         smoothing: Footprint size in lattice cells.
         time_filter: Shutter response of Eq. 9, or ``none``; needs ``footprint="swept"``.
         seed: Seed of all random choices.
@@ -67,6 +70,7 @@ class Settings:
     footprint: str = "shutter"
     emission: str = "lattice"
     anchor: str = "surface"
+    trace_at: str = "middle"
     smoothing: float = 1.0
     time_filter: str = "none"
     seed: int = 0
@@ -124,8 +128,8 @@ class Settings:
                 refuse(name, f"knows no {unknown[0]!r}; there are {', '.join(known)}")
 
     @classmethod
-    def of(cls, settings: Settings | None = None, **changes: Any) -> Settings:
-        """``settings`` (or the defaults) with ``changes``; unknown names are refused.
+    def of(cls, settings: Settings | None = None, preset: str | None = None, **changes: Any) -> Settings:
+        """``settings`` (or the defaults) with those of a preset, then with ``changes``; unknown names are refused.
 
         Raises:
             InputError: A name or a value is not usable.
@@ -134,7 +138,9 @@ class Settings:
         for name in changes:
             if name not in known:
                 raise InputError(f"unknown setting {name!r}; there are {', '.join(sorted(known))}")
-        return replace(settings or cls(), **changes)
+        if preset is not None and preset not in PRESETS:
+            raise InputError(f"--preset must be one of {', '.join(PRESETS)}, not {preset!r}")
+        return replace(settings or cls(), **{**PRESETS.get(preset, {}), **changes})
 
     def as_dict(self) -> dict[str, Any]:
         """The settings as plain JSON values."""

@@ -20,8 +20,8 @@ def traced(source=None, shutter: Shutter = OPEN, **changes) -> Traced:
     return trace_frame(source or wave_source(Wave()), shutter, Settings.of(SETTINGS, **changes))
 
 
-def rendered(source=None, shutter: Shutter = OPEN, **changes) -> Frame:
-    return render_frame(source or wave_source(Wave()), shutter, Settings.of(SETTINGS, **changes), COLUMNS, ROWS)
+def rendered(source=None, shutter: Shutter = OPEN, columns: int = COLUMNS, **changes) -> Frame:
+    return render_frame(source or wave_source(Wave()), shutter, Settings.of(SETTINGS, **changes), columns, ROWS)
 
 
 def irradiance(frame: Frame) -> np.ndarray:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any
 
+from tpdwarp.presets import PRESETS
 from tpdwarp.progress import KINDS
 from tpdwarp.settings import AOVS, CHOICES, Settings
 
@@ -70,6 +71,7 @@ METHOD = (
     SettingOption("footprint", ("--footprint",)),
     SettingOption("emission", ("--emission",)),
     SettingOption("anchor", ("--anchor",)),
+    SettingOption("trace_at", ("--trace-at",)),
     SettingOption("smoothing", ("--smoothing",), float, "CELLS"),
     SettingOption("time_filter", ("--time-filter",)),
     SettingOption("seed", ("--seed",), int, "N"),
@@ -99,7 +101,8 @@ def declare_settings(group: argparse._ActionsContainer, options: Iterable[Settin
 
 def settings_given(options: argparse.Namespace) -> dict[str, Any]:
     """The settings that a command line changes, for ``**settings``."""
-    given = {field.name: getattr(options, field.name) for field in fields(Settings) if hasattr(options, field.name)}
+    names_of = (*(field.name for field in fields(Settings)), "preset")
+    given = {name: getattr(options, name) for name in names_of if hasattr(options, name)}
     return {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
 
 
@@ -132,6 +135,12 @@ def declare_tracing(parser: argparse.ArgumentParser, picture: Iterable[SettingOp
     declare_settings(parser.add_argument_group("stage and image"), picture)
     light = parser.add_argument_group("time and light")
     declare_settings(light.add_mutually_exclusive_group(), EXPOSURE)
+    light.add_argument(
+        "--preset",
+        metavar="|".join(PRESETS),
+        default=argparse.SUPPRESS,
+        help="Settings from fast to exact, or the paper's; options given beside it beat it.",
+    )
     declare_settings(light, METHOD)
     declare_settings(parser.add_argument_group("machine"), MACHINE)
 

@@ -14,7 +14,7 @@ from tpdwarp.scene.description import Shutter
 
 
 class Temporal:
-    """The paper's estimator, at mid shutter, with the photons shared between the segments."""
+    """The paper's estimator, at mid shutter or as it opens, with the photons shared between the segments."""
 
     def parts(
         self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
@@ -23,7 +23,9 @@ class Temporal:
         plan = animation.plan(max(1, settings.photons // count), clock)
         maps: list[PhotonMap] = []
         energy = EnergyAccount()
-        for number, loaded in enumerate(scenes):
+        for number, seen in enumerate(scenes):
+            opening = settings.trace_at == "open" and seen.requirements.photon_motion
+            loaded = animation.load_opening(seen.scene.shutter, clock) if opening else seen
             with clock.stage("trace"):
                 photons, account = trace_photons(
                     loaded.scene,
@@ -36,6 +38,9 @@ class Temporal:
                     seed=settings.seed + number,
                     weight=1.0 / count,
                 )
+            if opening:
+                # Footprints stand at mid shutter and sweep to both sides: the same way, told from its middle.
+                photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)
             maps.append(replace(photons, time=(number + 0.5) / count - 0.5, duration=1.0 / count))
             energy.add(account)
         yield shaped(maps, energy, plan, any(s.requirements.photon_motion for s in scenes), animation, pixel, clock)
