@@ -4,6 +4,7 @@
 
     result = tpdwarp.render("wave.usdc", "out/wave.####.exr", frames="1:24", exposure=1.0)
     photons = tpdwarp.trace_photons("wave.usdc", 12)
+    differences = tpdwarp.check("out", "baseline", report="report.html")
     holdings = tpdwarp.info("wave.usdc")
 
 Names load what they need when they are first used, so that importing the package costs next to nothing.
@@ -15,6 +16,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tpdwarp.checks.findings import CheckResult
+    from tpdwarp.checks.run import check
     from tpdwarp.errors import FrameError, InputError
     from tpdwarp.outcomes import FrameOutcome, SequenceResult
     from tpdwarp.overview import info
@@ -24,11 +27,13 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "CheckResult",
     "FrameError",
     "FrameOutcome",
     "InputError",
     "SequenceResult",
     "Settings",
+    "check",
     "info",
     "render",
     "trace_photons",
@@ -36,11 +41,13 @@ __all__ = [
 ]
 
 _HOMES = {
+    "CheckResult": "tpdwarp.checks.findings",
     "FrameError": "tpdwarp.errors",
     "FrameOutcome": "tpdwarp.outcomes",
     "InputError": "tpdwarp.errors",
     "SequenceResult": "tpdwarp.outcomes",
     "Settings": "tpdwarp.settings",
+    "check": "tpdwarp.checks.run",
     "info": "tpdwarp.overview",
     "render": "tpdwarp.sequence",
     "trace_photons": "tpdwarp.sequence",

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import numbers
 import os
+import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -223,14 +225,31 @@ def exact_rate(frames_per_second: float) -> Fraction:
     return Fraction(frames_per_second).limit_denominator(1001)
 
 
-def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """All channels, as float32, shape [h, w], and all attributes of an image.
+@dataclass(frozen=True, eq=False)
+class StoredImage:
+    """An image as its file holds it.
+
+    Attributes:
+        names: Channel names, in the file's order.
+        depths: Pixel type of each channel (``half``, ``float``, ``uint8``, …).
+        pixels: Values as float32, top row first, shape [h, w, channels].
+        metadata: Attributes, by the names and types that :func:`write_frame` takes.
+    """
+
+    names: tuple[str, ...]
+    depths: tuple[str, ...]
+    pixels: np.ndarray
+    metadata: dict[str, Any]
+
+
+def read_stored(path: str | os.PathLike[str]) -> StoredImage:
+    """Reads all of an image: channels with their types, and attributes.
 
     Values are what the file holds (PNG, JPEG and TIFF: encoded, in 0 … 1, colours not multiplied by alpha). Attributes
     of EXR have the names and types that :func:`write_frame` takes, matrices as [4, 4] arrays.
 
     Raises:
-        InputError: The file is missing or is no image.
+        InputError: The file is missing, damaged or no image.
     """
     as_stored = oiio.ImageSpec()
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
@@ -247,7 +266,19 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dic
         file_names.get(entry.name, entry.name): attribute_value(entry.name, entry.type, entry.value)
         for entry in spec.extra_attribs
     }
-    return {name: np.ascontiguousarray(pixels[..., k]) for k, name in enumerate(spec.channelnames)}, metadata
+    depths = tuple(str(spec.channelformat(index)) for index in range(spec.nchannels))
+    return StoredImage(tuple(spec.channelnames), depths, pixels, metadata)
+
+
+def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """All channels, as float32, shape [h, w], and all attributes of an image; see :func:`read_stored`.
+
+    Raises:
+        InputError: The file is missing, damaged or no image.
+    """
+    stored = read_stored(path)
+    planes = {name: np.ascontiguousarray(stored.pixels[..., index]) for index, name in enumerate(stored.names)}
+    return planes, stored.metadata
 
 
 def attribute_value(name: str, kind: oiio.TypeDesc, value: Any) -> Any:
@@ -259,3 +290,104 @@ def attribute_value(name: str, kind: oiio.TypeDesc, value: Any) -> Any:
     if name == "smpte:TimeCode":
         return ":".join(f"{value[0] >> shift & 0xFF:02x}" for shift in (24, 16, 8, 0))
     return value
+
+
+@dataclass(frozen=True)
+class PixelComparison:
+    """How far two images are apart, pixel by pixel.
+
+    Attributes:
+        rms: Root of the mean squared difference, over pixels and channels.
+        maximum: Largest difference.
+        place: Column and row of it, from the top left.
+        channel: Index of the channel it is in.
+        failed, warned: Pixels beyond the limits.
+    """
+
+    rms: float
+    maximum: float
+    place: tuple[int, int]
+    channel: int
+    failed: int
+    warned: int
+
+
+def compare_pixels(
+    image: np.ndarray,
+    baseline: np.ndarray,
+    fail: tuple[float, float] = (0.0, 0.0),
+    warn: tuple[float, float] = (0.0, 0.0),
+) -> PixelComparison:
+    """Compares two images of finite pixels, shape [h, w, channels] each.
+
+    Args:
+        image, baseline: The images.
+        fail, warn: Limits, absolute and relative to the mean of the two values. A pixel is beyond one where a channel
+            exceeds both.
+    """
+    found = oiio.ImageBufAlgo.compare(
+        oiio.ImageBuf(np.ascontiguousarray(image, dtype=np.float32)),
+        oiio.ImageBuf(np.ascontiguousarray(baseline, dtype=np.float32)),
+        fail[0],
+        warn[0],
+        failrelative=fail[1],
+        warnrelative=warn[1],
+        nthreads=1,
+    )
+    place = (found.maxx, found.maxy)
+    return PixelComparison(found.rms_error, found.maxerror, place, found.maxc, found.nfail, found.nwarn)
+
+
+def flip_difference(
+    image: np.ndarray, baseline: np.ndarray, maximum_luminance: float, median_luminance: float
+) -> np.ndarray:
+    """HDR-ꟻLIP: how strongly an eye flipping between two images sees a difference, 0 … 1, shape [h, w].
+
+    Args:
+        image, baseline: Linear Rec.709, shape [h, w, 3].
+        maximum_luminance, median_luminance: What the exposures are laid out over. They are given, and not measured
+            from the baseline, so that the same difference has the same value in every frame.
+
+    Raises:
+        FrameError: The images cannot be compared.
+    """
+    found = oiio.ImageBufAlgo.FLIP_diff(
+        oiio.ImageBuf(np.ascontiguousarray(baseline, dtype=np.float32)),
+        oiio.ImageBuf(np.ascontiguousarray(image, dtype=np.float32)),
+        hdr=1,
+        maxluminance=maximum_luminance,
+        medianluminance=median_luminance,
+        nthreads=1,
+    )
+    if found.has_error:
+        raise FrameError(f"FLIP failed: {found.geterror()}")
+    return np.asarray(found.get_pixels("float"))[..., 0]
+
+
+def decode_srgb(pixels: np.ndarray) -> np.ndarray:
+    """sRGB as linear Rec.709, shape [h, w, 3]."""
+    image = oiio.ImageBuf(np.ascontiguousarray(pixels, dtype=np.float32))
+    image = oiio.ImageBufAlgo.colorconvert(image, "sRGB", "lin_rec709", unpremult=False, colorconfig=COLOR_CONFIG)
+    if image.has_error:
+        raise FrameError(f"sRGB decoding failed: {image.geterror()}")
+    return np.asarray(image.get_pixels("float"))
+
+
+def encoded_picture(pixels: np.ndarray, extension: str, quality: int = 85) -> bytes:
+    """A small picture as the bytes of a ``.png`` or ``.jpg`` file, for pages that carry their pictures with them.
+
+    Args:
+        pixels: Values as they are stored, uint8, shape [h, w] or [h, w, 3].
+        extension: ``.png`` or ``.jpg``.
+        quality: Of JPEG, in percent.
+
+    Raises:
+        FrameError: It cannot be encoded.
+    """
+    planes = pixels if pixels.ndim == 3 else pixels[..., None]
+    spec = oiio.ImageSpec(planes.shape[1], planes.shape[0], planes.shape[2], "uint8")
+    spec.attribute("compression", f"jpeg:{quality}" if extension == ".jpg" else "zip:9")
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, f"picture{extension}")
+        write_pixels(path, path, spec, np.ascontiguousarray(planes))
+        return Path(path).read_bytes()

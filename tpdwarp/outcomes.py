@@ -14,7 +14,8 @@ class FrameOutcome:
 
     Attributes:
         frame: Time code; NaN for the default time.
-        status: ``written``, ``traced`` (photons only), ``skipped`` (the file was there) or ``failed``.
+        status: ``written``, ``traced`` (photons only), ``compared`` (by a check), ``skipped`` (the file was there) or
+            ``failed``.
         path: The frame's file, or empty.
         reason: Why it failed, in one line.
         photons: Photons landed.
@@ -24,7 +25,7 @@ class FrameOutcome:
     """
 
     frame: float
-    status: Literal["written", "traced", "skipped", "failed"]
+    status: Literal["written", "traced", "skipped", "compared", "failed"]
     path: str = ""
     reason: str = ""
     photons: int = 0

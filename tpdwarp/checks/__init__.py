@@ -1,0 +1,1 @@
+"""Comparing frames, sequences and debug layers with a baseline, and saying what differs."""

@@ -1,0 +1,163 @@
+"""A whole check: two places in, a result out."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+from tpdwarp.checks.findings import CheckResult, FrameComparison
+from tpdwarp.checks.flicker import Reduced, with_flicker
+from tpdwarp.checks.frames import ComparedFrame, compare_surely
+from tpdwarp.checks.json_file import write_json
+from tpdwarp.checks.junit import write_junit
+from tpdwarp.checks.limits import LIMITS_FILE, Limits, read_limits
+from tpdwarp.checks.photons import compare_layers, layer_pairs
+from tpdwarp.checks.sequences import Pair, image_pairs
+from tpdwarp.errors import InputError
+from tpdwarp.files import check_writable
+from tpdwarp.outcomes import FrameOutcome
+from tpdwarp.progress import Progress, progress_of
+
+FilePath = str | os.PathLike[str]
+
+REPORT_WIDTH = 480
+
+
+def check(
+    frames: FilePath,
+    baseline: FilePath,
+    *,
+    limits: FilePath | Limits | None = None,
+    report: FilePath | None = None,
+    junit: FilePath | None = None,
+    json: FilePath | None = None,
+    threads: int = 0,
+    progress: str | Progress | None = None,
+    new: bool = False,
+) -> CheckResult:
+    """Compares frames (and debug layers) with their baseline.
+
+    Args:
+        frames: A folder, an image, a debug layer, or a name with ``####`` where the frame number goes.
+        baseline: The same.
+        limits: What is allowed; a TOML file takes its values, None the file ``tpdwarp-check.toml`` beside the baseline,
+            or the defaults where there is none.
+        report: Also write an HTML report here.
+        junit: Also write JUnit XML here.
+        json: Also write JSON here.
+        threads: Frames compared at the same time; 0 for as many as there are cores. Each holds one frame in memory.
+        progress: As for :func:`tpdwarp.render`.
+        new: Whether the baseline may be a folder that does not exist yet, or is empty. Every frame is extra then.
+
+    Raises:
+        InputError: The two cannot be compared: a place does not exist or holds nothing, or the limits are unusable.
+            Single frames that cannot be read are failures in the result.
+        FrameError: A report cannot be written.
+    """
+    started = time.perf_counter()
+    for output in (report, junit, json):
+        if output is not None:
+            check_writable(output)
+    allowed, limits_file = _limits(limits, baseline)
+    pairs, layers = _paired(os.fspath(frames), os.fspath(baseline), new=new)
+    shown = progress_of(progress)
+    shown.start(len(pairs) + len(layers))
+    compared: list[FrameComparison] = []
+    try:
+        for comparison in _compared(pairs, allowed, threads or os.cpu_count() or 1, REPORT_WIDTH if report else 0):
+            compared.append(comparison)
+            shown.end(_outcome(comparison))
+        for mine, theirs in layers:
+            of_layer = list(compare_layers(mine, theirs, allowed))
+            compared += of_layer
+            failed = next((entry for entry in of_layer if entry.status == "failed"), None)
+            shown.end(_outcome(failed or FrameComparison("photons", None, mine)))
+    finally:
+        shown.finish()
+    result = CheckResult(
+        os.fspath(frames),
+        os.fspath(baseline),
+        tuple(compared),
+        allowed,
+        limits_file,
+        time.perf_counter() - started,
+        "" if report is None else os.fspath(report),
+    )
+    if junit is not None:
+        write_junit(junit, result)
+    if json is not None:
+        write_json(json, result)
+    return result
+
+
+def limits_beside(baseline: FilePath) -> Path:
+    """The limits file that belongs to a baseline."""
+    path = Path(baseline)
+    return (path if path.is_dir() or not path.suffix else path.parent) / LIMITS_FILE
+
+
+def _limits(limits: FilePath | Limits | None, baseline: FilePath) -> tuple[Limits, str]:
+    if isinstance(limits, Limits):
+        return limits, ""
+    if limits is not None:
+        return read_limits(limits), os.fspath(limits)
+    beside = limits_beside(baseline)
+    return (read_limits(beside), str(beside)) if beside.is_file() else (Limits(), "")
+
+
+def _paired(frames: str, baseline: str, new: bool) -> tuple[list[Pair], list[tuple[str, str]]]:
+    if new and not Path(baseline).exists() and "#" not in Path(baseline).name:
+        alone = image_pairs(frames, frames)
+        return [replace(pair, baselines=()) for pair in alone], [(mine, "") for mine, _ in layer_pairs(frames, frames)]
+    pairs, layers = image_pairs(frames, baseline), layer_pairs(frames, baseline)
+    if not (Path(frames).is_dir() and Path(baseline).is_dir()):
+        layers = [pair for pair in layers if all(pair)]
+    for place, held in (
+        (frames, [pair.files for pair in pairs if pair.files] + [pair[0] for pair in layers if pair[0]]),
+        (baseline, [pair.baselines for pair in pairs if pair.baselines] + [pair[1] for pair in layers if pair[1]]),
+    ):
+        if not held and not (new and place == baseline):
+            raise InputError("holds no frames and no debug layers to compare", file=place)
+    return pairs, layers
+
+
+def _compared(pairs: Sequence[Pair], limits: Limits, threads: int, picture_width: int) -> Iterator[FrameComparison]:
+    """Comparisons in order; no more frames are in memory than there are threads, and one reduced frame."""
+    waiting: deque[tuple[Pair, Future[ComparedFrame]]] = deque()
+    before: Reduced = {}
+    left = iter(pairs)
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            while True:
+                while len(waiting) <= threads and (pair := next(left, None)) is not None:
+                    waiting.append((pair, pool.submit(compare_surely, pair, limits, picture_width)))
+                if not waiting:
+                    return
+                pair, future = waiting.popleft()
+                done = future.result()
+                numbered = pair.frame is not None and math.isfinite(pair.frame)
+                comparison = done.comparison
+                if numbered and before:
+                    comparison = with_flicker(comparison, done.reduced, before, limits)
+                before = done.reduced if numbered else {}
+                yield comparison
+        finally:
+            for _, future in waiting:
+                future.cancel()
+
+
+def _outcome(comparison: FrameComparison) -> FrameOutcome:
+    failed = comparison.status == "failed"
+    return FrameOutcome(
+        math.nan if comparison.frame is None else comparison.frame,
+        "failed" if failed else "compared",
+        comparison.path,
+        str(comparison.failures[0]) if failed else "",
+        total_seconds=comparison.seconds,
+    )

@@ -1,0 +1,84 @@
+"""``tpdwarp check``: compares frames with their baseline."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+
+from tpdwarp.cli.outcome import DONE, FAILED
+from tpdwarp.cli.report import warnings_shown
+from tpdwarp.progress import KINDS, Progress, progress_of
+
+SUMMARY = "compare frames and debug layers with a baseline"
+EPILOG = (
+    "FRAMES and BASELINE are folders, images, or names with #### where the frame number goes. What may differ is said\n"
+    "by tpdwarp-check.toml beside the baseline.\n"
+    "Exit code: 0 the same within limits, 1 different, 2 could not compare, 130 interrupted."
+)
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the sub-command's arguments."""
+    parser.usage = "tpdwarp check FRAMES BASELINE [options]"
+    parser.add_argument("frames", metavar="FRAMES", help="What is to be checked.")
+    parser.add_argument("baseline", metavar="BASELINE", help="What it should look like.")
+    parser.add_argument("--limits", metavar="FILE.toml", help="Limits. [tpdwarp-check.toml beside BASELINE]")
+    says = parser.add_argument_group("what it says")
+    says.add_argument("--junit", metavar="FILE.xml", help="Also write JUnit XML, for GitLab, Jenkins and GitHub.")
+    says.add_argument("--json", metavar="FILE.json", help="Also write everything measured as JSON.")
+    says.add_argument("-v", "--verbose", action="store_true", help="A line for every frame and every finding.")
+    says.add_argument(
+        "--color", choices=("auto", "always", "never"), default="auto", help="Colours of the table. [auto]"
+    )
+    says.add_argument("--progress", metavar="|".join(KINDS), default="auto", help="How progress is shown. [auto]")
+    update = parser.add_argument_group("updating")
+    update.add_argument(
+        "--update", action="store_true", help="Show what differs, then make FRAMES the baseline, in one step. Exits 0."
+    )
+    update.add_argument("--reason", metavar="TEXT", default="", help="Why, for the record; --update needs it.")
+    machine = parser.add_argument_group("machine")
+    machine.add_argument(
+        "--threads", type=int, default=0, metavar="N", help="Frames compared at the same time. [0: all cores]"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compares; returns the exit code."""
+    # A line a frame would drown the table; without a terminal it says all there is to say.
+    kind = "none" if options.progress == "auto" and not sys.stderr.isatty() else options.progress
+    shown = progress_of(kind)
+    with warnings_shown(shown):
+        return _check(options, shown)
+
+
+def _check(options: argparse.Namespace, shown: Progress) -> int:
+    # Here and not above, so that --help need not wait for image libraries to load.
+    from tpdwarp.checks.run import check
+    from tpdwarp.checks.table import table_lines
+    from tpdwarp.checks.update import check_reason, update_baseline
+
+    if options.update:
+        check_reason(options.reason)
+    result = check(
+        options.frames,
+        options.baseline,
+        limits=options.limits,
+        junit=options.junit,
+        json=options.json,
+        threads=options.threads,
+        progress=shown,
+        new=options.update,
+    )
+    print("\n".join(table_lines(result, _wants_color(options.color), options.verbose)), flush=True)
+    if options.update:
+        updated = update_baseline(result, options.reason)
+        print(f"{options.baseline} {'replaced' if updated else 'needs no update'}", flush=True)
+        return DONE
+    return DONE if result.ok else FAILED
+
+
+def _wants_color(choice: str) -> bool:
+    # https://no-color.org
+    automatic = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+    return choice == "always" or (choice == "auto" and automatic)
