@@ -288,9 +288,12 @@ def test_a_frame_says_how_it_was_made(stage, tmp_path):
     assert metadata["tpdwarp:version"] == tpdwarp.__version__ and metadata["tpdwarp:renderSeconds"] > 0
     # The camera looks down from z = 10: the world's origin lies 10 units in front of it, in the image's middle.
     origin = np.array([0.0, 0.0, 0.0, 1.0])
-    np.testing.assert_allclose(origin @ metadata["worldToCamera"], [0, 0, -10, 1], atol=1e-6)
+    np.testing.assert_allclose(origin @ metadata["worldToCamera"], [0, 0, 10, 1], atol=1e-6)
     projected = origin @ metadata["worldToNDC"]
-    np.testing.assert_allclose(projected[:2] / projected[3], 0.0, atol=1e-6)
+    np.testing.assert_allclose(projected[:2] / projected[3], 0.5, atol=1e-6)
+    # OpenEXR's NDC: the upper left is (0, 0), so what lies higher in the image has the smaller y.
+    above = np.array([0.0, 0.5, 0.0, 1.0]) @ metadata["worldToNDC"]
+    assert above[1] / above[3] < 0.5
 
 
 def test_the_same_render_twice_has_the_same_pixels(stage, tmp_path):

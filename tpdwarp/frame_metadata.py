@@ -6,6 +6,8 @@ import json
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 import tpdwarp
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
@@ -20,8 +22,8 @@ def frame_metadata(
 ) -> dict[str, Any]:
     """Image attributes of one frame, by their EXR names.
 
-    Camera matrices are at mid shutter and multiply row vectors; ``tpdwarp:shutterOpen`` and ``tpdwarp:shutterClose``
-    are time codes, ``expTime`` is in seconds, fluxes are in watts summed over the channels. At the default time, which
+    Camera matrices are at mid shutter, multiply row vectors and follow the definitions of OpenEXR's attributes;
+    ``tpdwarp:shutterOpen`` and ``tpdwarp:shutterClose`` are time codes, ``expTime`` is in seconds, fluxes are in watts summed over the channels. At the default time, which
     is no number, whatever depends on it is left out.
 
     Args:
@@ -59,5 +61,11 @@ def frame_metadata(
 
 
 def _camera_attributes(camera: CameraAtShutter) -> dict[str, Any]:
-    matrices = {"worldToCamera": camera.world_to_camera, "worldToNDC": camera.world_to_ndc}
-    return {"tpdwarp:camera": camera.path} | {name: value for name, value in matrices.items() if value is not None}
+    """The camera's matrices as OpenEXR defines these attributes: looks along +z, NDC (0, 0) is upper left."""
+    attributes: dict[str, Any] = {"tpdwarp:camera": camera.path}
+    if camera.world_to_camera is not None:
+        attributes["worldToCamera"] = camera.world_to_camera @ np.diag([1.0, 1.0, -1.0, 1.0])
+    if camera.world_to_ndc is not None:
+        to_image = np.array([[0.5, 0, 0, 0], [0, -0.5, 0, 0], [0, 0, 1, 0], [0.5, 0.5, 0, 1]])
+        attributes["worldToNDC"] = camera.world_to_ndc @ to_image
+    return attributes
