@@ -387,6 +387,7 @@ def encoded_picture(pixels: np.ndarray, extension: str, quality: int = 85) -> by
     planes = pixels if pixels.ndim == 3 else pixels[..., None]
     spec = oiio.ImageSpec(planes.shape[1], planes.shape[0], planes.shape[2], "uint8")
     spec.attribute("compression", f"jpeg:{quality}" if extension == ".jpg" else "zip:9")
+    spec.attribute("jpeg:subsampling", "4:4:4")
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, f"picture{extension}")
         write_pixels(path, path, spec, np.ascontiguousarray(planes))

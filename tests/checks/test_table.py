@@ -45,10 +45,12 @@ def test_colour_is_only_for_those_who_want_it(places):
 def test_the_command_exits_0_1_or_2(places, tmp_path, capsys):
     frames, baseline = map(str, places)
     assert main(["check", baseline, baseline]) == 0
-    assert main(["check", frames, baseline, "--junit", f"{tmp_path}/j.xml", "--json", f"{tmp_path}/j.json"]) == 1
+    written = {kind: tmp_path / f"out.{kind}" for kind in ("junit", "json", "report")}
+    outputs = [part for kind, path in written.items() for part in (f"--{kind}", str(path))]
+    assert main(["check", frames, baseline, *outputs]) == 1
     stdout, stderr = capsys.readouterr()
     assert "1 failed" in stdout and "\x1b" not in stdout and stderr == ""
-    assert (tmp_path / "j.xml").exists() and (tmp_path / "j.json").exists()
+    assert all(path.exists() for path in written.values())
     assert main(["check", frames, f"{tmp_path}/none"]) == 2
     assert capsys.readouterr().err.startswith(f"error: {tmp_path}/none: does not exist")
     assert main(["check", frames, baseline, "--update"]) == 2

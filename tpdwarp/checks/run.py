@@ -18,6 +18,7 @@ from tpdwarp.checks.json_file import write_json
 from tpdwarp.checks.junit import write_junit
 from tpdwarp.checks.limits import LIMITS_FILE, Limits, read_limits
 from tpdwarp.checks.photons import compare_layers, layer_pairs
+from tpdwarp.checks.report import write_report
 from tpdwarp.checks.sequences import Pair, image_pairs
 from tpdwarp.errors import InputError
 from tpdwarp.files import check_writable
@@ -89,6 +90,8 @@ def check(
         time.perf_counter() - started,
         "" if report is None else os.fspath(report),
     )
+    if report is not None:
+        write_report(report, result)
     if junit is not None:
         write_junit(junit, result)
     if json is not None:

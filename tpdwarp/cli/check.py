@@ -25,6 +25,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("baseline", metavar="BASELINE", help="What it should look like.")
     parser.add_argument("--limits", metavar="FILE.toml", help="Limits. [tpdwarp-check.toml beside BASELINE]")
     says = parser.add_argument_group("what it says")
+    says.add_argument("--report", metavar="FILE.html", help="Also write a page to look at, all in one file.")
     says.add_argument("--junit", metavar="FILE.xml", help="Also write JUnit XML, for GitLab, Jenkins and GitHub.")
     says.add_argument("--json", metavar="FILE.json", help="Also write everything measured as JSON.")
     says.add_argument("-v", "--verbose", action="store_true", help="A line for every frame and every finding.")
@@ -64,6 +65,7 @@ def _check(options: argparse.Namespace, shown: Progress) -> int:
         options.frames,
         options.baseline,
         limits=options.limits,
+        report=options.report,
         junit=options.junit,
         json=options.json,
         threads=options.threads,
