@@ -23,8 +23,8 @@ def frame_metadata(
     """Image attributes of one frame, by their EXR names.
 
     Camera matrices are at mid shutter, multiply row vectors and follow the definitions of OpenEXR's attributes;
-    ``tpdwarp:shutterOpen`` and ``tpdwarp:shutterClose`` are time codes, ``expTime`` is in seconds, fluxes are in watts summed over the channels. At the default time, which
-    is no number, whatever depends on it is left out.
+    ``tpdwarp:shutterOpen`` and ``tpdwarp:shutterClose`` are time codes, ``expTime`` is in seconds, fluxes are in watts
+    summed over the channels. At the default time, which is no number, whatever depends on it is left out.
 
     Args:
         source: The stage rendered.
