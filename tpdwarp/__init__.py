@@ -4,6 +4,7 @@
 
     result = tpdwarp.render("wave.usdc", "out/wave.####.exr", frames="1:24", exposure=1.0)
     photons = tpdwarp.trace_photons("wave.usdc", 12)
+    measured = tpdwarp.study("wave.usdc", report="study.html")
     differences = tpdwarp.check("out", "baseline", report="report.html")
     holdings = tpdwarp.info("wave.usdc")
 
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
     from tpdwarp.overview import info
     from tpdwarp.sequence import render, trace_photons, write_photons
     from tpdwarp.settings import Settings
+    from tpdwarp.studies.cases import Sweep
+    from tpdwarp.studies.result import StudyResult
+    from tpdwarp.studies.run import study
+    from tpdwarp.studies.truth import TruthSettings
 
 __version__ = "0.1.0"
 
@@ -33,9 +38,13 @@ __all__ = [
     "InputError",
     "SequenceResult",
     "Settings",
+    "StudyResult",
+    "Sweep",
+    "TruthSettings",
     "check",
     "info",
     "render",
+    "study",
     "trace_photons",
     "write_photons",
 ]
@@ -47,9 +56,13 @@ _HOMES = {
     "InputError": "tpdwarp.errors",
     "SequenceResult": "tpdwarp.outcomes",
     "Settings": "tpdwarp.settings",
+    "StudyResult": "tpdwarp.studies.result",
+    "Sweep": "tpdwarp.studies.cases",
+    "TruthSettings": "tpdwarp.studies.truth",
     "check": "tpdwarp.checks.run",
     "info": "tpdwarp.overview",
     "render": "tpdwarp.sequence",
+    "study": "tpdwarp.studies.run",
     "trace_photons": "tpdwarp.sequence",
     "write_photons": "tpdwarp.sequence",
 }

@@ -65,13 +65,16 @@ def trace_frame(source: SceneSource, shutter: Shutter, settings: Settings) -> Tr
     return Traced(record_of(maps, plan, scenes[0].geometry.paths), energy, clock.seconds)
 
 
-def render_frame(source: SceneSource, shutter: Shutter, settings: Settings, width: int, height: int) -> Frame:
+def render_frame(
+    source: SceneSource, shutter: Shutter, settings: Settings, width: int, height: int, clock: Clock | None = None
+) -> Frame:
     """Renders one frame of ``width`` × ``height`` pixels.
 
     Args:
         source: The scene; its ``at`` must supply a camera.
+        clock: Measures the stages; goes on where it stands.
     """
-    clock = Clock()
+    clock = clock or Clock()
     animation = _animation(source, settings)
     scenes = animation.load_segments(shutter, clock)
     middle = scenes[len(scenes) // 2].scene.camera

@@ -14,7 +14,7 @@ from tpdwarp.cli.parser import build_parser
 from tpdwarp.errors import InputError
 
 # One module in this package each, in the order in which --help lists them.
-COMMANDS = ("render", "photons", "info", "check")
+COMMANDS = ("render", "photons", "info", "check", "study")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -24,17 +24,19 @@ from tpdwarp.settings import Settings
 
 @dataclass
 class Clock:
-    """Seconds of wall time by stage of the work."""
+    """Seconds by stage of the work: wall time, and CPU time of all threads together."""
 
     seconds: dict[str, float] = field(default_factory=dict)
+    cpu_seconds: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        start = time.perf_counter()
+        start, cpu_start = time.perf_counter(), time.process_time()
         try:
             yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+            self.cpu_seconds[name] = self.cpu_seconds.get(name, 0.0) + time.process_time() - cpu_start
 
 
 @dataclass

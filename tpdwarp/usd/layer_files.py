@@ -1,0 +1,24 @@
+"""The files a stage is composed of."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from pxr import Usd
+
+
+def content_hash(file: str) -> str:
+    """Hash of the content of all layers that the stage at ``file`` uses, whatever they are called.
+
+    Raises:
+        pxr.Tf.ErrorException: The stage cannot be opened.
+    """
+    digests = []
+    stage = Usd.Stage.Open(file)
+    for layer in stage.GetUsedLayers():
+        if layer.realPath and Path(layer.realPath).is_file():
+            digests.append(hashlib.sha256(Path(layer.realPath).read_bytes()).hexdigest())
+        elif not layer.anonymous:
+            digests.append(hashlib.sha256(layer.ExportToString().encode()).hexdigest())
+    return hashlib.sha256("\n".join(sorted(digests)).encode()).hexdigest()
