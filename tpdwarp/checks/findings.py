@@ -56,8 +56,10 @@ class GroupMeasures:
     Attributes:
         failed_percent, warned_percent: Pixels beyond the limits, in percent.
         largest: Largest difference, in the image's units.
-        hard: The same as a part of the baseline's largest value.
-        rmse, flip_mean, flip_high, energy, flicker: As in the limits; None where not measured. Energy has a sign.
+        rms: Root of the mean squared difference, in the image's units.
+        hard: The largest difference as a part of the baseline's largest value.
+        rmse, coarse, flip_mean, flip_high, energy, flicker: As in the limits; None where not measured. Energy has a
+            sign.
         total, baseline_total: Sums over the image and its colour channels.
         change, baseline_change: Root of the mean squared change since the frame before; None where there is none.
         worst: The worst pixels, the worst first.
@@ -66,8 +68,10 @@ class GroupMeasures:
     failed_percent: float = 0.0
     warned_percent: float = 0.0
     largest: float = 0.0
+    rms: float = 0.0
     hard: float = 0.0
     rmse: float = 0.0
+    coarse: float = 0.0
     flip_mean: float | None = None
     flip_high: float | None = None
     energy: float | None = None

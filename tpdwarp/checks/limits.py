@@ -32,6 +32,7 @@ class GroupLimits:
         warn_absolute, warn_relative, warn_percent: The same for warnings.
         hard: Largest difference allowed anywhere, as a part of the baseline's largest value.
         rmse: Root of the mean squared difference, as a part of the baseline's root of the mean square.
+        coarse: The same of images shrunk by 8: noise averages out, and what is left is shape.
         flip_mean, flip_high: Mean of FLIP, and its percentile; the beauty only, unless they are given for others.
         energy: Difference of the sum over the image, as a part of the baseline's sum; colours only.
         flicker: Change of the difference from frame to frame, as a part of the baseline's root of the mean square.
@@ -45,6 +46,7 @@ class GroupLimits:
     warn_percent: float = 0.5
     hard: float = 0.5
     rmse: float = 3e-3
+    coarse: float = 2e-3
     flip_mean: float = math.inf
     flip_high: float = math.inf
     energy: float = 1e-3

@@ -13,6 +13,7 @@ from tpdwarp.images import compare_pixels, flip_difference
 from tpdwarp.reports.pictures import shrunk
 
 WORST_COUNT = 5
+COARSE_FACTOR = 8
 _WORST_SPACING = 8
 
 # Depths and positions of rays that hit nothing lie far beyond any scene; they are no lengths to take a mean of.
@@ -62,8 +63,10 @@ def measure(
         failed_percent=100 * (found.failed + crossings) / count,
         warned_percent=100 * (found.warned + crossings) / count,
         largest=found.maximum,
+        rms=found.rms,
         hard=found.maximum / (peak or 1.0),
         rmse=found.rms / (level or 1.0),
+        coarse=root_mean_square(_coarse(image) - _coarse(baseline)) / (level or 1.0) if found.maximum else 0.0,
         flip_mean=None if flip_map is None else float(flip_map.mean()),
         flip_high=None if flip_map is None else float(np.percentile(flip_map, flip.percentile)),
         energy=relative_difference(*totals) if colors else None,
@@ -90,6 +93,7 @@ def judge(group: str, measures: GroupMeasures, limits: GroupLimits, percentile: 
         yield Finding("fail", "hard", text, group, measures.hard, limits.hard, place)
     names = {
         "rmse": "relative RMSE",
+        "coarse": "relative RMSE of the shrunk image",
         "flip_mean": "mean FLIP",
         "flip_high": f"FLIP at {percentile:g} %",
         "energy": "relative energy difference",
@@ -110,6 +114,10 @@ def relative_difference(value: float, baseline: float) -> float:
 def root_mean_square(pixels: np.ndarray) -> float:
     """√ of the mean of the squares, in double precision."""
     return float(np.sqrt(np.mean(np.square(pixels, dtype=np.float64)))) if pixels.size else 0.0
+
+
+def _coarse(pixels: np.ndarray) -> np.ndarray:
+    return shrunk(pixels, -(-pixels.shape[1] // COARSE_FACTOR))
 
 
 def _flip(image: np.ndarray, baseline: np.ndarray, flip: FlipLimits, same: bool) -> np.ndarray:

@@ -19,6 +19,7 @@ _COLUMNS = {
     "failed_percent": ("pixels beyond limit [%]", "fail_percent"),
     "hard": ("largest / peak", "hard"),
     "rmse": ("relative RMSE", "rmse"),
+    "coarse": ("RMSE, shrunk", "coarse"),
     "flip_mean": ("FLIP mean", "flip_mean"),
     "flip_high": ("FLIP high", "flip_high"),
     "energy": ("energy", "energy"),

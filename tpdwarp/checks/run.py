@@ -41,6 +41,8 @@ def check(
     threads: int = 0,
     progress: str | Progress | None = None,
     new: bool = False,
+    render: FilePath | None = None,
+    device: str = "",
 ) -> CheckResult:
     """Compares frames (and debug layers) with their baseline.
 
@@ -55,6 +57,8 @@ def check(
         threads: Frames compared at the same time; 0 for as many as there are cores. Each holds one frame in memory.
         progress: As for :func:`tpdwarp.render`.
         new: Whether the baseline may be a folder that does not exist yet, or is empty. Every frame is extra then.
+        render: A stage to be rendered into the folder ``frames`` first, with the baseline's own settings and frames.
+        device: What to render on; empty for the processor.
 
     Raises:
         InputError: The two cannot be compared: a place does not exist or holds nothing, or the limits are unusable.
@@ -66,8 +70,14 @@ def check(
         if output is not None:
             check_writable(output)
     allowed, limits_file = _limits(limits, baseline)
-    pairs, layers = _paired(os.fspath(frames), os.fspath(baseline), new=new)
     shown = progress_of(progress)
+    if render is not None:
+        # Here and not above, for comparing alone need not wait for the renderer to load.
+        from tpdwarp.checks.render import recipe_of, render_like
+
+        machine = {"threads": threads} | ({"device": device} if device else {})
+        render_like(render, recipe_of(baseline), frames, shown, **machine)
+    pairs, layers = _paired(os.fspath(frames), os.fspath(baseline), new=new)
     shown.start(len(pairs) + len(layers))
     compared: list[FrameComparison] = []
     try:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import tempfile
 
 from tpdwarp.cli.outcome import DONE, FAILED
 from tpdwarp.cli.report import warnings_shown
+from tpdwarp.errors import InputError
 from tpdwarp.progress import KINDS, Progress, progress_of
 
 SUMMARY = "compare frames and debug layers with a baseline"
@@ -20,8 +22,14 @@ EPILOG = (
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the sub-command's arguments."""
-    parser.usage = "tpdwarp check FRAMES BASELINE [options]"
-    parser.add_argument("frames", metavar="FRAMES", help="What is to be checked.")
+    parser.usage = (
+        "tpdwarp check FRAMES BASELINE [options]\n"
+        "       tpdwarp check --render SCENE [FRAMES] BASELINE [options]\n"
+        "       tpdwarp check --calibrate SCENE BASELINE [options]"
+    )
+    parser.add_argument(
+        "frames", metavar="FRAMES", nargs="?", help="What is to be checked; --render fills this folder. [temporary]"
+    )
     parser.add_argument("baseline", metavar="BASELINE", help="What it should look like.")
     parser.add_argument("--limits", metavar="FILE.toml", help="Limits. [tpdwarp-check.toml beside BASELINE]")
     says = parser.add_argument_group("what it says")
@@ -38,7 +46,24 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--update", action="store_true", help="Show what differs, then make FRAMES the baseline, in one step. Exits 0."
     )
     update.add_argument("--reason", metavar="TEXT", default="", help="Why, for the record; --update needs it.")
+    rendering = parser.add_argument_group("rendering")
+    source = rendering.add_mutually_exclusive_group()
+    source.add_argument(
+        "--render", metavar="SCENE", help="Render this stage first, with the baseline's settings and frames."
+    )
+    source.add_argument(
+        "--calibrate", metavar="SCENE", help="Render this stage with other seeds, and write the limits these need."
+    )
+    rendering.add_argument("--seeds", type=int, default=12, metavar="N", help="Renders to calibrate by. [12]")
+    rendering.add_argument(
+        "--false-alarms",
+        type=float,
+        default=1e-3,
+        metavar="P",
+        help="Probability that a check of honest frames may fail at calibrated limits. [0.001]",
+    )
     machine = parser.add_argument_group("machine")
+    machine.add_argument("--device", default="", metavar="NAME", help="What to render on. [cpu]")
     machine.add_argument(
         "--threads", type=int, default=0, metavar="N", help="Frames compared at the same time. [0: all cores]"
     )
@@ -49,21 +74,42 @@ def run(options: argparse.Namespace) -> int:
     # A line a frame would drown the table; without a terminal it says all there is to say.
     kind = "none" if options.progress == "auto" and not sys.stderr.isatty() else options.progress
     shown = progress_of(kind)
-    with warnings_shown(shown):
-        return _check(options, shown)
+    if options.frames is None and not (options.render or options.calibrate):
+        raise InputError("check needs FRAMES and BASELINE (see tpdwarp check --help)")
+    if options.frames is not None and options.calibrate:
+        raise InputError("--calibrate needs BASELINE only, for it renders frames of its own")
+    with warnings_shown(shown), tempfile.TemporaryDirectory(prefix="tpdwarp-check-") as temporary:
+        return _check(options, options.frames or temporary, shown)
 
 
-def _check(options: argparse.Namespace, shown: Progress) -> int:
+def _check(options: argparse.Namespace, frames: str, shown: Progress) -> int:
     # Here and not above, so that --help need not wait for image libraries to load.
-    from tpdwarp.checks.run import check
+    from tpdwarp.checks.run import check, limits_beside
     from tpdwarp.checks.table import table_lines
     from tpdwarp.checks.update import check_reason, update_baseline
 
     if options.update:
         check_reason(options.reason)
+    if options.calibrate:
+        from tpdwarp.checks.calibrate import calibrate
+
+        machine = {"threads": options.threads} | ({"device": options.device} if options.device else {})
+        calibrate(
+            options.calibrate,
+            options.baseline,
+            seeds=options.seeds,
+            false_alarms=options.false_alarms,
+            limits=options.limits,
+            progress=shown,
+            **machine,
+        )
+        print(f"{options.limits or limits_beside(options.baseline)} written", flush=True)
+        return DONE
     result = check(
-        options.frames,
+        frames,
         options.baseline,
+        render=options.render,
+        device=options.device,
         limits=options.limits,
         report=options.report,
         junit=options.junit,
