@@ -15,7 +15,9 @@ from tpdwarp.launch import Launcher
 # A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its slack.
 SMALLEST_COSINE = wp.constant(0.5)
 CLOSE = wp.constant(1.0e-5)
-GROUP = wp.constant(64)
+GROUP = wp.constant(128)
+# How much the motions of queries that are gathered together may differ, as a part of the motion itself.
+LARGEST_DEVIATION = wp.constant(0.25)
 LARGEST_STEP = wp.constant(0.25)
 SMALLEST_STEP = wp.constant(0.05)
 SMOOTH = ("bspline",)
@@ -115,6 +117,7 @@ def gather_kernel(
             # A run: queries from start on whose way over the shutter fits into a box of size reach.
             low = wp.vec3(FAR_AWAY, FAR_AWAY, FAR_AWAY)
             high = -low
+            run_motion = wp.vec3(0.0, 0.0, 0.0)
             fastest = float(0.0)
             run_window = float(window)
             run_center = float(window_center)
@@ -125,16 +128,17 @@ def gather_kernel(
                     a = x
                     b = x
                     if wp.static(query_moves):
-                        speed = wp.length(queries.motion[stop])
+                        motion = queries.motion[stop]
                         if low[0] == FAR_AWAY:
+                            run_motion = motion
+                            fastest = (1.0 + LARGEST_DEVIATION) * wp.length(motion)
                             # A query that races over the receiver stands for less of the shutter.
-                            fastest = 1.5 * speed
                             share = wp.min(1.0, reach / wp.max(window * fastest, 1.0e-20))
                             run_window = share * window
                             run_center = time + share * (window_center - time)
-                        elif speed > fastest or (fastest > 0.0 and speed == 0.0):
+                        elif wp.length(motion - run_motion) > LARGEST_DEVIATION * wp.length(run_motion):
                             break
-                        half = run_window * queries.motion[stop]
+                        half = run_window * motion
                         a = wp.min(x - half, x + half)
                         b = wp.max(x - half, x + half)
                     grown_low = wp.min(low, a)
@@ -185,13 +189,14 @@ def gather_kernel(
                         middle_time = 0.5 * (opening + closing)
                         since = middle_time - time
                         center += ((middle_time - center_time) / duration) * footprints.dxdt[j]
-                        way = (length / duration) * footprints.dxdt[j]
+                        way = (length / duration) * footprints.dxdt[j] - length * run_motion
                         v = wp.vec2(wp.dot(row_u, way), wp.dot(row_v, way))
                         density = density * (length / (share * duration))
                     # Most long thin footprints that lie askew miss the run although their boxes do not.
+                    offset = middle + since * run_motion - center
                     spread = radius + run_window * fastest
-                    off_u = wp.abs(wp.dot(row_u, middle - center)) - wp.length(row_u) * spread
-                    off_v = wp.abs(wp.dot(row_v, middle - center)) - wp.length(row_v) * spread
+                    off_u = wp.abs(wp.dot(row_u, offset)) - wp.length(row_u) * spread
+                    off_v = wp.abs(wp.dot(row_v, offset)) - wp.length(row_v) * spread
                     if off_u > support + 0.5 * wp.abs(v[0]) or off_v > support + 0.5 * wp.abs(v[1]):
                         last = start
                     # A footprint much larger than the run is a parabola there.
@@ -199,10 +204,10 @@ def gather_kernel(
                     w_0 = float(0.0)
                     slope = wp.vec2(0.0, 0.0)
                     bend = wp.vec3(0.0, 0.0, 0.0)
-                    y_0 = wp.vec2(wp.dot(row_u, middle - center), wp.dot(row_v, middle - center))
+                    y_0 = wp.vec2(wp.dot(row_u, offset), wp.dot(row_v, offset))
                     if wp.static(smooth):
                         step = radius * wp.max(wp.length(row_u), wp.length(row_v))
-                        if step < LARGEST_STEP and last - start > 8 and fastest == 0.0:
+                        if step < LARGEST_STEP and last - start > 8:
                             parabolic = True
                             step = wp.max(step, SMALLEST_STEP)
                             w_0 = weight(y_0, v)
@@ -220,10 +225,7 @@ def gather_kernel(
                             if wp.dot(queries.normal[i], n_p) > SMALLEST_COSINE:
                                 d = queries.position[i] - center
                                 if wp.static(query_moves):
-                                    motion = queries.motion[i]
-                                    d += since * motion
-                                    relative = way - length * motion
-                                    v = wp.vec2(wp.dot(row_u, relative), wp.dot(row_v, relative))
+                                    d += since * queries.motion[i]
                                 y = wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d))
                                 w = float(0.0)
                                 if wp.abs(wp.dot(n_p, d)) <= slack:

@@ -27,7 +27,7 @@ from tpdwarp.scene.geometry import Geometry, Surfaces
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.scene.surface import LIFT, closest_hit
 
-SMALLEST_BRANCH = 1.0e-3
+SMALLEST_BRANCH = 2.0e-3
 DIELECTRIC = wp.constant(1)
 FAR = wp.constant(1.0e6)
 
