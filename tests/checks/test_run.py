@@ -86,7 +86,8 @@ def test_limits_beside_the_baseline_are_used_and_named(tmp_path, baseline):
     write(frames, 2, values=values)
     assert not check(frames, baseline).ok
     (baseline / "tpdwarp-check.toml").write_text(
-        "[all]\nfail_percent = 100\nrmse = 1\ncoarse = 1\nflicker = 1\nenergy = 1\n[groups.beauty]\nflip_mean = 1\nflip_high = 1\n"
+        "[all]\nfail_percent = 100\nrmse = 1\ncoarse = 1\nflicker = 1\nenergy = 1\n"
+        "[groups.beauty]\nflip_mean = 1\nflip_high = 1\n"
     )
     result = check(frames, baseline)
     assert result.ok and result.limits_file == str(baseline / "tpdwarp-check.toml")
