@@ -9,7 +9,7 @@ import numpy as np
 
 from tpdwarp.checks.findings import Finding, GroupMeasures, WorstPixel
 from tpdwarp.checks.limits import FlipLimits, GroupLimits
-from tpdwarp.images import compare_pixels, flip_difference
+from tpdwarp.images import PixelComparison, compare_pixels, flip_difference
 from tpdwarp.reports.pictures import shrunk
 
 WORST_COUNT = 5
@@ -46,12 +46,15 @@ def measure(
         differing = (far != far_baseline).any(axis=-1)
         image, baseline = np.where(far | far_baseline, 0, image), np.where(far | far_baseline, 0, baseline)
     count = image.shape[0] * image.shape[1]
-    found = compare_pixels(
-        image,
-        baseline,
-        (limits.fail_absolute, limits.fail_relative),
-        (limits.warn_absolute, limits.warn_relative),
-    )
+    if np.array_equal(image, baseline):
+        found = PixelComparison(0.0, 0.0, (0, 0), 0, 0, 0)
+    else:
+        found = compare_pixels(
+            image,
+            baseline,
+            (limits.fail_absolute, limits.fail_relative),
+            (limits.warn_absolute, limits.warn_relative),
+        )
     crossings = int(np.count_nonzero(differing))
     peak = float(np.abs(baseline).max(initial=0.0))
     level = root_mean_square(baseline)

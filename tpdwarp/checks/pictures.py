@@ -67,5 +67,8 @@ def _three_channels(pixels: np.ndarray) -> np.ndarray:
 
 def _surroundings(pixels: np.ndarray, place: WorstPixel) -> np.ndarray:
     half = ZOOM // 2
-    padded = np.pad(pixels, ((half, half), (half, half), (0, 0)), mode="edge")
-    return padded[place.row : place.row + ZOOM, place.column : place.column + ZOOM]
+    rows, columns = (
+        np.clip(np.arange(middle - half, middle + half + 1), 0, size - 1)
+        for middle, size in zip((place.row, place.column), pixels.shape[:2], strict=True)
+    )
+    return pixels[np.ix_(rows, columns)]

@@ -27,7 +27,8 @@ from tpdwarp.progress import Progress, progress_of
 
 FilePath = str | os.PathLike[str]
 
-REPORT_WIDTH = 480
+# Pictures in a report: so wide in short sequences, and smaller the longer they are, that a page stays one to open.
+WIDEST_PICTURE, NARROWEST_PICTURE, WIDE_COUNT = 480, 200, 60
 
 
 def check(
@@ -81,7 +82,9 @@ def check(
     shown.start(len(pairs) + len(layers))
     compared: list[FrameComparison] = []
     try:
-        for comparison in _compared(pairs, allowed, threads or os.cpu_count() or 1, REPORT_WIDTH if report else 0):
+        for comparison in _compared(
+            pairs, allowed, threads or os.cpu_count() or 1, picture_width(len(pairs)) if report else 0
+        ):
             compared.append(comparison)
             shown.end(_outcome(comparison))
         for mine, theirs in layers:
@@ -107,6 +110,11 @@ def check(
     if json is not None:
         write_json(json, result)
     return result
+
+
+def picture_width(count: int) -> int:
+    """Width of a report's pictures of ``count`` frames: the pixels of all together stay bounded up to 340 frames."""
+    return max(NARROWEST_PICTURE, min(WIDEST_PICTURE, round(WIDEST_PICTURE * (WIDE_COUNT / max(1, count)) ** 0.5)))
 
 
 def limits_beside(baseline: FilePath) -> Path:

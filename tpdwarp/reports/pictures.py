@@ -23,7 +23,7 @@ def shrunk(pixels: np.ndarray, width: int, keep_peaks: bool = False) -> np.ndarr
     if factor == 1:
         return pixels
     padding = [(0, -size % factor) for size in pixels.shape[:2]] + [(0, 0)] * (pixels.ndim - 2)
-    padded = np.pad(pixels, padding, mode="edge")
+    padded = np.pad(pixels, padding, mode="edge") if np.any(padding) else pixels
     height, wide = padded.shape[0] // factor, padded.shape[1] // factor
     blocks = padded.reshape(height, factor, wide, factor, *pixels.shape[2:])
     return blocks.max(axis=(1, 3)) if keep_peaks else blocks.mean(axis=(1, 3))
@@ -41,9 +41,9 @@ def exposable(pixels: np.ndarray, largest: float, exact: bool = False) -> bytes:
 
 
 def heat(values: np.ndarray, largest: float) -> bytes:
-    """A map of values, shape [h, w], as a grey PNG whose code 255 stands for ``largest``; the page colours it.
+    """A map of values, shape [h, w], as a grey JPEG whose code 255 stands for ``largest``; the page colours it.
 
     Codes go with the square root, so that small differences are seen beside large ones.
     """
     scaled = np.sqrt(np.clip(values / max(largest, 1e-12), 0, 1))
-    return encoded_picture(np.rint(255 * scaled).astype(np.uint8), ".png")
+    return encoded_picture(np.rint(255 * scaled).astype(np.uint8), ".jpg", quality=80)
