@@ -72,7 +72,8 @@ class Launcher:
         if self._pool is None:
             wp.launch(kernel, dim=count, inputs=[0, *inputs], device=self.device)
             return
-        kernel.module.load(self.device)
+        # Loaded once, as a launch on the CPU would (one thread a block), or each thread compiles it again.
+        kernel.module.load(self.device, 1)
         chunk = max(smallest_chunk, -(-count // (self.threads * CHUNKS_PER_THREAD)))
 
         def run(base: int) -> None:
