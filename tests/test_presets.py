@@ -28,7 +28,7 @@ def test_a_preset_beats_the_settings_it_is_applied_to():
 
 def test_from_draft_to_final_nothing_gets_coarser():
     fine = [Settings.of(preset=name) for name in ("draft", "standard", "final")]
-    for name in ("photons", "segments", "samples"):
+    for name in ("photons", "samples"):
         values = [getattr(settings, name) for settings in fine]
         assert values == sorted(values)
 

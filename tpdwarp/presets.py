@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "draft": {"photons": 1 << 14, "segments": 1, "samples": 2},
-    "standard": {"photons": 1 << 16, "segments": 4, "samples": 4},
-    "final": {"photons": 1 << 20, "segments": 16, "samples": 16},
+    "draft": {"photons": 1 << 14, "segments": "auto", "samples": 2},
+    "standard": {"photons": 1 << 16, "segments": "auto", "samples": 4},
+    "final": {"photons": 1 << 20, "segments": "auto", "samples": 16},
     # Emission jittered and fixed on the light, derivative and trace at shutter open, Eq. 7 with Epanechnikov's kernel.
     "paper": {
         "segments": 1,

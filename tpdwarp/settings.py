@@ -30,7 +30,8 @@ class Settings:
     Attributes:
         photons: Photons emitted towards specular geometry, a frame.
         samples: Camera samples a pixel.
-        segments: Sub-intervals of the shutter, each traced at its own middle with an equal share of the photons.
+        segments: Sub-intervals of the shutter, each traced on its own with an equal share of the photons; ``auto``
+            weighs motion against photons.
         exposure: Exposure in frames, opening at the frame; None takes the camera's ``shutter:open/close``.
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
@@ -61,7 +62,7 @@ class Settings:
 
     photons: int = 65536
     samples: int = 4
-    segments: int = 1
+    segments: int | str = 1
     exposure: float | None = None
     shutter: tuple[float, float] | None = None
     motion: str = "linear"
@@ -91,9 +92,11 @@ class Settings:
         def refuse(name: str, why: str) -> None:
             raise InputError(f"--{name.replace('_', '-')} {why}")
 
+        if isinstance(self.segments, str) and self.segments != "auto":
+            refuse("segments", f"must be a whole number above 0 or auto, not {self.segments!r}")
         for name in ("photons", "samples", "segments", "accumulation_times", "tdpm_neighbours", "image_width"):
             value = getattr(self, name)
-            if value is None:
+            if value is None or (name, value) == ("segments", "auto"):
                 continue
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")

@@ -26,6 +26,11 @@ def complexity(text: str) -> float:
     return COMPLEXITIES[text] if text in COMPLEXITIES else float(text)
 
 
+def segments(text: str) -> int | str:
+    """A number of segments, or auto."""
+    return text if text == "auto" else int(text)
+
+
 @dataclass(frozen=True)
 class SettingOption:
     """The command line's face of one field of :class:`Settings`.
@@ -62,7 +67,7 @@ EXPOSURE = (
 METHOD = (
     SettingOption("motion", ("--motion",)),
     SettingOption("photons", ("--photons",), int, "N"),
-    SettingOption("segments", ("--segments",), int, "K"),
+    SettingOption("segments", ("--segments",), segments, "K|auto"),
     SettingOption("estimator", ("--estimator",)),
     SettingOption("accumulation_times", ("--accumulation-times",), int, "N"),
     SettingOption("tdpm_neighbours", ("--tdpm-neighbours",), int, "N"),

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from tpdwarp.estimators.segmenting import segment_count
 from tpdwarp.footprints.footprint import FootprintMap, PixelSize
 from tpdwarp.footprints.gather import GatherForm, Irradiance, QueryArrays, gather
 from tpdwarp.launch import Launcher
@@ -66,6 +67,7 @@ class Animation:
         self.launcher = Launcher(settings.device, settings.threads)
         self.normalization = Normalization.of(reference_scenes(source)[0])
         self._plans: dict[int, EmissionPlan] = {}
+        self._segment_counts: dict[tuple[float, float], int] = {}
 
     def load(self, shutter: Shutter, clock: Clock) -> LoadedScene:
         """The scene over ``shutter``, on the device."""
@@ -88,8 +90,19 @@ class Animation:
 
     def load_segments(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
         """The scenes of the segments of ``shutter``; one where nothing moves."""
-        scenes = [self.load(part, clock) for part in shutter.segments(self.settings.segments)]
+        scenes = [self.load(part, clock) for part in shutter.segments(self.segment_count(shutter, clock))]
         return scenes if any(scene.moves for scene in scenes) else scenes[:1]
+
+    def segment_count(self, shutter: Shutter, clock: Clock) -> int:
+        """Segments of shutters like this one; ``auto`` is decided once for the whole animation."""
+        if self.settings.segments != "auto":
+            return self.settings.segments
+        if self.settings.estimator != "tpd":
+            return 1
+        key = (round(shutter.open - shutter.frame, 6), round(shutter.close - shutter.frame, 6))
+        if key not in self._segment_counts:
+            self._segment_counts[key] = segment_count(self, shutter, clock)
+        return self._segment_counts[key]
 
     def plan(self, photons: int, clock: Clock) -> EmissionPlan:
         """Emission lattices for ``photons`` photons a shutter; made once for the whole animation."""

@@ -41,7 +41,7 @@ class Sweep:
     Attributes:
         methods: Estimators.
         photons: Photons a frame (an instant, for ``accumulation``).
-        segments: K, for ``tpd``.
+        segments: K, or ``auto``, for ``tpd``.
         kernels: Filter kernels, for all but ``tdpm``.
         exposures: In frames; None takes the camera's shutter.
         neighbours: k, for ``tdpm``.
@@ -51,7 +51,7 @@ class Sweep:
 
     methods: Sequence[str] = ("tpd", "pd", "tdpm", "distribution", "accumulation")
     photons: Sequence[int] = (1024, 4096, 16384, 65536)
-    segments: Sequence[int] = (1, 4)
+    segments: Sequence[int | str] = (1, 4)
     kernels: Sequence[str] = ("bspline",)
     exposures: Sequence[float | None] = (None,)
     neighbours: Sequence[int] = (25, 100)
