@@ -15,7 +15,7 @@ from checks.images import channels, write, write_sequence
 from tpdwarp.checks.frames import compare_frame
 from tpdwarp.checks.limits import Limits
 from tpdwarp.checks.report import write_report
-from tpdwarp.checks.run import check
+from tpdwarp.checks.run import check, picture_width
 from tpdwarp.checks.sequences import Pair
 from tpdwarp.reports.pictures import shrunk
 
@@ -96,6 +96,7 @@ def test_a_browser_shows_the_first_failure_and_obeys_keys_sliders_and_filters(re
         key('f'); seen.failures = rows.filter(r => !r.parentElement.hidden).length;
         seen.jumped = title();
         key('f'); seen.all = rows.filter(r => !r.parentElement.hidden).length;
+        seen.top = scrollY;
         seen.curves = document.querySelectorAll('figure.curves').length;
         return seen;
         """,
@@ -110,7 +111,7 @@ def test_a_browser_shows_the_first_failure_and_obeys_keys_sliders_and_filters(re
     assert out["back"] == out["first"] and out["right"] == "Frame 4: ✓ the same"
     assert out["failures"] == 2 and out["all"] == 5
     assert out["jumped"] == "Frame 3: ✗ failed"
-    assert out["curves"] >= 4
+    assert out["curves"] >= 4 and out["top"] == 0
 
 
 class Tags(html.parser.HTMLParser):
@@ -148,6 +149,11 @@ def test_equal_pictures_are_kept_once_and_passing_ones_small(tmp_path):
     assert set(found.pictures) == {"beauty.b", "caustic.b"}
     # 500 such frames make a page of a few megabytes.
     assert sum(map(len, found.pictures.values())) < 30_000
+
+
+def test_pictures_of_longer_sequences_are_smaller_so_that_all_together_are_bounded():
+    areas = [count * picture_width(count) ** 2 for count in range(60, 340, 7)]
+    assert max(areas) <= 1.01 * areas[0] and picture_width(3) == 480 and picture_width(5000) == 200
 
 
 def test_a_hot_pixel_stays_visible_in_a_small_difference(tmp_path):

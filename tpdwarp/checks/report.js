@@ -31,11 +31,20 @@ function groupsOf(pictures) {
   return pictures ? Object.keys(pictures.sources).filter((name) => name.endsWith(".b")).map((name) => name.slice(0, -2)) : [];
 }
 
+function reveal(row) {
+  // Scrolls the list alone; scrollIntoView would move the page as well.
+  const list = row.closest(".frames");
+  const above = row.offsetTop - list.offsetTop;
+  if (above < list.scrollTop || above + row.offsetHeight > list.scrollTop + list.clientHeight) {
+    list.scrollTop = above - list.clientHeight / 2;
+  }
+}
+
 function select(index) {
   const frame = data.frames[index];
   rows[state.index].removeAttribute("aria-current");
   rows[index].setAttribute("aria-current", "true");
-  rows[index].scrollIntoView({ block: "nearest" });
+  reveal(rows[index]);
   state.index = index;
   const block = find(`pictures-${index}`);
   state.pictures = block ? JSON.parse(block.textContent) : null;
@@ -109,10 +118,7 @@ function drawWipe() {
   const edge = Math.round((state.split / 100) * a.width);
   const pen = canvas.getContext("2d");
   if (edge > 0) pen.putImageData(a, 0, 0, 0, 0, edge, a.height);
-  if (edge > 0 && edge < a.width) {
-    pen.fillStyle = "#ffb000";
-    pen.fillRect(edge, 0, 1, a.height);
-  }
+  find("stage").style.setProperty("--split", `${state.split}%`);
   find("split").value = state.split;
 }
 

@@ -80,11 +80,11 @@ def check(
         render_like(render, recipe_of(baseline), frames, shown, **machine)
     pairs, layers = _paired(os.fspath(frames), os.fspath(baseline), new=new)
     shown.start(len(pairs) + len(layers))
+    workers = threads or len(os.sched_getaffinity(0))
+    width = 0 if report is None else picture_width(len(pairs))
     compared: list[FrameComparison] = []
     try:
-        for comparison in _compared(
-            pairs, allowed, threads or os.cpu_count() or 1, picture_width(len(pairs)) if report else 0
-        ):
+        for comparison in _compared(pairs, allowed, workers, width):
             compared.append(comparison)
             shown.end(_outcome(comparison))
         for mine, theirs in layers:
