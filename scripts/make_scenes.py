@@ -20,6 +20,7 @@ from scenes.sea import write_sea
 from scenes.wave import write_wave
 
 from tpdwarp.errors import FrameError, InputError
+from tpdwarp.launch import Launcher
 
 SCENES: dict[str, Callable[..., None]] = {
     "wave": write_wave,
@@ -41,6 +42,7 @@ SMALLEST = {"frames": 1, "resolution": 3}
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command line; returns the exit code (2: an option has no usable value)."""
+    Launcher()  # starts Warp without its warning where there is no GPU
     parser = argparse.ArgumentParser(description="Makes the scenes in usd_scenes/.")
     parser.add_argument("--out", type=Path, default=SHIPPED, metavar="FOLDER", help="where to (default: usd_scenes)")
     kinds = parser.add_subparsers(dest="scene", metavar="SCENE", help=f"only one: {', '.join(SCENES)}")
