@@ -234,12 +234,16 @@ class StoredImage:
         depths: Pixel type of each channel (``half``, ``float``, ``uint8``, …).
         pixels: Values as float32, top row first, shape [h, w, channels].
         metadata: Attributes, by the names and types that :func:`write_frame` takes.
+        window: Where the pixels lie: column and row of the first, then the display window's column, row, width, height.
+        parts: Images in the file; this is the first.
     """
 
     names: tuple[str, ...]
     depths: tuple[str, ...]
     pixels: np.ndarray
     metadata: dict[str, Any]
+    window: tuple[int, ...]
+    parts: int
 
 
 def read_stored(path: str | os.PathLike[str]) -> StoredImage:
@@ -260,6 +264,9 @@ def read_stored(path: str | os.PathLike[str]) -> StoredImage:
     pixels = source.read_image(0, 0, 0, spec.nchannels, "float")
     if pixels is None:
         raise InputError(f"cannot be read: {source.geterror()}", file=os.fspath(path))
+    parts = 1
+    while source.seek_subimage(parts, 0):
+        parts += 1
     source.close()
     file_names = {own: name for name, own in ATTRIBUTE_NAMES.items()}
     metadata = {
@@ -267,7 +274,8 @@ def read_stored(path: str | os.PathLike[str]) -> StoredImage:
         for entry in spec.extra_attribs
     }
     depths = tuple(str(spec.channelformat(index)) for index in range(spec.nchannels))
-    return StoredImage(tuple(spec.channelnames), depths, pixels, metadata)
+    window = (spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+    return StoredImage(tuple(spec.channelnames), depths, pixels, metadata, window, parts)
 
 
 def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

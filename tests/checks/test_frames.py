@@ -101,6 +101,35 @@ def test_another_size_is_said_and_nothing_else_measured(tmp_path, baseline):
     assert f"{WIDTH} × {HEIGHT - 1}" in found.findings[0].message
 
 
+def test_pixels_that_lie_elsewhere_are_said(tmp_path, baseline):
+    moved = write_raw(tmp_path / "a.exr", channels(), origin=(3, 2))
+    message = next(f.message for f in compared(moved, baseline).findings if f.kind == "size")
+    assert "(3, 2, 0, 0, 40, 24)" in message and "(0, 0, 0, 0, 40, 24)" in message
+
+
+def test_parts_beyond_the_first_are_not_passed_over_in_silence(tmp_path, baseline):
+    specs = []
+    for name in ("left", "right"):
+        spec = oiio.ImageSpec(WIDTH, HEIGHT, 3, "half")
+        spec.attribute("name", name)
+        specs.append(spec)
+    output = oiio.ImageOutput.create(str(tmp_path / "two.exr"))
+    pixels = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    assert output.open(str(tmp_path / "two.exr"), specs) and output.write_image(pixels)
+    assert output.open(str(tmp_path / "two.exr"), specs[1], "AppendSubimage") and output.write_image(pixels)
+    output.close()
+    assert kinds(compared(tmp_path / "two.exr", baseline))["parts"] == "fail"
+    assert kinds(compared(tmp_path / "two.exr", tmp_path / "two.exr")) == {"parts": "warn"}
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 9), (9, 1)])
+def test_tiny_images_are_compared_too(tmp_path, size):
+    values = {name: np.full(size, 0.5, np.float32) for name in "RGB"}
+    a = write(tmp_path / "a", values=values)
+    b = write(tmp_path / "b", values={**values, "R": values["R"] * 2})
+    assert {"rmse", "flip_mean"} <= set(kinds(compared(a, b)))
+
+
 def test_missing_and_extra_channels_are_named(tmp_path, baseline):
     without = {name: plane for name, plane in channels().items() if not name.startswith("caustic")}
     path = write(tmp_path / "a", values=without)
@@ -187,7 +216,10 @@ def test_png_is_compared_as_it_is_stored_and_seen_in_linear_light(tmp_path):
 
 
 def write_raw(
-    path: Path, values: dict[str, np.ndarray], pixels: dict[str, tuple[int, int, float]] | None = None
+    path: Path,
+    values: dict[str, np.ndarray],
+    pixels: dict[str, tuple[int, int, float]] | None = None,
+    origin: tuple[int, int] = (0, 0),
 ) -> Path:
     """Writes channels as float, with single pixels (column, row, value) set, past the checks of the program."""
     names = list(values)
@@ -196,6 +228,7 @@ def write_raw(
         stacked[row, column, names.index(name)] = value
     spec = oiio.ImageSpec(WIDTH, HEIGHT, len(names), "float")
     spec.channelnames = tuple(names)
+    spec.x, spec.y = origin
     for name, value in metadata().items():
         set_attribute(spec, name, value)
     output = oiio.ImageOutput.create(str(path))

@@ -66,6 +66,7 @@ def compare_frame(pair: Pair, limits: Limits, picture_width: int = 0) -> Compare
         image, reference = images
         findings += metadata_findings(image.metadata, reference.metadata, limits.metadata)
         findings += _channel_findings(image, reference, limits)
+        findings += _layout_findings(image, reference)
         if image.pixels.shape[:2] == reference.pixels.shape[:2]:
             identical = image.names == reference.names and np.array_equal(image.pixels, reference.pixels)
             encoded = Path(path).suffix.lower() != ".exr"
@@ -86,9 +87,6 @@ def compare_frame(pair: Pair, limits: Limits, picture_width: int = 0) -> Compare
                     made = group_pictures(group, shown, shown_baseline, flip, found.worst, picture_width, bool(beyond))
                     pictures |= made[0]
                     scales |= made[1]
-        else:
-            sizes = [f"{pixels.shape[1]} × {pixels.shape[0]}" for pixels in (image.pixels, reference.pixels)]
-            findings.append(Finding("fail", "size", f"is {sizes[0]} pixels, the baseline {sizes[1]}"))
     comparison = FrameComparison(
         pair.name,
         pair.frame,
@@ -147,6 +145,20 @@ def _channel_findings(image: StoredImage, baseline: StoredImage, limits: Limits)
     ]
     if changed and rules.pixel_types != "ignore":
         yield Finding(_weight(rules.pixel_types), "pixel type", "; ".join(changed))
+
+
+def _layout_findings(image: StoredImage, baseline: StoredImage) -> Iterator[Finding]:
+    sizes = [f"{pixels.shape[1]} × {pixels.shape[0]}" for pixels in (image.pixels, baseline.pixels)]
+    if sizes[0] != sizes[1]:
+        yield Finding("fail", "size", f"is {sizes[0]} pixels, the baseline {sizes[1]}")
+    elif image.window != baseline.window:
+        yield Finding(
+            "fail", "size", f"its data and display windows are {image.window}, the baseline's {baseline.window}"
+        )
+    if image.parts != baseline.parts:
+        yield Finding("fail", "parts", f"holds {image.parts} parts, the baseline {baseline.parts}")
+    elif image.parts > 1:
+        yield Finding("warn", "parts", f"of {image.parts} parts only the first was compared")
 
 
 def _make_finite(group: str, channels: Sequence[str], image: np.ndarray, baseline: np.ndarray) -> Iterator[Finding]:

@@ -127,7 +127,8 @@ def _viewer(result: CheckResult) -> str:
 <label>Group <select id="group"></select></label>
 <label>Exposure <input type="range" id="exposure" min="-8" max="8" step="0.5" value="0">
 <output id="stops">0</output> stops</label></div>
-<h2 id="name" aria-live="polite"></h2><ul id="findings"></ul><p id="no-pictures" class="soft" hidden>There are no pictures of this.</p>
+<h2 id="name" aria-live="polite"></h2><ul id="findings"></ul>
+<p id="no-pictures" class="soft" hidden>There are no pictures of this.</p>
 <div id="pictures"><figure><figcaption>Left of the line A, right of it B. Move over the picture or the slider;
 <kbd>space</kbd> flips.</figcaption><div id="stage"><canvas id="wipe"></canvas></div>
 <label class="wide">A ↔ B <input type="range" id="split" min="0" max="100" value="50"></label></figure>
