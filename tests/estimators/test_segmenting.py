@@ -94,3 +94,12 @@ def test_frames_are_rendered_with_the_number_chosen():
 def test_other_words_are_refused(changes):
     with pytest.raises(InputError, match="must be a whole number above 0"):
         Settings(**changes)
+
+
+def test_choosing_counts_as_planning_and_is_done_once():
+    animation, clock = Animation(wave_source(Wave()), Settings.of(SETTINGS, segments="auto")), Clock()
+    animation.segment_count(OPEN, clock)
+    assert set(clock.seconds) == {"plan"} and clock.seconds["plan"] > 0
+    again = Clock()
+    animation.segment_count(Shutter(3, 3, 4), again)
+    assert again.seconds == {}

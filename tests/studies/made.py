@@ -19,7 +19,7 @@ def solution(level: float = 1.0, noise: float = 0.0, frames: int = 1, cpu: float
     random = np.random.default_rng(seed)
     caustic = (level + noise * random.normal(size=(frames, HEIGHT, WIDTH, 3))).astype(np.float32)
     seconds = {"trace": 0.75 * cpu, "gather": 0.25 * cpu}
-    return Solution(caustic, caustic + np.float32(0.5), seconds, seconds, 100.0, 2**20)
+    return Solution(caustic, caustic + np.float32(0.5), dict(seconds), seconds, 100.0, 2**20)
 
 
 def measured(series: str, photons: int, level: float, cpu: float) -> Measured:

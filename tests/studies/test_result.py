@@ -14,6 +14,12 @@ def test_the_front_holds_what_nothing_beats_in_both_time_and_error():
     assert pareto_front([beaten, good, fast]) == (fast, good)
 
 
+def test_what_is_planned_once_for_an_animation_does_not_count_for_a_frame():
+    found = measured("a", 1, 1.5, 2.0)
+    found.solution.cpu_seconds["plan"] = 5.0
+    assert found.cpu == pytest.approx(2.0)
+
+
 def test_of_equal_errors_the_fastest_is_on_the_front():
     slow, fast = measured("a", 1, 1.5, 2.0), measured("b", 1, 1.5, 1.0)
     assert pareto_front([slow, fast]) == (fast,)

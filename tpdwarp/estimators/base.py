@@ -69,8 +69,9 @@ class Animation:
         self._plans: dict[int, EmissionPlan] = {}
         self._segment_counts: dict[tuple[float, float], int] = {}
 
-    def load(self, shutter: Shutter, clock: Clock) -> LoadedScene:
-        """The scene over ``shutter``, on the device."""
+    def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
+        """The scene over ``shutter``, on the device; what only plans needs no clock of its own."""
+        clock = clock or Clock()
         with clock.stage("read"):
             scene = self.source.at(shutter)
         return self._built(scene, clock)
@@ -101,13 +102,14 @@ class Animation:
             return 1
         key = (round(shutter.open - shutter.frame, 6), round(shutter.close - shutter.frame, 6))
         if key not in self._segment_counts:
-            self._segment_counts[key] = segment_count(self, shutter, clock)
+            with clock.stage("plan"):
+                self._segment_counts[key] = segment_count(self, shutter)
         return self._segment_counts[key]
 
-    def plan(self, photons: int, clock: Clock) -> EmissionPlan:
+    def plan(self, photons: int, clock: Clock | None = None) -> EmissionPlan:
         """Emission lattices for ``photons`` photons a shutter; made once for the whole animation."""
         if photons not in self._plans:
-            with clock.stage("plan"):
+            with (clock or Clock()).stage("plan"):
                 self._plans[photons] = plan_emission(self.source, photons, self.normalization)
         return self._plans[photons]
 

@@ -26,7 +26,7 @@ from tpdwarp.photons.tracing import PhotonMap, trace_photons
 from tpdwarp.scene.description import Shutter
 
 if TYPE_CHECKING:
-    from tpdwarp.estimators.base import Animation, Clock
+    from tpdwarp.estimators.base import Animation
 
 PILOT_PHOTONS = 4096
 FEWEST_PHOTONS = 256
@@ -45,7 +45,7 @@ STIFFNESS = 1.0e-3
 Pairs = tuple[np.ndarray, np.ndarray]
 
 
-def segment_count(animation: Animation, shutter: Shutter, clock: Clock) -> int:
+def segment_count(animation: Animation, shutter: Shutter) -> int:
     """The number of segments for shutters of this length and place in the frame.
 
     It is found at a few times spread over the animation and not at the frame itself, so that all frames have the same
@@ -55,10 +55,10 @@ def segment_count(animation: Animation, shutter: Shutter, clock: Clock) -> int:
     most = min(MOST_SEGMENTS, photons // FEWEST_PHOTONS)
     if shutter.exposure <= 0 or most < 2:
         return 1
-    plan = animation.plan(min(photons, PILOT_PHOTONS), clock)
+    plan = animation.plan(min(photons, PILOT_PHOTONS))
     stills = animation.source.reference_shutters()
     errors = [
-        _errors_around(animation, still.middle, shutter, plan, clock)
+        _errors_around(animation, still.middle, shutter, plan)
         for still in stills[:: math.ceil(len(stills) / MOST_STILLS)]
     ]
     time_error, blur = np.sum(errors, axis=0)
@@ -68,20 +68,18 @@ def segment_count(animation: Animation, shutter: Shutter, clock: Clock) -> int:
     return int(np.clip(math.floor(best + 1.0 - ROUND_UP), 1, most))
 
 
-def _errors_around(
-    animation: Animation, frame: float, shutter: Shutter, plan: EmissionPlan, clock: Clock
-) -> tuple[float, float]:
+def _errors_around(animation: Animation, frame: float, shutter: Shutter, plan: EmissionPlan) -> tuple[float, float]:
     """Flux-weighted sums of τ and β over the photons that land throughout the shutter of another frame."""
     riding = animation.settings.anchor == "surface"
 
     def traced(part: float, rides: bool) -> PhotonMap:
         time = frame + shutter.open - shutter.frame + part * shutter.exposure
         half = 0.5 * MOMENT * shutter.exposure
-        loaded = animation.load(Shutter(frame, time - half, time + half), clock)
-        with clock.stage("trace"):
-            return trace_photons(
-                loaded.scene, loaded.geometry, plan, loaded.requirements, animation.launcher, riding=rides
-            )[0]
+        loaded = animation.load(Shutter(frame, time - half, time + half))
+        found, _ = trace_photons(
+            loaded.scene, loaded.geometry, plan, loaded.requirements, animation.launcher, riding=rides
+        )
+        return found
 
     opening, middle, closing = (traced(part, riding) for part in (0.0, 0.5, 1.0))
     fixed = traced(0.5, False) if riding else middle

@@ -48,7 +48,8 @@ def page(result: StudyResult) -> str:
         f"<style>{_STYLE}</style></head><body>",
         "<h1>Error against time</h1>",
         f"<p>{escape(result.scene)}, frame {frames}, {result.size[0]} × {result.size[1]} pixels. Errors are those of "
-        "the light from photons, relative to its mean; times are CPU seconds a frame, all threads together.</p>",
+        "the light from photons, relative to its mean; times are CPU seconds a frame, all threads together, without "
+        "what is planned once for a whole animation.</p>",
     ]
     for part in result.exposures:
         parts += _exposure(part)

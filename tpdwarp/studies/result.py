@@ -30,8 +30,8 @@ class Measured:
 
     @property
     def cpu(self) -> float:
-        """CPU seconds a frame in all."""
-        return sum(self.solution.cpu_seconds.values())
+        """CPU seconds a frame, but for what is planned once for a whole animation."""
+        return sum(seconds for stage, seconds in self.solution.cpu_seconds.items() if stage != "plan")
 
 
 @dataclass(frozen=True, eq=False)

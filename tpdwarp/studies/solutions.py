@@ -53,8 +53,8 @@ class Renderer:
     def render(self, shutters: Sequence[Shutter], settings: Settings) -> Solution:
         """Renders the frames exposed by ``shutters``.
 
-        Kernels are compiled before the clock runs. What is made once for an animation (the emission lattices) counts
-        once, spread over the frames.
+        Kernels are compiled before the clock runs. What is planned once for an animation (emission lattices, the number
+        of segments) is the stage ``plan``, spread over the frames.
 
         Raises:
             InputError: The stage cannot be used.
