@@ -83,7 +83,7 @@ def test_the_first_pixel_is_the_upper_left_one():
 
 
 @pytest.mark.parametrize("distance", [1.0, 3.0])
-def test_half_a_pixel_is_half_of_the_distance_between_neighbouring_rays(distance):
+def test_footprints_are_widened_by_a_quarter_of_the_distance_between_neighbouring_rays(distance):
     scale = NORMALIZATION.scale
     for orthographic in (False, True):
         description = replace(camera(orthographic, moving=False), window=(-1, 1, -0.5, 0.5))
@@ -92,7 +92,7 @@ def test_half_a_pixel_is_half_of_the_distance_between_neighbouring_rays(distance
         origins, directions = view_rays(description, WIDTH, HEIGHT, middle, 0.0)
         along = distance / (directions @ -description.axes[2])
         seen = origins + along[:, None] * directions
-        expected = 0.5 * np.linalg.norm(seen[1] - seen[0]) * scale
+        expected = 0.25 * np.linalg.norm(seen[1] - seen[0]) * scale
         assert size.base + size.slope * distance * scale == pytest.approx(expected, rel=1e-5)
 
 

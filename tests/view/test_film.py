@@ -27,7 +27,7 @@ R0 = fresnel_reflectance(0.0, 1.0, 1.33)
 
 def render(meshes, camera=None, width=16, height=16, shutter=STILL, light=SUN, **settings):
     source = steady(meshes, (light,), camera or looking_down())
-    # Few photons: lattice cells of six pixels, which half a pixel widens by half a percent. The widened B-spline's
+    # Few photons: lattice cells of six pixels, which a quarter of a pixel hardly widens. The widened B-spline's
     # translates then still sum to one to (1/200)⁴, the height of their first harmonic.
     chosen = Settings(photons=64, threads=1, aovs=AOVS, **settings)
     return render_frame(source, shutter, chosen, width, height).channels

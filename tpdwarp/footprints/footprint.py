@@ -28,7 +28,7 @@ MOST_PIECES = 32
 
 @wp.struct
 class PixelSize:
-    """Half a pixel's size on a receiver: ``base + slope · distance`` from ``eye``."""
+    """ε, how far footprints on a receiver are widened: ``base + slope · distance`` from ``eye``."""
 
     eye: wp.vec3
     base: float
