@@ -152,7 +152,7 @@ def rod() -> tuple[SceneSource, np.ndarray]:
 
 
 def rod_error(finer: int, **settings) -> float:
-    """Error of pixels averaged from ``finer``² smaller ones, which keeps the widening by a quarter of a pixel out of it."""
+    """Error of pixels averaged from ``finer``² smaller ones, which keeps the widening of footprints out of it."""
     source, truth = rod()
     frame = frame_of(source, Shutter(0, 0, 1), finer * PIXELS, finer * PIXELS, photons=12000, samples=1, **settings)
     # Photons are counted where they land: internal reflections make several of one.
