@@ -400,3 +400,20 @@ def encoded_picture(pixels: np.ndarray, extension: str, quality: int = 85) -> by
         path = os.path.join(folder, f"picture{extension}")
         write_pixels(path, path, spec, np.ascontiguousarray(planes))
         return Path(path).read_bytes()
+
+
+def with_text(pixels: np.ndarray, lines: Sequence[tuple[int, int, str]], size: int) -> np.ndarray:
+    """A picture with lines of white text drawn on it, in OpenImageIO's default font.
+
+    Args:
+        pixels: Values as they are stored, uint8, shape [h, w, 3].
+        lines: Column and row of the left end of each base line, and its text.
+        size: Height of the letters in pixels.
+
+    Returns:
+        A new picture; without the text where no font is installed.
+    """
+    image = oiio.ImageBuf(np.ascontiguousarray(pixels))
+    for column, row, text in lines:
+        oiio.ImageBufAlgo.render_text(image, column, row, text, size, "", (1.0, 1.0, 1.0))
+    return np.array(image.get_pixels("uint8")).reshape(pixels.shape)

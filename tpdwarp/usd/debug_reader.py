@@ -12,6 +12,7 @@ from tpdwarp.errors import InputError
 from tpdwarp.photons.record import PhotonRecord
 
 _POINTS = "/TPD/Photons"
+_DIFFERENTIALS = "/TPD/TimeDifferentials"
 _COLUMNS = {"tpd:flux": 3, "tpd:DuX": 3, "tpd:DvX": 3, "tpd:DtX": 3, "tpd:emission": 2, "tpd:bounces": 0}
 
 
@@ -91,9 +92,33 @@ class DebugLayerReader:
             receiver_paths=tuple(str(path) for path in paths),
         )
 
-    def _array(self, attribute: Usd.Attribute, frame: float, name: str, width: int) -> np.ndarray:
+    def time_differentials(self, frame: float) -> tuple[np.ndarray, np.ndarray]:
+        """The curves that show where footprints move: their ends, shape [n, 2, 3], and display colours, shape [n, 3].
+
+        Ends are the footprint's centre at shutter open and at shutter close, in scene units; colours are linear.
+
+        Args:
+            frame: One of :attr:`frames`.
+
+        Raises:
+            InputError: The layer holds no such curves, or not two points and a colour for each.
+        """
+        curves = UsdGeom.BasisCurves.Get(self._stage, _DIFFERENTIALS)
+        if not curves:
+            raise InputError("holds no curves", file=self.path, prim=_DIFFERENTIALS)
+        points = self._array(curves.GetPointsAttr(), frame, "points", 3, _DIFFERENTIALS)
+        counts = self._array(curves.GetCurveVertexCountsAttr(), frame, "curveVertexCounts", 0, _DIFFERENTIALS)
+        colors = self._array(curves.GetDisplayColorAttr(), frame, "primvars:displayColor", 3, _DIFFERENTIALS)
+        if len(points) != 2 * len(counts) or np.any(counts != 2) or len(colors) != len(counts):
+            message = f"frame {frame:g} has {len(points)} points and {len(colors)} colours for {len(counts)} curves"
+            raise InputError(message, file=self.path, prim=_DIFFERENTIALS)
+        return points.reshape(-1, 2, 3), colors
+
+    def _array(
+        self, attribute: Usd.Attribute, frame: float, name: str, width: int, prim: str = _POINTS
+    ) -> np.ndarray:
         value = attribute.Get(frame) if attribute else None
         if value is None:
-            raise InputError(f"has no value at frame {frame:g}", file=self.path, prim=f"{_POINTS}.{name}")
+            raise InputError(f"has no value at frame {frame:g}", file=self.path, prim=f"{prim}.{name}")
         values = np.array(value, dtype=np.float64 if width else np.int64)
         return values.reshape(-1, width) if width else values

@@ -1,0 +1,33 @@
+#!/usr/bin/env python3
+"""Makes all figures of the paper in docs/figures, or those named by number.
+
+    .venv/bin/python scripts/figures/all.py          # all, in a few minutes
+    .venv/bin/python scripts/figures/all.py 6 9
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from pathlib import Path
+
+from sheets import DOCS, publish
+
+FIGURES = {
+    6: "fig6_exposures",
+    9: "fig9_time_differentials",
+}
+
+
+def main() -> None:
+    """Makes the figures that the command line asks for."""
+    parser = argparse.ArgumentParser(description="Makes the figures of the paper.")
+    parser.add_argument("figure", nargs="*", type=int, choices=FIGURES, help="which (default: all)")
+    parser.add_argument("--out", type=Path, default=DOCS, metavar="FOLDER", help="where to (default: docs/figures)")
+    options = parser.parse_args()
+    for number in options.figure or FIGURES:
+        print(publish(importlib.import_module(FIGURES[number]).make(), options.out), flush=True)
+
+
+if __name__ == "__main__":
+    main()
