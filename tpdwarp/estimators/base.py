@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from tpdwarp.estimators.segmenting import segment_count
 from tpdwarp.footprints.footprint import FootprintMap, PixelSize
@@ -14,7 +14,7 @@ from tpdwarp.footprints.gather import GatherForm, Irradiance, QueryArrays, gathe
 from tpdwarp.launch import Launcher
 from tpdwarp.photons.emission import EmissionPlan, plan_emission
 from tpdwarp.photons.record import EnergyAccount
-from tpdwarp.photons.tracing import PhotonMap
+from tpdwarp.photons.tracing import PhotonMap, trace_photons
 from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter, reference_scenes
 from tpdwarp.scene.geometry import Geometry, geometry_of
 from tpdwarp.scene.normalization import Normalization
@@ -105,6 +105,21 @@ class Animation:
             with clock.stage("plan"):
                 self._segment_counts[key] = segment_count(self, shutter)
         return self._segment_counts[key]
+
+    def trace(
+        self, loaded: LoadedScene, plan: EmissionPlan, clock: Clock, **options: Any
+    ) -> tuple[PhotonMap, EnergyAccount]:
+        """Photons of ``plan`` through a loaded scene; ``options`` are those of ``trace_photons``."""
+        with clock.stage("trace"):
+            return trace_photons(
+                loaded.scene,
+                loaded.geometry,
+                plan,
+                loaded.requirements,
+                self.launcher,
+                jittered=self.settings.emission == "jittered",
+                **options,
+            )
 
     def plan(self, photons: int, clock: Clock | None = None) -> EmissionPlan:
         """Emission lattices for ``photons`` photons a shutter; made once for the whole animation."""

@@ -15,7 +15,7 @@ from tpdwarp.estimators.temporal import shaped
 from tpdwarp.footprints.footprint import PixelSize
 from tpdwarp.photons.emission import EmissionPlan
 from tpdwarp.photons.record import EnergyAccount
-from tpdwarp.photons.tracing import PhotonMap, trace_photons
+from tpdwarp.photons.tracing import PhotonMap
 from tpdwarp.scene.description import Shutter
 
 
@@ -54,17 +54,8 @@ def dealt_photons(
     for number, time in enumerate(times):
         instant = shutter.open + float(time) * shutter.exposure
         loaded = animation.load(Shutter(shutter.frame, instant, instant), clock)
-        with clock.stage("trace"):
-            photons, account = trace_photons(
-                loaded.scene,
-                loaded.geometry,
-                plan,
-                loaded.requirements,
-                animation.launcher,
-                jittered=settings.emission == "jittered",
-                seed=settings.seed,
-                chosen=dealt_cells(number, count, settings.seed),
-            )
+        chosen = dealt_cells(number, count, settings.seed)
+        photons, account = animation.trace(loaded, plan, clock, seed=settings.seed, chosen=chosen)
         maps.append(replace(photons, time=(number + 0.5) / count - 0.5, duration=1.0 / count))
         energy.add(account)
     return maps, energy, plan

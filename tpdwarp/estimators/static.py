@@ -8,7 +8,6 @@ from dataclasses import replace
 from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
 from tpdwarp.estimators.temporal import shaped
 from tpdwarp.footprints.footprint import PixelSize
-from tpdwarp.photons.tracing import trace_photons
 from tpdwarp.scene.description import Shutter
 
 
@@ -28,15 +27,5 @@ def still_part(
     settings = animation.settings
     loaded = animation.load(still, clock)
     plan = animation.plan(settings.photons, clock)
-    with clock.stage("trace"):
-        photons, energy = trace_photons(
-            loaded.scene,
-            loaded.geometry,
-            plan,
-            loaded.requirements,
-            animation.launcher,
-            jittered=settings.emission == "jittered",
-            seed=settings.seed,
-            weight=weight,
-        )
+    photons, energy = animation.trace(loaded, plan, clock, seed=settings.seed, weight=weight)
     return shaped([replace(photons, time=time, duration=weight)], energy, plan, False, animation, pixel, clock)

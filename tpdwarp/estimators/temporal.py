@@ -8,8 +8,9 @@ from dataclasses import replace
 from tpdwarp.estimators.base import Animation, Clock, FootprintField, LoadedScene, Part
 from tpdwarp.footprints.footprint import PixelSize, shape_footprints
 from tpdwarp.footprints.gather import GatherForm
+from tpdwarp.photons.emission import EmissionPlan
 from tpdwarp.photons.record import EnergyAccount
-from tpdwarp.photons.tracing import PhotonMap, trace_photons
+from tpdwarp.photons.tracing import PhotonMap
 from tpdwarp.scene.description import Shutter
 
 
@@ -26,18 +27,8 @@ class Temporal:
         for number, seen in enumerate(scenes):
             opening = settings.trace_at == "open" and seen.requirements.photon_motion
             loaded = animation.load_opening(seen.scene.shutter, clock) if opening else seen
-            with clock.stage("trace"):
-                photons, account = trace_photons(
-                    loaded.scene,
-                    loaded.geometry,
-                    plan,
-                    loaded.requirements,
-                    animation.launcher,
-                    riding=settings.anchor == "surface",
-                    jittered=settings.emission == "jittered",
-                    seed=settings.seed + number,
-                    weight=1.0 / count,
-                )
+            riding, seed = settings.anchor == "surface", settings.seed + number
+            photons, account = animation.trace(loaded, plan, clock, riding=riding, seed=seed, weight=1.0 / count)
             if opening:
                 # Footprints stand at mid shutter and sweep to both sides: the same way, told from its middle.
                 photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)
@@ -46,7 +37,15 @@ class Temporal:
         yield shaped(maps, energy, plan, any(s.requirements.photon_motion for s in scenes), animation, pixel, clock)
 
 
-def shaped(maps, energy, plan, moves: bool, animation: Animation, pixel: PixelSize | None, clock: Clock) -> Part:
+def shaped(
+    maps: list[PhotonMap],
+    energy: EnergyAccount,
+    plan: EmissionPlan,
+    moves: bool,
+    animation: Animation,
+    pixel: PixelSize | None,
+    clock: Clock,
+) -> Part:
     """A part whose footprints are shaped for ``pixel`` and evaluated as the settings say."""
     settings = animation.settings
     light = None
