@@ -14,7 +14,9 @@ from pathlib import Path
 from sheets import DOCS, publish
 
 FIGURES = {
+    1: "fig1_sea_bottom",
     6: "fig6_exposures",
+    8: "fig8_cylinder",
     9: "fig9_time_differentials",
 }
 

@@ -76,6 +76,15 @@ def truth(scene: Path, width: int, exposure: float, times: int = 32, **settings:
 
 def finer_sea(folder: Path) -> Path:
     """The sea in a finer mesh than the shipped one, whose quads show in the caustic."""
-    make = [sys.executable, ROOT / "scripts" / "make_scenes.py", "--out", folder, "sea", "--resolution", "201"]
+    return _made(folder, "sea", "--resolution", "201")
+
+
+def folding_wave(folder: Path) -> Path:
+    """The wave at half its length, whose light folds; it moves by an eighth of that a frame."""
+    return _made(folder, "wave", "--wavelength", "0.65", "--speed", "0.08125")
+
+
+def _made(folder: Path, name: str, *options: str) -> Path:
+    make = [sys.executable, ROOT / "scripts" / "make_scenes.py", "--out", folder, name, *options]
     subprocess.run(make, check=True, stdout=subprocess.DEVNULL)
-    return folder / "sea.usdc"
+    return folder / f"{name}.usdc"
