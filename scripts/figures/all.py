@@ -16,6 +16,7 @@ from sheets import DOCS, publish
 FIGURES = {
     1: "fig1_sea_bottom",
     6: "fig6_exposures",
+    7: "fig7_between",
     8: "fig8_cylinder",
     9: "fig9_time_differentials",
 }
