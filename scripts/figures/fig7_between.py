@@ -36,9 +36,9 @@ REMARKS = """
 With one trace of 1 000 photons (a) the light is smooth and lies where it belongs. Photon mapping without in-between
 frames (b, d) shows the wave as it stood when the shutter opened, and more photons only draw the wrong picture sharper.
 Two in-between frames leave three bands side by side, plain to see in the folds (e, bottom); ten nearly close them. In
-error, neither 480 000 photons with two in-between frames nor 1 000 with ten reach the single trace; 40 000 and more with
-ten come a little nearer to the truth than it does, since first order motion is then what limits a single trace:
-64 000 photons in eight segments are five times nearer still. The last lines are the paper's method to the letter, whose
+error, neither 480 000 photons with two in-between frames nor 1 000 with ten reach the single trace; 40 000 with ten
+come a little nearer to the truth than it does, since first order motion is then what limits a single trace: 64 000
+photons in eight segments are about five times nearer. The last lines are the paper's method to the letter, whose
 random emission leaves noise that the lattice does not have."""
 
 
