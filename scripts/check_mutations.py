@@ -27,7 +27,7 @@ import tpdwarp
 from tpdwarp.checks.calibrate import calibrate
 from tpdwarp.checks.findings import CheckResult
 from tpdwarp.checks.limits import LIMITS_FILE
-from tpdwarp.estimators import temporal
+from tpdwarp.estimators import base
 from tpdwarp.images import read_image, write_frame
 from tpdwarp.photons.tracing import PhotonMap
 
@@ -99,17 +99,17 @@ class Shot:
 @contextlib.contextmanager
 def altered(photons: Photons) -> Iterator[None]:
     """While entered, the tracer's photons are changed."""
-    real = temporal.trace_photons
+    real = base.trace_photons
 
     def changed(*arguments: Any, **options: Any) -> Any:
         found, account = real(*arguments, **options)
         return photons(found), account
 
-    temporal.trace_photons = changed
+    base.trace_photons = changed
     try:
         yield
     finally:
-        temporal.trace_photons = real
+        base.trace_photons = real
 
 
 # A fault fills a folder with frames, or with a debug layer.
