@@ -47,12 +47,12 @@ class Sight:
 class _Rows:
     """Visible points as host arrays, piled up batch by batch."""
 
+    moving: bool
     columns: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
     def add(self, points: VisiblePoints, chosen: np.ndarray, pixels: np.ndarray, slots: np.ndarray) -> None:
         values = {
             "position": points.queries.position.numpy()[chosen],
-            "motion": points.queries.motion.numpy()[chosen],
             "normal": points.queries.normal.numpy()[chosen],
             "receiver": points.queries.receiver.numpy()[chosen],
             "weights": points.arrays.weight.numpy()[chosen],
@@ -60,6 +60,8 @@ class _Rows:
             "slots": slots[chosen],
             "first": np.full(len(chosen), points.first),
         }
+        if self.moving:
+            values["motion"] = points.queries.motion.numpy()[chosen]
         for name, rows in values.items():
             self.columns.setdefault(name, []).append(rows)
 
@@ -105,7 +107,7 @@ class View:
     def _look_at(self, pixels: np.ndarray, film: Film | None) -> Iterator[Sight]:
         """Sights of some pixels, at all times of the shutter."""
         samples = self._animation.settings.samples
-        still = _Rows()
+        still = _Rows(moving=False)
         for number in range(self._times):
             where, window = self._time(number)
             places, chosen = samples_at(number, self._times, pixels, samples, self._animation.settings.seed)
@@ -116,15 +118,18 @@ class View:
                     if film is not None:
                         film.add_view(points, seen)
                     receiver = points.queries.receiver.numpy()
-                    moving = points.queries.motion.numpy().any(axis=1) & self._moves
-                    still.add(points, np.flatnonzero((receiver >= 0) & ~moving), seen, slots)
-                    racing = np.flatnonzero((receiver >= 0) & moving)
+                    diffuse = receiver >= 0
+                    moving = np.zeros_like(diffuse)
+                    if self._moves:
+                        moving = diffuse & points.queries.motion.numpy().any(axis=1)
+                    still.add(points, np.flatnonzero(diffuse & ~moving), seen, slots)
+                    racing = np.flatnonzero(moving)
                 if len(racing):
-                    rows = _Rows()
+                    rows = _Rows(moving=True)
                     rows.add(points, racing, seen, slots)
-                    yield self._sight(rows, where, window, True)
+                    yield self._sight(rows, where, window)
         if still.columns:
-            yield self._sight(still, 0.0, (0.0, 1.0), False)
+            yield self._sight(still, 0.0, (0.0, 1.0))
 
     def _time(self, number: int) -> tuple[float, tuple[float, float]]:
         """When in the shutter a slice looks, and middle and length of the part that its samples stand for."""
@@ -159,16 +164,17 @@ class View:
             light_arrays(loaded.scene.lights, norm, self._animation.launcher),
         )
 
-    def _sight(self, rows: _Rows, time: float, window: tuple[float, float], moves: bool) -> Sight:
+    def _sight(self, rows: _Rows, time: float, window: tuple[float, float]) -> Sight:
         with self._clock.stage("view"):
             columns = {name: np.concatenate(parts) for name, parts in rows.columns.items()}
-            if not moves and self._times > 1:
+            if not rows.moving and self._times > 1:
                 # What lies together in the image is gathered together, whenever it was seen.
                 by_place = np.argsort(columns["slots"], kind="stable")
                 columns = {name: values[by_place] for name, values in columns.items()}
             launcher = self._animation.launcher
             queries = QueryArrays()
-            for name in ("position", "motion", "normal"):
+            for name in ("position", "normal"):
                 setattr(queries, name, launcher.array(columns[name], wp.vec3))
+            queries.motion = launcher.array(columns["motion"], wp.vec3) if rows.moving else launcher.zeros(0, wp.vec3)
             queries.receiver = launcher.array(columns["receiver"], wp.int32)
-        return Sight(queries, columns["pixels"], columns["weights"], columns["first"], time, window, moves)
+        return Sight(queries, columns["pixels"], columns["weights"], columns["first"], time, window, rows.moving)
