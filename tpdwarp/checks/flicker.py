@@ -13,7 +13,8 @@ import numpy as np
 
 from tpdwarp.checks.findings import FrameComparison
 from tpdwarp.checks.limits import Limits
-from tpdwarp.checks.measures import judge, root_mean_square
+from tpdwarp.checks.measures import judge
+from tpdwarp.checks.pixels import root_mean_square
 
 Reduced = Mapping[str, tuple[np.ndarray, np.ndarray]]
 

@@ -60,13 +60,14 @@ class FlipLimits:
     Attributes:
         maximum_luminance, median_luminance: What the exposures are laid out over.
         percentile: The percentile meant by ``flip_high``.
-        width: Wider images are shrunk to this many pixels first; FLIP takes seconds a megapixel.
+        width: Wider images are shrunk to this many pixels first, by whole factors, for FLIP takes seconds a megapixel.
+            Single pixels are a matter for the other measures, which see all of them.
     """
 
     maximum_luminance: float = 2.0
     median_luminance: float = 0.18
     percentile: float = 99.0
-    width: int = 960
+    width: int = 640
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import tempfile
 from tpdwarp.cli.outcome import DONE, FAILED
 from tpdwarp.cli.report import warnings_shown
 from tpdwarp.errors import InputError
-from tpdwarp.progress import KINDS, Progress, progress_of
+from tpdwarp.progress import KINDS, OccasionalProgress, Progress, progress_of
 
 SUMMARY = "compare frames and debug layers with a baseline"
 EPILOG = (
@@ -71,9 +71,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Compares; returns the exit code."""
-    # A line a frame would drown the table; without a terminal it says all there is to say.
-    kind = "none" if options.progress == "auto" and not sys.stderr.isatty() else options.progress
-    shown = progress_of(kind)
+    # A line a frame would drown the table.
+    seldom = options.progress == "auto" and not sys.stderr.isatty()
+    shown = OccasionalProgress() if seldom else progress_of(options.progress)
     if options.frames is None and not (options.render or options.calibrate):
         raise InputError("check needs FRAMES and BASELINE (see tpdwarp check --help)")
     if options.frames is not None and options.calibrate:
