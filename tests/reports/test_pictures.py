@@ -31,8 +31,9 @@ def test_shrinking_keeps_the_mean_of_even_images_and_never_enlarges(shape):
 @pytest.mark.parametrize("keep_peaks", [False, True])
 def test_each_shrunk_pixel_is_the_mean_or_the_largest_of_its_block(shape, keep_peaks):
     image = np.random.default_rng(7).normal(size=shape)
-    factor = 4
-    found = shrunk(image, -(-shape[1] // factor), keep_peaks)
+    width = 5
+    factor = -(-shape[1] // width)
+    found = shrunk(image, width, keep_peaks)
     for row, column in np.ndindex(found.shape[:2]):
         rows = np.minimum(np.arange(row * factor, (row + 1) * factor), shape[0] - 1)
         columns = np.minimum(np.arange(column * factor, (column + 1) * factor), shape[1] - 1)

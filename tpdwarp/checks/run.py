@@ -16,7 +16,7 @@ from tpdwarp.checks.flicker import Reduced, with_flicker
 from tpdwarp.checks.frames import ComparedFrame, compare_surely
 from tpdwarp.checks.json_file import write_json
 from tpdwarp.checks.junit import write_junit
-from tpdwarp.checks.limits import LIMITS_FILE, Limits, read_limits
+from tpdwarp.checks.limits import Limits, limits_beside, read_limits
 from tpdwarp.checks.photons import compare_layers, layer_pairs
 from tpdwarp.checks.picture_store import PictureStore
 from tpdwarp.checks.report import write_report
@@ -128,12 +128,6 @@ def check(
 def picture_width(count: int) -> int:
     """Width of a report's pictures of ``count`` frames: the pixels of all together stay bounded up to 540 frames."""
     return max(NARROWEST_PICTURE, min(WIDEST_PICTURE, round(WIDEST_PICTURE * (WIDE_COUNT / max(1, count)) ** 0.5)))
-
-
-def limits_beside(baseline: FilePath) -> Path:
-    """The limits file that belongs to a baseline."""
-    path = Path(baseline)
-    return (path if path.is_dir() or not path.suffix else path.parent) / LIMITS_FILE
 
 
 def _limits(limits: FilePath | Limits | None, baseline: FilePath) -> tuple[Limits, str]:
