@@ -1,4 +1,4 @@
-"""Checks of long sequences of noisy 1080p frames as a process: frames a second, cores used, peak memory."""
+"""Checks of long sequences of noisy 1080p frames as a process: speed, cores used, peak memory."""
 
 from __future__ import annotations
 
@@ -85,21 +85,21 @@ def checked(frames: Path, baseline: Path, report: Path) -> dict[str, float]:
     process.returncode = os.waitstatus_to_exitcode(status)
     seconds = time.perf_counter() - start
     count = len(list(baseline.glob("*.exr")))
-    print(f"  {count:5d}  {count / seconds:8.2f}  {seconds:8.1f}", end="")
-    cores = (usage.ru_utime + usage.ru_stime) / seconds
+    cpu = usage.ru_utime + usage.ru_stime
     memory, page = usage.ru_maxrss / 1024, report.stat().st_size / 2**20
-    print(f"  {cores:6.2f}  {memory:8.0f}  {page:7.1f}  {said.splitlines()[-1].partition(' (')[0]}", flush=True)
-    return {"frames": count, "seconds": seconds, "cores": cores, "peak MiB": memory, "report MiB": page}
+    print(f"  {count:5d}  {count / seconds:8.2f}  {cpu / count:11.2f}  {cpu / seconds:5.2f}", end="")
+    print(f"  {memory:8.0f}  {page:8.1f}  {said.splitlines()[-1].partition(' (')[0]}", flush=True)
+    return {"frames": count, "seconds": seconds, "cpu seconds": cpu, "peak MiB": memory, "report MiB": page}
 
 
 def run() -> list[dict[str, object]]:
-    """Frames a second, seconds, CPU seconds a second, peak resident memory and size of the report."""
+    """Frames a second, CPU seconds a frame, cores kept busy, peak resident memory and size of the report."""
     results: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         make_frames(folder / "made")
         print(f"{WIDTH} × {HEIGHT}, half floats: beauty, caustic, alpha; depth in float; {os.cpu_count()} cores")
-        print("  frames  frames/s   seconds   cores  peak MiB  page MiB  found")
+        print("  frames  frames/s  CPU s/frame  cores  peak MiB  page MiB  found")
         for what, counts, equal in (("noisy, with faults", COUNTS, False), ("equal to the bit", COUNTS[1:2], True)):
             print(f" {what}")
             for count in counts:

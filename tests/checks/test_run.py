@@ -174,3 +174,25 @@ def test_junit_has_a_test_a_frame_and_survives_control_characters(tmp_path, base
     failure = cases[1].find("failure")
     assert "tpdwarp:camera" in failure.get("message") and "wave.0002.exr" in failure.text
     assert "tpdwarp:version" in cases[2].find("system-out").text
+
+
+# What the schema of Jenkins' xUnit plug-in (junit-10.xsd) allows of each element; its time is digits and a point.
+JENKINS = {
+    "testsuites": ({"name", "time", "tests", "failures", "errors"}, {"testsuite"}),
+    "testsuite": ({"name", "time", "tests", "failures", "errors", "skipped", "timestamp"}, {"testcase"}),
+    "testcase": ({"name", "classname", "time"}, {"failure", "system-out"}),
+    "failure": ({"type", "message"}, set()),
+    "system-out": (set(), set()),
+}
+
+
+def test_junit_has_only_what_the_strictest_of_its_readers_allows(tmp_path, baseline):
+    frames = write_sequence(tmp_path / "a", 4)
+    write(frames, 2, **{"tpdwarp:camera": "/Other", "tpdwarp:version": "2"})
+    check(frames, baseline, junit=tmp_path / "o.xml", report=tmp_path / "r.html")
+    elements = list(ElementTree.parse(tmp_path / "o.xml").getroot().iter())
+    assert {element.tag for element in elements} == set(JENKINS)
+    for element in elements:
+        attributes, children = JENKINS[element.tag]
+        assert set(element.attrib) <= attributes and {child.tag for child in element} <= children
+        assert element.get("time", "0").replace(".", "", 1).isdigit()

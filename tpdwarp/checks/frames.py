@@ -202,7 +202,11 @@ def _linear(image: np.ndarray, baseline: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _planes(image: StoredImage, channels: Sequence[str]) -> np.ndarray:
-    return np.ascontiguousarray(image.pixels[..., [image.names.index(name) for name in channels]])
+    indices = [image.names.index(name) for name in channels]
+    first, last = indices[0], indices[-1]
+    if indices == list(range(first, last + 1)):
+        return np.ascontiguousarray(image.pixels[..., first : last + 1])
+    return np.take(image.pixels, indices, axis=-1)
 
 
 def _weight(severity: str) -> Severity:

@@ -147,8 +147,13 @@ square; energy, of the sum. flip_mean and flip_high are FLIP's mean and percenti
 BEAUTY = "beauty"
 # FLIP grows with the 0.7th power of small differences: rounding to half alone gives 0.003.
 _BEAUTY_DEFAULTS = {"flip_mean": 6e-3, "flip_high": 0.03}
-# Whether a footprint's rim reaches a pixel is decided by the last bit: a count may be one off.
-_GROUP_DEFAULTS = {BEAUTY: _BEAUTY_DEFAULTS, "photons": {"fail_absolute": 1.0, "warn_absolute": 1.0}}
+# The last bit decides whether a footprint's rim reaches a pixel: a count may be one off, and where next to no light
+# falls, the mean of D_t x is that one footprint's or none.
+_GROUP_DEFAULTS = {
+    BEAUTY: _BEAUTY_DEFAULTS,
+    "photons": {"fail_absolute": 1.0, "warn_absolute": 1.0},
+    "motion": {"hard": 2.0, "rmse": 0.05, "coarse": 0.02},
+}
 
 
 @dataclass(frozen=True)

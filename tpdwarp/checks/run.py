@@ -158,7 +158,7 @@ def _paired(frames: str, baseline: str, new: bool) -> tuple[list[Pair], list[tup
 def _compared(pairs: Sequence[Pair], limits: Limits, threads: int, picture_width: int) -> Iterator[FrameComparison]:
     """Comparisons in order; no more frames are in memory than there are threads, and one reduced frame."""
     waiting: deque[tuple[Pair, Future[ComparedFrame]]] = deque()
-    before: Reduced = {}
+    before: tuple[FrameComparison, Reduced] | None = None
     left = iter(pairs)
     with ThreadPoolExecutor(threads) as pool:
         try:
@@ -172,8 +172,9 @@ def _compared(pairs: Sequence[Pair], limits: Limits, threads: int, picture_width
                 numbered = pair.frame is not None and math.isfinite(pair.frame)
                 comparison = done.comparison
                 if numbered and before:
-                    comparison = with_flicker(comparison, done.reduced, before, limits)
-                before = done.reduced if numbered else {}
+                    comparison = with_flicker(comparison, done.reduced, *before, limits)
+                # What is gone by the next frame is not worth its memory: the pictures, above all.
+                before = (replace(comparison, pictures={}), done.reduced) if numbered and done.reduced else None
                 yield comparison
         finally:
             for _, future in waiting:
