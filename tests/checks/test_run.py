@@ -58,8 +58,9 @@ def test_a_frame_swapped_with_its_neighbour_is_found(tmp_path, baseline):
     two.rename(one)
     (frames / "x").rename(two)
     assert [f.status for f in check(frames, baseline).frames] == ["failed", "failed", "failed"]
-    # The third frame is right; that the picture jumps there is flicker.
-    assert {f.kind for f in check(frames, baseline).frames[2].findings} == {"flicker"}
+    # The third frame is right; that the picture jumps there is flicker, and the finding says whose.
+    last = check(frames, baseline).frames[2].findings
+    assert {f.kind for f in last} == {"flicker"} and str(last[0]).endswith("since frame 2, which failed")
 
 
 def test_flicker_is_the_change_of_the_difference_and_blind_to_what_stays(tmp_path, baseline):
@@ -147,6 +148,11 @@ def test_a_place_that_is_empty_or_not_there_cannot_be_compared(tmp_path, baselin
         places = {"frames": baseline, "baseline": baseline} | {which: tmp_path / place}
         with pytest.raises(InputError, match=place):
             check(**places)
+
+
+def test_fewer_than_no_threads_are_refused(baseline):
+    with pytest.raises(InputError, match="--threads must be 0 or more, not -1"):
+        check(baseline, baseline, threads=-1)
 
 
 def test_json_holds_all_that_was_measured(tmp_path, baseline):

@@ -68,6 +68,8 @@ def check(
         FrameError: A report cannot be written.
     """
     started = time.perf_counter()
+    if threads < 0:
+        raise InputError(f"--threads must be 0 or more, not {threads}")
     for output in (report, junit, json):
         if output is not None:
             check_writable(output)
