@@ -52,6 +52,17 @@ def test_equal_files_are_decoded_once_and_measured_as_equal_pixels_are(tmp_path,
     assert bytes_too.measures == pixels_alone.measures and bytes_too.status == "same"
 
 
+@pytest.mark.parametrize(
+    ("other", "same"), [(b"x" * 2**20 + b"ab", True), (b"x" * 2**20 + b"ac", False), (b"x" * 2**20, False)]
+)
+def test_files_are_the_same_where_every_byte_is(tmp_path, other, same):
+    (tmp_path / "a").write_bytes(b"x" * 2**20 + b"ab")
+    (tmp_path / "b").write_bytes(other)
+    paths = str(tmp_path / "a"), str(tmp_path / "b")
+    assert frames.same_bytes(*paths) is same and frames.same_bytes(*reversed(paths)) is same
+    assert not frames.same_bytes(paths[0], str(tmp_path / "none"))
+
+
 def test_rounding_to_half_is_no_difference(tmp_path, baseline):
     values = channels()
     nudged = {name: plane * np.float32(1 + 4e-4) for name, plane in values.items()}
