@@ -125,7 +125,7 @@ def test_cells_of_a_plane_share_its_irradiance_equally():
     ((_, patch),) = plan.patches(scene)
     _, flux = emitted(patch, cells(patch))
     area = np.prod(np.array(patch.step)) / plan.normalization.scale**2
-    np.testing.assert_allclose(flux, 2.0 * area, rtol=ROUNDING)
+    np.testing.assert_allclose(plan.normalization.power * flux, 2.0 * area, rtol=ROUNDING)
 
 
 def test_cells_of_six_faces_share_the_sphere():
@@ -133,7 +133,7 @@ def test_cells_of_six_faces_share_the_sphere():
     plan, _ = planned(scene, 6000)
     patches = plan.patches(scene)
     assert len(patches) == 6
-    total = sum(emitted(patch, cells(patch))[1].sum(axis=0) for _, patch in patches)
+    total = plan.normalization.power * sum(emitted(patch, cells(patch))[1].sum(axis=0) for _, patch in patches)
     step = max(max(lattice.step) for lattice, _ in patches)
     # Midpoint rule; the density's second derivative is below 4 of its own size.
     np.testing.assert_allclose(total, 0.5 * 4 * math.pi, rtol=4 * step**2 / 24 + ROUNDING)
@@ -247,7 +247,7 @@ def test_light_from_afar_comes_from_beyond_everything_in_the_frame():
         scene = source.at(Shutter.still(frame))
         ((_, patch),) = plan.patches(scene)
         highest = plan.normalization.points(scene.meshes[0].points)[:, 2].max()
-        assert np.array(patch.position)[2] > highest
+        assert -patch.start > highest and patch.axis_w[2] == -1
 
 
 def test_a_lattice_keeps_its_phase_from_frame_to_frame():

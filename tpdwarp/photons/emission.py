@@ -47,11 +47,13 @@ class Patch:
 
     A plane patch emits along axis_w from points u axis_u + v axis_v; a direction patch emits from ``position`` along
     tan(u) axis_u + tan(v) axis_v + axis_w (equal angles, so that cells have nearly equal solid angle).
-    ``power`` is flux per unit of plane area, or per steradian.
+    ``power`` is flux per unit of plane area, or per steradian. Beams begin ``start`` along their direction: those of a
+    plane through the origin, where coordinates are fine, begin beyond the scene.
     """
 
     domain: int
     position: wp.vec3
+    start: float
     axis_u: wp.vec3
     axis_v: wp.vec3
     axis_w: wp.vec3
@@ -407,7 +409,7 @@ def _patch(
     behind: float,
     normalization: Normalization,
 ) -> Patch:
-    """The cells of ``lattice`` that cover ``bounds``; light from afar starts ``behind`` the origin."""
+    """The cells of ``lattice`` that cover ``bounds``; light from afar starts ``behind`` before the origin."""
     patch = Patch()
     (patch.first_u, patch.count_u), (patch.first_v, patch.count_v) = _cells(lattice, bounds)
     patch.origin, patch.step = wp.vec2(*lattice.origin), wp.vec2(*lattice.step)
@@ -417,14 +419,12 @@ def _patch(
         patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*-axes[2])
         patch.axis_u_motion, patch.axis_v_motion = wp.vec3(*motions[0]), wp.vec3(*motions[1])
         patch.axis_w_motion = wp.vec3(*-motions[2])
-        patch.position = wp.vec3(*(behind * axes[2]))
-        patch.position_motion = wp.vec3(*(behind * motions[2]))
-        patch.power = wp.vec3(*(np.asarray(light.power) / normalization.scale**2))
+        patch.start = -behind
     else:
         axes = lattice.axes
         patch.domain = int(Domain.DIRECTIONS)
         patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*axes[2])
         patch.position = wp.vec3(*normalization.points(light.position[None])[0].astype(float))
         patch.position_motion = wp.vec3(*(light.position_motion * normalization.scale))
-        patch.power = wp.vec3(*light.power)
+    patch.power = wp.vec3(*normalization.light_power(light))
     return patch

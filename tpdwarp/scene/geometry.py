@@ -16,11 +16,13 @@ from tpdwarp.scene.normalization import Normalization
 class Surfaces:
     """Triangles with everything a ray needs to know where it lands; positions in the tracer's units.
 
-    ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly.
+    ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly. ``grain`` is how
+    large the coordinates of the scene are along each axis.
     """
 
     mesh: wp.uint64
     time: float
+    grain: wp.vec3
     triangles: wp.array(dtype=wp.vec3i)
     points: wp.array(dtype=wp.vec3)
     motions: wp.array(dtype=wp.vec3)
@@ -128,9 +130,11 @@ def geometry_of(
         material_of.append(slots[chosen] if chosen is not None else np.full(len(mesh.triangles), slots[0], np.int32))
         object_of.append(np.full(len(mesh.triangles), number, np.int32))
 
-    corners = np.concatenate(triangles).astype(np.int32)
-    mesh = _mesh(np.concatenate(points), corners, launcher)
+    corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
+    mesh = _mesh(vertices, corners, launcher)
     surfaces = Surfaces()
+    extent = np.abs(vertices).max(axis=0).astype(float)
+    surfaces.grain = wp.vec3(*(extent + 1e-3 * extent.max()))
     surfaces.mesh, surfaces.time, surfaces.points = mesh.id, 0.0, mesh.points
     surfaces.triangles = launcher.array(corners, wp.vec3i)
     surfaces.motions = launcher.array(_stack(motions, 3, np.float32), wp.vec3)

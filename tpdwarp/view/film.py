@@ -68,10 +68,10 @@ class Film:
             self._add("photons", light.photons[first, None].astype(np.float64), pixels[first])
 
     def channels(self) -> dict[str, np.ndarray]:
-        """Beauty and the asked AOVs, each [height, width] float32, rows from the top."""
+        """Beauty and the asked AOVs, each [height, width] float32 (limited to its range), rows from the top."""
         per_sample = 1.0 / self.samples
-        area = self._norm.scale**2
-        direct = self._get("direct", 3) * (per_sample * self._scale)
+        area = self._norm.scale**2 * self._norm.power
+        direct = self._get("direct", 3) * (per_sample * self._scale * area)
         caustic = self._get("caustic", 3) * (per_sample * self._scale * area)
         beauty = direct + caustic
         out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": self._coverage * per_sample}
@@ -97,7 +97,7 @@ class Film:
                 else:
                     value = value / np.maximum(np.linalg.norm(value, axis=0), 1e-30)
                 out.update({f"{aov}.{c}": value[k] for k, c in enumerate("XYZ")})
-        return {name: v.reshape(self.height, self.width).astype(np.float32) for name, v in out.items()}
+        return {name: _single(v).reshape(self.height, self.width) for name, v in out.items()}
 
     def _sum(self, values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         return np.bincount(pixels, weights=values, minlength=self.width * self.height)
@@ -109,3 +109,8 @@ class Film:
 
     def _get(self, name: str, width: int) -> np.ndarray:
         return self._sums.get(name, np.zeros((width, self.width * self.height)))
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    limit = float(np.finfo(np.float32).max)
+    return np.clip(values, -limit, limit).astype(np.float32)
