@@ -88,25 +88,26 @@ def closest_hit(
             e1 = wp.vec3d(q1) - origin
             e2 = wp.vec3d(q2) - origin
             area = wp.cross(e1, e2)
-            area_squared = wp.dot(area, area)
-            n = area / wp.sqrt(area_squared)
+            inverse = wp.float64(1.0) / wp.dot(area, area)
+            n = area * wp.sqrt(inverse)
             offset = wp.vec3d(x) - origin
             height = wp.dot(n, offset)
             cosine = wp.dot(n, wp.vec3d(w))
             hit.n_g = wp.vec3(n)
             hit.grain = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
-            size = wp.length(q1 - q0) + wp.length(q2 - q0)
+            edges = wp.abs(q1 - q0) + wp.abs(q2 - q0)
+            size = edges[0] + edges[1] + edges[2]
             hit.lift = LIFT * wp.dot(wp.abs(hit.n_g), hit.grain) + SMALLEST_LIFT * size
             hit.grain = hit.grain + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
             if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(float(height)) < hit.lift:
                 farther *= 8.0
-            elif area_squared > wp.float64(0.0):
+            elif wp.isfinite(inverse):
                 along = wp.float64(start + query.t)
                 if wp.abs(cosine) > wp.float64(GRAZING):
                     along = -height / cosine
                 offset = offset + along * wp.vec3d(w)
-                g1 = wp.cross(e2, area) / area_squared
-                g2 = wp.cross(area, e1) / area_squared
+                g1 = wp.cross(e2, area) * inverse
+                g2 = wp.cross(area, e1) * inverse
                 b1 = wp.dot(g1, offset)
                 b2 = wp.dot(g2, offset)
                 hit.triangle = query.face
