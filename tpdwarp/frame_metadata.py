@@ -11,6 +11,7 @@ import numpy as np
 import tpdwarp
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
+from tpdwarp.single import single
 
 if TYPE_CHECKING:
     from tpdwarp.frame import Frame
@@ -44,11 +45,11 @@ def frame_metadata(
         "tpdwarp:seed": settings.seed,
         "tpdwarp:renderSeconds": sum(made.seconds.values()),
         "tpdwarp:photons": len(made.photons),
-        "tpdwarp:fluxSent": energy.sent,
-        "tpdwarp:fluxDeposited": energy.deposited,
-        "tpdwarp:fluxEscaped": energy.escaped,
-        "tpdwarp:fluxAbsorbed": energy.absorbed,
-        "tpdwarp:fluxLost": float(energy.lost_total),
+        "tpdwarp:fluxSent": float(single(energy.sent)),
+        "tpdwarp:fluxDeposited": float(single(energy.deposited)),
+        "tpdwarp:fluxEscaped": float(single(energy.escaped)),
+        "tpdwarp:fluxAbsorbed": float(single(energy.absorbed)),
+        "tpdwarp:fluxLost": float(single(energy.lost_total)),
     }
     if not math.isnan(frame):
         metadata |= {

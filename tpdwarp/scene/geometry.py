@@ -95,6 +95,9 @@ def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
     return np.concatenate(filled).astype(dtype)
 
 
+NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
+
+
 def geometry_of(
     scene: SceneAtShutter, normalization: Normalization, launcher: Launcher, *, with_motions: bool
 ) -> Geometry:
@@ -109,7 +112,8 @@ def geometry_of(
     colors, color_indices, material_of, object_of = [], [], [], []
     materials: dict[object, int] = {}
     vertex_count = normal_count = color_count = 0
-    for number, mesh in enumerate(scene.meshes):
+    # A frame may show nothing at all; a tree of triangles wants at least one.
+    for number, mesh in enumerate(scene.meshes or (NOTHING,)):
         points.append(normalization.points(mesh.points))
         if moves:
             motions.append(_or_zeros(mesh.motions, mesh.points) * normalization.scale)

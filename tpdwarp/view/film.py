@@ -6,6 +6,7 @@ import numpy as np
 
 from tpdwarp.footprints.gather import Irradiance
 from tpdwarp.scene.normalization import Normalization
+from tpdwarp.single import single
 from tpdwarp.view.visible import VisiblePoints
 
 BACKGROUND_DEPTH = 1.0e10
@@ -97,7 +98,7 @@ class Film:
                 else:
                     value = value / np.maximum(np.linalg.norm(value, axis=0), 1e-30)
                 out.update({f"{aov}.{c}": value[k] for k, c in enumerate("XYZ")})
-        return {name: _single(v).reshape(self.height, self.width) for name, v in out.items()}
+        return {name: single(v).reshape(self.height, self.width) for name, v in out.items()}
 
     def _sum(self, values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         return np.bincount(pixels, weights=values, minlength=self.width * self.height)
@@ -109,8 +110,3 @@ class Film:
 
     def _get(self, name: str, width: int) -> np.ndarray:
         return self._sums.get(name, np.zeros((width, self.width * self.height)))
-
-
-def _single(values: np.ndarray) -> np.ndarray:
-    limit = float(np.finfo(np.float32).max)
-    return np.clip(values, -limit, limit).astype(np.float32)
