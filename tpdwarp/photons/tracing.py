@@ -61,6 +61,7 @@ class PhotonArrays:
     bounces: wp.array(dtype=wp.int32)
     fate: wp.array(dtype=wp.int32)
     branches: wp.array(dtype=wp.int32)
+    retried: wp.array(dtype=wp.int32)
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         branches = int(0)
         fate = int(3)
         count = int(0)
+        retried = int(0)
         # Branches before the last one taken belong to the paths that spawned this one.
         newest = int(0)
         while (mask >> newest) > 0:
@@ -129,6 +131,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 else:
                     fate = 0
                 break
+            retried += hit.retried
             beam = arrive(beam, hit, wp.static(moves))
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
@@ -190,6 +193,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         out.bounces[i] = count
         out.fate[i] = fate
         out.branches[i] = branches
+        out.retried[i] = retried
 
     return trace_photons
 
@@ -286,6 +290,9 @@ def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: n
     specular = fate != Fate.DIRECT
     # Counted at the light, not added up from where it went: so the account can show that something is missing.
     account.sent += unit * float(out.emitted.numpy()[specular & (masks == 0)].sum(dtype=np.float64))
+    retried = int(out.retried.numpy().sum(dtype=np.int64))
+    if retried:
+        account.counts["hits at the second try"] = account.counts.get("hits at the second try", 0) + retried
     account.deposited += float(flux[fate == Fate.DEPOSITED].sum())
     account.escaped += float(flux[fate == Fate.ESCAPED].sum())
     account.absorbed += unit * float(out.absorbed.numpy()[specular].sum(dtype=np.float64))

@@ -22,7 +22,8 @@ MOST_ATTEMPTS = wp.constant(8)
 class Hit:
     """A point of a triangle: position, unit geometric normal (not flipped), motion, dual basis g1, g2 of its edges.
 
-    ``lift`` is how far off it rays have to start, ``grain`` how large its coordinates are along each axis.
+    ``lift`` is how far off it rays have to start, ``grain`` how large its coordinates are along each axis, ``retried``
+    is 1 where it was missed at first.
     """
 
     triangle: int
@@ -35,6 +36,7 @@ class Hit:
     g2: wp.vec3
     lift: float
     grain: wp.vec3
+    retried: int
 
 
 @wp.struct
@@ -111,6 +113,7 @@ def closest_hit(
                 b1 = wp.dot(g1, offset)
                 b2 = wp.dot(g2, offset)
                 hit.triangle = query.face
+                hit.retried = missed
                 hit.distance = float(along)
                 hit.position = wp.vec3(origin + offset)
                 hit.g1 = wp.vec3(g1)
