@@ -18,6 +18,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "emission": "jittered",
         "anchor": "light",
         "trace_at": "open",
+        "path": "straight",
     },
 }
 """What each preset sets; whatever is asked for beside it beats it."""

@@ -17,6 +17,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "emission": ("lattice", "jittered"),
     "anchor": ("surface", "light"),
     "trace_at": ("middle", "open"),
+    "path": ("curved", "straight"),
     "time_filter": ("none", "uniform", "cone", "epanechnikov", "quartic", "gaussian"),
 }
 PURPOSES = ("default", "render", "proxy", "guide")
@@ -30,8 +31,7 @@ class Settings:
     Attributes:
         photons: Photons emitted towards specular geometry, a frame.
         samples: Camera samples a pixel.
-        segments: Sub-intervals of the shutter, each traced on its own with an equal share of the photons; ``auto``
-            weighs motion against photons.
+        segments: Parts of the shutter, each traced with its share of the photons; ``auto`` weighs motion against them.
         exposure: Exposure in frames, opening at the frame; None takes the camera's ``shutter:open/close``.
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
@@ -42,19 +42,20 @@ class Settings:
         emission: ``lattice`` or ``jittered``.
         anchor: What a photon rides on over the shutter: the ``surface`` it first hit, or its emission point
             (``light``).
-        trace_at: When in the shutter ``tpd`` traces: ``middle``, or ``open`` (forward differences, as in the paper).
+        trace_at: When in the shutter ``tpd`` traces: ``middle``, or ``open`` (the paper's forward differences).
+        path: Way of a B-spline footprint of ``tpd``: ``straight`` along D_t x, or ``curved`` as D_t x changes.
         smoothing: Footprint size in lattice cells.
-        time_filter: Shutter response of Eq. 9, or ``none``; needs ``footprint="swept"``.
+        time_filter: Shutter response of Eq. 9, for ``swept``.
         seed: Seed of all random choices.
         device: Warp device, for instance ``cpu`` or ``cuda:0``.
         threads: CPU threads; 0 for all cores.
-        accumulation_times: Shutter times that ``accumulation`` averages, or that random times are drawn from.
+        accumulation_times: Instants that ``accumulation`` averages, or random times stem from.
         tdpm_neighbours: Photons in an estimate of ``tdpm``.
-        tdpm_between: In-between frames of ``tdpm``; without it each photon has a random time.
+        tdpm_between: In-between frames of ``tdpm``; else times are random.
         image_width: Width in pixels; None takes the render settings' resolution, or 960.
-        complexity: As in usdrecord; accepted, and without effect on polygonal meshes.
+        complexity: As in usdrecord; no effect on polygonal meshes.
         purposes: Purposes rendered beside ``default``.
-        mask: Prim paths to which the stage is restricted; empty for all.
+        mask: Prim paths that alone are read; empty for all.
         camera: Camera path or name; empty takes the render settings' camera, or the only one.
         render_settings: Path of the RenderSettings prim; empty takes the stage's own.
         aovs: Extra channel groups to write.
@@ -72,6 +73,7 @@ class Settings:
     emission: str = "lattice"
     anchor: str = "surface"
     trace_at: str = "middle"
+    path: str = "curved"
     smoothing: float = 1.0
     time_filter: str = "none"
     seed: int = 0

@@ -36,6 +36,7 @@ def photon_map(
         receiver_motion=rows(receiver_motion),
         flux=rows(flux),
         emission=rows(0, width=2),
+        shift=rows(0, width=2),
         receiver=rows(receiver, np.int32, 0),
         bounces=whole,
         time=time,

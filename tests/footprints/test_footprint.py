@@ -238,6 +238,6 @@ def test_a_footprint_holds_its_flux_in_every_channel():
     found = shaped(photon_map([(0, 0, 0)], (0.1, 0, 0), (0, 0.1, 0), flux=(1.0, 2.0, 3.0)))
     positions, area = grid((-0.25, -0.25), (0.25, 0.25), (50, 50))
     total = irradiance(found, queries(positions)).irradiance.astype(float).sum(axis=0) * area
-    # Ten nodes a cell of a cubic B-spline: a sum over translates, exact up to rounding.
+    # Five nodes a cell of a B-spline: a sum over translates, exact up to rounding.
     np.testing.assert_allclose(total, [1, 2, 3], rtol=1e-5)
     assert math.isclose(total[2] / total[0], 3, rel_tol=1e-6)

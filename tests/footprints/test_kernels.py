@@ -98,19 +98,19 @@ def path_variation(kernel: str, y: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def gauss_error(sigma: float) -> float:
-    """Bound on the B-spline's two Gauss nodes a cell, by Peano's kernel of third derivatives.
+    """Bound on the B-spline's two Gauss nodes a cell, by Peano's kernel of second derivatives.
 
-    |d³(b b)/ds³| ≤ 12 along any path (|b| ≤ 2/3, |b'| ≤ 2/3, |b''| ≤ 2, |b'''| ≤ 3, both axes moving), and at most
-    4 + 2 panels of at most one cell see the support.
+    |d²(b b)/ds²| ≤ 5 along any path (|b| ≤ 3/4, |b'| ≤ 1, |b''| ≤ 2, both axes moving), and at most 3 + 2 panels of at
+    most one cell see the support.
     """
     node = 0.5 / math.sqrt(3)
 
     def peano(t: np.ndarray) -> np.ndarray:
         lag = np.clip(np.array([0.5 - node, 0.5 + node])[:, None] - t, 0, None)
-        return np.abs((1 - t) ** 3 / 6 - 0.25 * (lag**2).sum(axis=0))
+        return np.abs((1 - t) ** 2 / 2 - 0.5 * lag.sum(axis=0))
 
     panel = integrate(peano, np.linspace(0, 1, 9))
-    return 12 * panel * (min(sigma, 1.0) ** 3 if sigma <= 1 else 6 / sigma)
+    return 5 * panel * (sigma**2 if sigma <= 1 else 5 / sigma)
 
 
 def test_static_kernels_are_those_of_table_1():
@@ -247,5 +247,5 @@ def test_no_kernel_reaches_beyond_its_support():
     for kernel, weights in zip(KERNELS, still()((1 + EDGE) * circle, 0 * circle), strict=True):
         if SUPPORT[kernel] == 1.0:
             assert not weights.any(), kernel
-    square = 2 * circle / np.abs(circle).max(axis=1, keepdims=True)
+    square = SUPPORT["bspline"] * circle / np.abs(circle).max(axis=1, keepdims=True)
     assert not still()(square, square)[KERNELS.index("bspline")].any()

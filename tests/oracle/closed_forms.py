@@ -15,7 +15,7 @@ KERNEL_PEAKS = {
     "epanechnikov": 2 / math.pi,
     "quartic": 3 / math.pi,
     "gaussian": 1 / (2 * math.pi * (1 - math.exp(-0.5))),
-    "bspline": 4 / 9,
+    "bspline": 9 / 16,
 }
 """Check 17: K(0) of kernels that integrate to one (Table 1), in filter space; the B-spline per lattice cell."""
 

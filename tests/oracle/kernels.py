@@ -39,18 +39,18 @@ def diameter_integral(kernel: str) -> float:
     return peak(kernel) * integrate(lambda s: SHAPES[kernel](np.abs(s)), np.linspace(-1, 1, 9), 1e-15)
 
 
-def cubic_bspline(x: np.ndarray) -> np.ndarray:
-    """The cubic B-spline with unit knots, centred, from truncated powers; zero beyond ±2."""
-    distance = np.minimum(np.abs(x), 2)
-    powers = (np.clip(2 - distance - k, 0, None) ** 3 * (-1) ** k * math.comb(4, k) for k in range(5))
-    return sum(powers) / 6
+def quadratic_bspline(x: np.ndarray) -> np.ndarray:
+    """The quadratic B-spline with unit knots, centred, from truncated powers; zero beyond ±3/2."""
+    distance = np.minimum(np.abs(x), 1.5)
+    powers = (np.clip(1.5 - distance - k, 0, None) ** 2 * (-1) ** k * math.comb(3, k) for k in range(4))
+    return sum(powers) / 2
 
 
 def static_kernel(kernel: str, y: np.ndarray) -> np.ndarray:
     """K at y [n, 2], shape [n]; integrates to one over filter space."""
     y = np.asarray(y, dtype=np.float64)
     if kernel == "bspline":
-        return cubic_bspline(y[:, 0]) * cubic_bspline(y[:, 1])
+        return quadratic_bspline(y[:, 0]) * quadratic_bspline(y[:, 1])
     r = np.hypot(y[:, 0], y[:, 1])
     return np.where(r < 1, peak(kernel) * SHAPES[kernel](np.minimum(r, 1)), 0.0)
 
@@ -108,7 +108,7 @@ def _shutter_integral(kernel: str, y: np.ndarray, v: np.ndarray, tolerance: floa
 def _knot_times(y: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Times at which y − τ v crosses a knot of the B-spline: pieces between them are polynomials."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        times = (y - np.arange(-2, 3)[:, None]) / v
+        times = (y - np.arange(-1.5, 2)[:, None]) / v
     return np.unique(times[np.isfinite(times)])
 
 

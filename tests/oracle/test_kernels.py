@@ -11,10 +11,10 @@ from . import closed_forms
 from .kernels import (
     KERNELS,
     SHAPES,
-    cubic_bspline,
     diameter_integral,
     footprint_weight,
     peak,
+    quadratic_bspline,
     shutter_kernel,
     static_kernel,
     swept_kernel,
@@ -60,7 +60,7 @@ def test_eq_9_filtered_footprints_hold_one_photon(kernel):
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_check_17_shutter_footprints_hold_one_photon(kernel):
     v = np.array([0.7, 0.3])
-    margin = 2.0 if kernel == "bspline" else 1.0
+    margin = 1.5 if kernel == "bspline" else 1.0
     total, step = plane_integral(lambda y: shutter_kernel(kernel, y, v, 1e-6), v, cells=24, margin=margin)
     # Averaged over time even the uniform kernel leaves its support like a square root: the rule has order 3/2.
     assert total == pytest.approx(1, abs=step**1.5)
@@ -98,7 +98,7 @@ def test_the_shutter_average_is_the_mean_of_static_footprints_on_the_way(kernel)
     tau = (np.arange(4000) + 0.5) / 4000
     expected = [np.mean(static_kernel(kernel, a - tau[:, None] * b)) for a, b in zip(y, v, strict=True)]
     # Two jumps of at most the peak are each off by half a step.
-    height = 4 / 9 if kernel == "bspline" else peak(kernel)
+    height = 9 / 16 if kernel == "bspline" else peak(kernel)
     np.testing.assert_allclose(shutter_kernel(kernel, y, v), expected, atol=height / 4000)
 
 
@@ -122,11 +122,11 @@ def test_b_spline_translates_sum_to_one_still_or_moving():
     assert shutter_kernel("bspline", at - shifts, np.array([0.8, -1.3])).sum() == pytest.approx(1, abs=1e-10)
 
 
-def test_the_cubic_b_spline_is_the_box_convolved_with_itself():
-    assert cubic_bspline(np.array([0.0, 1.0, 2.0, 2.5])) == pytest.approx([2 / 3, 1 / 6, 0, 0])
-    integral = integrate(cubic_bspline, np.linspace(-2, 2, 5))
-    second_moment = integrate(lambda x: x**2 * cubic_bspline(x), np.linspace(-2, 2, 5))
-    assert (integral, second_moment) == pytest.approx((1, 4 / 12))
+def test_the_quadratic_b_spline_is_the_box_convolved_with_itself():
+    assert quadratic_bspline(np.array([0.0, 0.5, 1.0, 1.5, 2.0])) == pytest.approx([3 / 4, 1 / 2, 1 / 8, 0, 0])
+    integral = integrate(quadratic_bspline, np.linspace(-1.5, 1.5, 4))
+    second_moment = integrate(lambda x: x**2 * quadratic_bspline(x), np.linspace(-1.5, 1.5, 4))
+    assert (integral, second_moment) == pytest.approx((1, 3 / 12))
 
 
 @pytest.mark.parametrize("kernel", SHAPES)

@@ -77,6 +77,7 @@ METHOD = (
     SettingOption("emission", ("--emission",)),
     SettingOption("anchor", ("--anchor",)),
     SettingOption("trace_at", ("--trace-at",)),
+    SettingOption("path", ("--path",)),
     SettingOption("smoothing", ("--smoothing",), float, "CELLS"),
     SettingOption("time_filter", ("--time-filter",)),
     SettingOption("seed", ("--seed",), int, "N"),

@@ -117,8 +117,7 @@ class Animation:
                 plan,
                 loaded.requirements,
                 self.launcher,
-                jittered=self.settings.emission == "jittered",
-                **options,
+                **{"jittered": self.settings.emission == "jittered", **options},
             )
 
     def plan(self, photons: int, clock: Clock | None = None) -> EmissionPlan:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from tpdwarp.estimators.base import Animation, Clock, FootprintField, LoadedScene, Part
+from tpdwarp.estimators.bending import bent
 from tpdwarp.footprints.footprint import PixelSize, shape_footprints
 from tpdwarp.footprints.gather import GatherForm
 from tpdwarp.photons.emission import EmissionPlan
@@ -29,6 +30,10 @@ class Temporal:
             loaded = animation.load_opening(seen.scene.shutter, clock) if opening else seen
             riding, seed = settings.anchor == "surface", settings.seed + number
             photons, account = animation.trace(loaded, plan, clock, riding=riding, seed=seed, weight=1.0 / count)
+            curved = settings.path == "curved" and settings.kernel == "bspline" and seen.requirements.photon_motion
+            if curved and pixel is not None and not opening:
+                photons, guides = bent(photons, plan, animation, seen.scene.shutter, clock)
+                account.counts["guides"] = guides
             if opening:
                 # Footprints stand at mid shutter and sweep to both sides: the same way, told from its middle.
                 photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)

@@ -37,13 +37,17 @@ class PixelSize:
 
 @wp.struct
 class FootprintArrays:
-    """One row a photon, in the tracer's units. Filter coordinates of a displacement d are (row_u·d, row_v·d)."""
+    """One row a photon, in the tracer's units. Filter coordinates of a displacement d are (row_u·d, row_v·d).
+
+    At the part s (−½ … ½) of the photon's own shutter the footprint stands at center + s dxdt + ½ s² bend.
+    """
 
     center: wp.array(dtype=wp.vec3)
     row_u: wp.array(dtype=wp.vec3)
     row_v: wp.array(dtype=wp.vec3)
     normal: wp.array(dtype=wp.vec3)
     dxdt: wp.array(dtype=wp.vec3)
+    bend: wp.array(dtype=wp.vec3)
     relative: wp.array(dtype=wp.vec3)
     density: wp.array(dtype=wp.vec3)
     slack: wp.array(dtype=wp.float32)
@@ -82,6 +86,7 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         dxdu: wp.array(dtype=wp.vec3),
         dxdv: wp.array(dtype=wp.vec3),
         dxdt: wp.array(dtype=wp.vec3),
+        bend: wp.array(dtype=wp.vec3),
         receiver_motion: wp.array(dtype=wp.vec3),
         flux: wp.array(dtype=wp.vec3),
         smoothing: float,
@@ -144,6 +149,7 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         out.row_v[i] = wp.static(scale) * row_v
         out.normal[i] = n
         out.dxdt[i] = dxdt[i]
+        out.bend[i] = bend[i]
         out.relative[i] = dxdt[i] - receiver_motion[i]
         out.density[i] = flux[i] * (wp.static(scale * scale) / (t1 * t2))
         out.clamped[i] = clamped
@@ -155,9 +161,9 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         else:
             along *= wp.abs(cr) + wp.abs(sr)
             across *= wp.abs(cr) + wp.abs(sr)
-        out.slack[i] = SLACK * (along + across + 0.5 * wp.length(out.relative[i]))
-        along += 0.5 * wp.abs(wp.dot(left1, dxdt[i]))
-        across += 0.5 * wp.abs(wp.dot(left2, dxdt[i]))
+        out.slack[i] = SLACK * (along + across + 0.5 * wp.length(out.relative[i]) + 0.125 * wp.length(bend[i]))
+        along += 0.5 * wp.abs(wp.dot(left1, dxdt[i])) + 0.125 * wp.abs(wp.dot(left1, bend[i]))
+        across += 0.5 * wp.abs(wp.dot(left2, dxdt[i])) + 0.125 * wp.abs(wp.dot(left2, bend[i]))
         if along >= across:
             out.long_axis[i] = left1
             out.reach[i] = wp.vec2(along, across)
@@ -188,6 +194,7 @@ def bound_pieces(
     half = reach[0] / float(count)
     center = footprints.center[j] + ((2.0 * float(out.number[i]) + 1.0) * half - reach[0]) * axis
     depth = footprints.slack[j] + 0.5 * wp.abs(wp.dot(n, footprints.dxdt[j]))
+    depth += 0.125 * wp.abs(wp.dot(n, footprints.bend[j]))
     for k in range(3):
         extent = half * wp.abs(axis[k]) + reach[1] * wp.abs(other[k]) + depth * wp.abs(n[k])
         out.lower[i][k] = center[k] - extent
@@ -228,8 +235,8 @@ def shape_footprints(
     duration = maps[0].duration if maps else 1.0
     if not count:
         return FootprintMap(out, PieceArrays(), None, duration, moves, 0.0, 0, 0)
-    names = ("position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux")
-    columns = [launcher.array(np.concatenate([getattr(m, name) for m in maps]), wp.vec3) for name in names]
+    names = ("position", "normal", "dxdu", "dxdv", "dxdt", "bend", "receiver_motion", "flux")
+    columns = [launcher.array(np.concatenate([_column(m, name) for m in maps]), wp.vec3) for name in names]
     out.receiver = launcher.array(np.concatenate([m.receiver for m in maps]), wp.int32)
     times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
     out.time = launcher.array(times, wp.float32)
@@ -248,3 +255,8 @@ def shape_footprints(
     return FootprintMap(
         out, pieces, wp.Bvh(pieces.lower, pieces.upper), duration, moves, 0.5 * reach, clamped, count
     )
+
+
+def _column(photons: PhotonMap, name: str) -> np.ndarray:
+    value = getattr(photons, name)
+    return np.zeros_like(photons.position) if value is None else value

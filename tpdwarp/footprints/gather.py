@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -9,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.footprints.footprint import FootprintArrays, FootprintMap, PieceArrays
-from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
+from tpdwarp.footprints.kernels import SUPPORT, bspline_path, moving_weight, static_weight
 from tpdwarp.launch import Launcher
 
 # A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its slack.
@@ -18,8 +19,15 @@ CLOSE = wp.constant(1.0e-5)
 GROUP = wp.constant(128)
 # How much the motions of queries that are gathered together may differ, as a part of the motion itself.
 LARGEST_DEVIATION = wp.constant(0.25)
+# A footprint is a parabola on runs that reach so far from their middle, in cells; steps for its differences.
 LARGEST_STEP = wp.constant(0.25)
 SMALLEST_STEP = wp.constant(0.05)
+FEWEST_FOR_PARABOLA = wp.constant(8)
+# Normals of a run within this cosine of its first one all face a footprint, or none does, if the first one does so.
+NARROW_CONE = wp.constant(math.cos(math.radians(10.0)))
+ALWAYS_FACING = wp.constant(math.cos(math.radians(60.0 - 10.0)))
+NEVER_FACING = wp.constant(math.cos(math.radians(60.0 + 10.0)))
+SEVERAL = wp.constant(-2)
 SMOOTH = ("bspline",)
 FAR_AWAY = wp.constant(1.0e30)
 
@@ -50,20 +58,25 @@ class IrradianceArrays:
 
 @cache
 def _weight(kernel: str, form: str, time_filter: str, moves: bool) -> wp.Function:
-    """w(y, v) with y relative to where the footprint stands in the middle of its way."""
+    """w(y, v, bend) with y relative to where the footprint stands in the middle of its way, v + bend s at s from there.
+
+    Only the B-spline's way is bent.
+    """
     support = wp.constant(SUPPORT[kernel])
     still = static_weight(kernel)
     if not moves:
 
         @wp.func
-        def static(y: wp.vec2, v: wp.vec2) -> float:
+        def static(y: wp.vec2, v: wp.vec2, bend: wp.vec2) -> float:
             return still(y)
 
         return static
+    if kernel == "bspline":
+        return bspline_path
     moving = moving_weight(kernel, form, time_filter)
 
     @wp.func
-    def swept(y: wp.vec2, v: wp.vec2) -> float:
+    def swept(y: wp.vec2, v: wp.vec2, bend: wp.vec2) -> float:
         if wp.abs(y[0]) >= support + 0.5 * wp.abs(v[0]) or wp.abs(y[1]) >= support + 0.5 * wp.abs(v[1]):
             return 0.0
         if v[0] == 0.0 and v[1] == 0.0:
@@ -117,6 +130,9 @@ def gather_kernel(
             # A run: queries from start on whose way over the shutter fits into a box of size reach.
             low = wp.vec3(FAR_AWAY, FAR_AWAY, FAR_AWAY)
             high = -low
+            run_receiver = int(-1)
+            run_normal = wp.vec3(0.0, 0.0, 0.0)
+            narrowest = float(1.0)
             run_motion = wp.vec3(0.0, 0.0, 0.0)
             fastest = float(0.0)
             run_window = float(window)
@@ -145,6 +161,12 @@ def gather_kernel(
                     grown_high = wp.max(high, b)
                     if stop > start and wp.length(grown_high - grown_low) > reach and low[0] < FAR_AWAY:
                         break
+                    if low[0] == FAR_AWAY:
+                        run_receiver = queries.receiver[stop]
+                        run_normal = queries.normal[stop]
+                    elif queries.receiver[stop] != run_receiver:
+                        run_receiver = SEVERAL
+                    narrowest = wp.min(narrowest, wp.dot(run_normal, queries.normal[stop]))
                     low = grown_low
                     high = grown_high
                 stop += 1
@@ -154,6 +176,14 @@ def gather_kernel(
                 radius = 0.5 * wp.length(high - low)
                 piece = int(0)
                 margin = wp.vec3(CLOSE, CLOSE, CLOSE)
+                # What wide footprints add up to on this run, as a function of the way from its middle.
+                summed = bool(False)
+                level = wp.vec3(0.0, 0.0, 0.0)
+                slopes = wp.mat33()
+                bow_r = wp.mat33()
+                bow_g = wp.mat33()
+                bow_b = wp.mat33()
+                run_since = run_center - time
                 query = wp.bvh_query_aabb(bvh, low - margin, high + margin)
                 while wp.bvh_query_next(query, piece):
                     j = pieces.footprint[piece]
@@ -166,6 +196,7 @@ def gather_kernel(
                     slack = footprints.slack[j] + CLOSE
                     way = wp.vec3(0.0, 0.0, 0.0)
                     v = wp.vec2(0.0, 0.0)
+                    bend = wp.vec2(0.0, 0.0)
                     since = float(0.0)
                     length = float(0.0)
                     last = stop
@@ -188,61 +219,89 @@ def gather_kernel(
                             last = start
                         middle_time = 0.5 * (opening + closing)
                         since = middle_time - time
-                        center += ((middle_time - center_time) / duration) * footprints.dxdt[j]
-                        way = (length / duration) * footprints.dxdt[j] - length * run_motion
+                        part = length / duration
+                        late = (middle_time - center_time) / duration
+                        bending = footprints.bend[j]
+                        center += late * footprints.dxdt[j] + (0.5 * late * late) * bending
+                        way = part * (footprints.dxdt[j] + late * bending) - length * run_motion
                         v = wp.vec2(wp.dot(row_u, way), wp.dot(row_v, way))
+                        bend = (part * part) * wp.vec2(wp.dot(row_u, bending), wp.dot(row_v, bending))
                         density = density * (length / (share * duration))
                     # Most long thin footprints that lie askew miss the run although their boxes do not.
                     offset = middle + since * run_motion - center
                     spread = radius + run_window * fastest
                     off_u = wp.abs(wp.dot(row_u, offset)) - wp.length(row_u) * spread
                     off_v = wp.abs(wp.dot(row_v, offset)) - wp.length(row_v) * spread
-                    if off_u > support + 0.5 * wp.abs(v[0]) or off_v > support + 0.5 * wp.abs(v[1]):
+                    off_u -= 0.5 * wp.abs(v[0]) + 0.125 * wp.abs(bend[0])
+                    off_v -= 0.5 * wp.abs(v[1]) + 0.125 * wp.abs(bend[1])
+                    if off_u > support or off_v > support:
                         last = start
-                    # A footprint much larger than the run is a parabola there.
+                    # A footprint much larger than the run is a parabola there; those are added up before they are
+                    # evaluated, so that faint wide ones cost next to nothing.
                     parabolic = bool(False)
-                    w_0 = float(0.0)
-                    slope = wp.vec2(0.0, 0.0)
-                    bend = wp.vec3(0.0, 0.0, 0.0)
-                    y_0 = wp.vec2(wp.dot(row_u, offset), wp.dot(row_v, offset))
                     if wp.static(smooth):
-                        step = radius * wp.max(wp.length(row_u), wp.length(row_v))
-                        if step < LARGEST_STEP and last - start > 8:
-                            parabolic = True
+                        finest = wp.max(wp.length(row_u), wp.length(row_v))
+                        step = radius * finest
+                        aside = wp.abs(since - run_since) * LARGEST_DEVIATION * wp.length(run_motion) * finest
+                        uniform = run_receiver >= 0 and narrowest > NARROW_CONE and aside < SMALLEST_STEP
+                        if uniform and step < LARGEST_STEP and last - start > FEWEST_FOR_PARABOLA:
+                            facing = wp.dot(run_normal, n_p)
+                            height = wp.abs(wp.dot(n_p, offset))
+                            thickness = 0.5 * wp.dot(wp.abs(n_p), high - low)
+                            if receiver != run_receiver or facing < NEVER_FACING or height - thickness > slack:
+                                last = start
+                            elif facing > ALWAYS_FACING and height + thickness <= slack:
+                                parabolic = True
+                        if parabolic and last > start:
                             step = wp.max(step, SMALLEST_STEP)
-                            w_0 = weight(y_0, v)
-                            right = weight(y_0 + wp.vec2(step, 0.0), v)
-                            left = weight(y_0 - wp.vec2(step, 0.0), v)
-                            upper = weight(y_0 + wp.vec2(0.0, step), v)
-                            lower = weight(y_0 - wp.vec2(0.0, step), v)
-                            corner = weight(y_0 + wp.vec2(step, step), v)
-                            slope = wp.vec2(right - left, upper - lower) / (2.0 * step)
-                            bend = wp.vec3(
-                                0.5 * (right + left) - w_0, 0.5 * (upper + lower) - w_0, corner + w_0 - right - upper
+                            y_0 = wp.vec2(wp.dot(row_u, offset), wp.dot(row_v, offset))
+                            w_0 = weight(y_0, v, bend)
+                            right = weight(y_0 + wp.vec2(step, 0.0), v, bend)
+                            left = weight(y_0 - wp.vec2(step, 0.0), v, bend)
+                            upper = weight(y_0 + wp.vec2(0.0, step), v, bend)
+                            lower = weight(y_0 - wp.vec2(0.0, step), v, bend)
+                            corner = weight(y_0 + wp.vec2(step, step), v, bend)
+                            slope = ((right - left) * row_u + (upper - lower) * row_v) / (2.0 * step)
+                            bow = (
+                                (0.5 * (right + left) - w_0) * wp.outer(row_u, row_u)
+                                + (0.5 * (upper + lower) - w_0) * wp.outer(row_v, row_v)
+                                + (corner + w_0 - right - upper) * wp.outer(row_u, row_v)
                             ) / (step * step)
+                            level += w_0 * density
+                            slopes += wp.outer(density, slope)
+                            bow_r += density[0] * bow
+                            bow_g += density[1] * bow
+                            bow_b += density[2] * bow
+                            summed = True
+                            if not wp.static(with_motion):
+                                last = start
                     for i in range(start, last):
                         if queries.receiver[i] == receiver:
                             if wp.dot(queries.normal[i], n_p) > SMALLEST_COSINE:
                                 d = queries.position[i] - center
                                 if wp.static(query_moves):
                                     d += since * queries.motion[i]
-                                y = wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d))
                                 w = float(0.0)
                                 if wp.abs(wp.dot(n_p, d)) <= slack:
-                                    if parabolic:
-                                        o = y - y_0
-                                        w = w_0 + wp.dot(slope, o)
-                                        w += bend[0] * o[0] * o[0] + bend[1] * o[1] * o[1] + bend[2] * o[0] * o[1]
-                                    else:
-                                        w = weight(y, v)
+                                    w = weight(wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d)), v, bend)
                                 if w > 0.0:
                                     added = w * density
-                                    out.irradiance[i] = out.irradiance[i] + added
+                                    if not parabolic:
+                                        out.irradiance[i] = out.irradiance[i] + added
                                     if wp.static(with_motion):
                                         amount = added[0] + added[1] + added[2]
                                         out.motion[i] = out.motion[i] + amount * footprints.relative[j]
                                         out.weight[i] = out.weight[i] + amount
                                         out.photons[i] = out.photons[i] + 1
+                if summed:
+                    for i in range(start, stop):
+                        if queries.receiver[i] >= 0:
+                            d = queries.position[i] - middle
+                            if wp.static(query_moves):
+                                d += run_since * (queries.motion[i] - run_motion)
+                            bowed = wp.vec3(wp.dot(d, bow_r * d), wp.dot(d, bow_g * d), wp.dot(d, bow_b * d))
+                            added = level + slopes * d + bowed
+                            out.irradiance[i] = out.irradiance[i] + wp.max(added, wp.vec3(0.0, 0.0, 0.0))
             start = stop
 
     return gather

@@ -1,4 +1,4 @@
-"""Footprint kernels: Table 1 of the paper, the cubic B-spline, and their averages over the shutter.
+"""Footprint kernels: Table 1 of the paper, the quadratic B-spline, and their averages over the shutter.
 
 All live in filter space, where a radial footprint is the unit disc and a B-spline footprint the lattice with unit
 cells. ``y`` is the query relative to the footprint at shutter open, ``v`` the footprint's way over the shutter, so
@@ -6,6 +6,10 @@ that the footprint stands at τv for τ ∈ [0, 1]. Weights integrate to one ove
 
 Departs from the paper: Eq. 6 × Eq. 8 with the constants of its Table 1 deposits Φ/π; the constants here are the
 correct ones. Its Eq. 7 area is exact for the uniform kernel only; the swept form below uses each kernel's own.
+
+The B-spline is quadratic: translates by one cell of every B-spline sum to one, and blur over the light by its variance
+(d + 1)/12 cells² for degree d. The cubic one errs more at folds and costs nine sixteenths more; the linear one errs
+less there, but leaves the lattice's creases in smooth light.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ from functools import cache
 import warp as wp
 
 RADIAL = ("uniform", "cone", "epanechnikov", "quartic", "gaussian")
-SUPPORT = {**dict.fromkeys(RADIAL, 1.0), "bspline": 2.0}
+SUPPORT = {**dict.fromkeys(RADIAL, 1.0), "bspline": 1.5}
 
 # Line integral k1 = ∫₋₁¹ K of each radial kernel through its centre.
 LINE_INTEGRAL = {
@@ -43,6 +47,7 @@ SQRT_HALF = wp.constant(math.sqrt(0.5))
 SQRT_HALF_PI = wp.constant(math.sqrt(0.5 * math.pi))
 GAUSS_NODE = wp.constant(0.5 - 0.5 / math.sqrt(3.0))
 MOST_PANELS = wp.constant(1.0e6)
+BSPLINE_SUPPORT = wp.constant(SUPPORT["bspline"])
 
 
 @wp.func
@@ -120,15 +125,15 @@ def _asinh(x: float) -> float:
 
 
 @wp.func
-def cubic_bspline(x: float) -> float:
-    """Centred cubic B-spline, support (−2, 2), translates by one sum to one."""
+def quadratic_bspline(x: float) -> float:
+    """Centred quadratic B-spline, support (−3/2, 3/2), translates by one sum to one."""
     a = wp.abs(x)
-    if a >= 2.0:
+    if a >= 1.5:
         return 0.0
-    if a >= 1.0:
-        b = 2.0 - a
-        return b * b * b / 6.0
-    return 2.0 / 3.0 - a * a * (1.0 - 0.5 * a)
+    if a >= 0.5:
+        b = 1.5 - a
+        return 0.5 * b * b
+    return 0.75 - a * a
 
 
 STATIC = {"uniform": uniform, "cone": cone, "epanechnikov": epanechnikov, "quartic": quartic, "gaussian": gaussian}
@@ -145,34 +150,48 @@ SMALLEST_SIGMA = {"cone": 0.02, "gaussian": 0.02}
 
 @wp.func
 def bspline_static(y: wp.vec2) -> float:
-    return cubic_bspline(y[0]) * cubic_bspline(y[1])
+    return quadratic_bspline(y[0]) * quadratic_bspline(y[1])
+
+
+@wp.func
+def bspline_path(y: wp.vec2, v: wp.vec2, bend: wp.vec2) -> float:
+    """∫ b(y − s v − ½ s² bend) ds over s ∈ [−½, ½], by two Gauss nodes a cell; those inside the support are visited.
+
+    Here y is relative to where the footprint stands at mid shutter, and its way there is of second order in time. The
+    nodes do not depend on y, so that translates by one sum to one while they sweep, too.
+    """
+    low = float(-0.5)
+    high = float(0.5)
+    for axis in range(2):
+        reach = BSPLINE_SUPPORT + 0.125 * wp.abs(bend[axis])
+        if wp.abs(v[axis]) > 1.0e-9:
+            a = (y[axis] - reach) / v[axis]
+            b = (y[axis] + reach) / v[axis]
+            low = wp.max(low, wp.min(a, b))
+            high = wp.min(high, wp.max(a, b))
+        elif wp.abs(y[axis]) >= reach:
+            return 0.0
+    if high <= low:
+        return 0.0
+    speed = wp.max(wp.abs(v[0]) + 0.5 * wp.abs(bend[0]), wp.abs(v[1]) + 0.5 * wp.abs(bend[1]))
+    if speed == 0.0:
+        return bspline_static(y)
+    if speed == 0.0:
+        return bspline_static(y)
+    panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
+    total = float(0.0)
+    for k in range(int(wp.floor((low + 0.5) * panels)), int(wp.ceil((high + 0.5) * panels))):
+        early = (float(k) + GAUSS_NODE) / panels - 0.5
+        late = (float(k + 1) - GAUSS_NODE) / panels - 0.5
+        total += bspline_static(y - early * v - (0.5 * early * early) * bend)
+        total += bspline_static(y - late * v - (0.5 * late * late) * bend)
+    return 0.5 * total / panels
 
 
 @wp.func
 def bspline_shutter(y: wp.vec2, v: wp.vec2) -> float:
-    """∫₀¹ b(y_u − τv_u) b(y_v − τv_v) dτ, by two Gauss nodes a cell, of which those inside the support are visited.
-
-    The nodes do not depend on y, so that translates by one sum to one while they sweep, too.
-    """
-    low = float(0.0)
-    high = float(1.0)
-    for axis in range(2):
-        if wp.abs(v[axis]) > 1.0e-9:
-            a = (y[axis] - 2.0) / v[axis]
-            b = (y[axis] + 2.0) / v[axis]
-            low = wp.max(low, wp.min(a, b))
-            high = wp.min(high, wp.max(a, b))
-        elif wp.abs(y[axis]) >= 2.0:
-            return 0.0
-    if high <= low:
-        return 0.0
-    panels = wp.ceil(wp.clamp(wp.max(wp.abs(v[0]), wp.abs(v[1])), 1.0, MOST_PANELS))
-    total = float(0.0)
-    for k in range(int(wp.floor(low * panels)), int(wp.ceil(high * panels))):
-        early = (float(k) + GAUSS_NODE) / panels
-        late = (float(k + 1) - GAUSS_NODE) / panels
-        total += bspline_static(y - early * v) + bspline_static(y - late * v)
-    return 0.5 * total / panels
+    """∫₀¹ b(y − τv) dτ, with y relative to where the footprint stands at shutter open."""
+    return bspline_path(y - 0.5 * v, v, wp.vec2(0.0, 0.0))
 
 
 @cache

@@ -57,6 +57,7 @@ class PhotonArrays:
     absorbed: wp.array(dtype=wp.vec3)
     culled: wp.array(dtype=wp.vec3)
     emission: wp.array(dtype=wp.vec2)
+    shift: wp.array(dtype=wp.vec2)
     receiver: wp.array(dtype=wp.int32)
     bounces: wp.array(dtype=wp.int32)
     fate: wp.array(dtype=wp.int32)
@@ -150,6 +151,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     shift = riding_shift(beam.dxdu, beam.dxdv, hit.n_g, hit.motion - beam.dxdt)
                     beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
                     beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
+                    out.shift[i] = shift
             dielectric = wp.static(refraction)
             if wp.static(both):
                 dielectric = interaction == DIELECTRIC
@@ -202,7 +204,9 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
 class PhotonMap:
     """Photons deposited over one (sub-)shutter, in the tracer's units; all arrays have one row a photon.
 
-    ``dxdt`` [n, 3] is the world displacement over ``duration`` of the shutter, centred at ``time`` (−½ … ½).
+    ``dxdt`` [n, 3] is the world displacement over ``duration`` of the shutter, centred at ``time`` (−½ … ½); ``shift``
+    [n, 2] the lattice steps by which a photon that rides on its surface moves over it on the light; ``bend`` [n, 3] the
+    change of its displacement from opening to closing, None where that is not known.
     """
 
     ids: np.ndarray
@@ -214,8 +218,10 @@ class PhotonMap:
     receiver_motion: np.ndarray
     flux: np.ndarray
     emission: np.ndarray
+    shift: np.ndarray
     receiver: np.ndarray
     bounces: np.ndarray
+    bend: np.ndarray | None = None
     time: float = 0.0
     duration: float = 1.0
 
@@ -224,7 +230,8 @@ class PhotonMap:
 
 
 _FIELDS = (
-    "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "receiver", "bounces",
+    "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver",
+    "bounces",
 )  # fmt: skip
 
 
@@ -326,7 +333,7 @@ def next_paths(cells: np.ndarray, masks: np.ndarray, branches: np.ndarray) -> tu
 def _empty() -> PhotonMap:
     three, two = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
     whole = np.zeros(0, np.int32)
-    return PhotonMap(np.zeros(0, np.int64), three, three, three, three, three, three, three, two, whole, whole)
+    return PhotonMap(np.zeros(0, np.int64), three, three, three, three, three, three, three, two, two, whole, whole)
 
 
 def record_of(maps: list[PhotonMap], plan: EmissionPlan, paths: tuple[str, ...]) -> PhotonRecord:
