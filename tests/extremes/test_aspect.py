@@ -44,7 +44,8 @@ def shallow(width: float, depth: float, motion: str, view: str) -> SceneAtShutte
 @pytest.mark.parametrize("motion", ["deforming", "rigid"])
 @pytest.mark.parametrize("width", [1e2, 1e3, 1e4])
 def test_wide_shallow_water_tends_to_a_flat_interface(width, motion, view):
-    frame = render(shallow(width, 1e-2, motion, view))
+    # Cells much larger than pixels: widened by those, footprints no longer add up to a smooth field exactly.
+    frame = render(shallow(width, 1e-2, motion, view), photons=256)
     angle = math.atan(math.hypot(0.05, 0.02))
     passing = 1 - fresnel_reflectance(angle, 1.0, IOR)
     slope = 0.15 * 1e-2 * 6 * math.pi / width

@@ -191,15 +191,15 @@ def lit_square(half: float, photons: int, motion: str):
         ways[::2] = 0
     square = quad("/square", (0, 0, 0), (half, 0, 0), (0, half, 0), DIFFUSE)
     return render(scene([moving(water, ways), square], sun(), eye=looking_down((-1, 1, -1, 1), height=0.6)),
-                  width=64, height=64, photons=photons)
+                  width=64, height=64, photons=photons, samples=4)
 
 
-@pytest.mark.parametrize("photons", [1024, 4096, 16384])
+@pytest.mark.parametrize("photons", [256, 1024, 4096])
 def test_what_hangs_over_the_edge_of_a_receiver_is_missing_there(photons):
     frame = lit_square(0.5, photons, "deforming")
     cell = 2.0 / math.sqrt(photons)
-    # Cells next to an edge at ½, 1½, … cells: what of a cubic B-spline lies beyond ½ and 1½ of its cells.
-    overhang = cell * (23 / 96 + 1 / 384)
+    # Photons of the outermost cells land half a cell from the edge: what of a quadratic B-spline lies farther out.
+    overhang = cell / 6
     seen = frame.channels["irradiance.R"].astype(float).mean() * 4 * 3
     assert frame.energy.deposited == pytest.approx(3 * PASSING, rel=1e-4)
     assert seen / frame.energy.deposited == pytest.approx((1 - 2 * overhang) ** 2, rel=0.01)
