@@ -289,7 +289,12 @@ def trace_photons(
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return _empty(), account
-    return PhotonMap(**{name: np.concatenate([rows[name] for rows in landed]) for name in ("ids", *_FIELDS)}), account
+    return PhotonMap(**{name: joined([rows[name] for rows in landed]) for name in ("ids", *_FIELDS)}), account
+
+
+def joined(parts: list[np.ndarray]) -> np.ndarray:
+    """The rows of all ``parts``; a single one is not copied, for ten million photons fill memory."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: np.ndarray, unit: float) -> None:
@@ -358,4 +363,4 @@ def record_of(maps: list[PhotonMap], plan: EmissionPlan, paths: tuple[str, ...])
         }
         for name, value in values.items():
             rows.setdefault(name, []).append(value)
-    return PhotonRecord(**{name: np.concatenate(parts) for name, parts in rows.items()}, receiver_paths=paths)
+    return PhotonRecord(**{name: joined(parts) for name, parts in rows.items()}, receiver_paths=paths)
