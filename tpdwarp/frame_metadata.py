@@ -11,6 +11,7 @@ import numpy as np
 import tpdwarp
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
+from tpdwarp.single import single
 from tpdwarp.targeting import ErrorTarget
 
 if TYPE_CHECKING:
@@ -51,11 +52,11 @@ def frame_metadata(
         "tpdwarp:seed": settings.seed,
         "tpdwarp:renderSeconds": sum(made.seconds.values()),
         "tpdwarp:photons": len(made.photons),
-        "tpdwarp:fluxSent": energy.sent,
-        "tpdwarp:fluxDeposited": energy.deposited,
-        "tpdwarp:fluxEscaped": energy.escaped,
-        "tpdwarp:fluxAbsorbed": energy.absorbed,
-        "tpdwarp:fluxLost": float(energy.lost_total),
+        "tpdwarp:fluxSent": float(single(energy.sent)),
+        "tpdwarp:fluxDeposited": float(single(energy.deposited)),
+        "tpdwarp:fluxEscaped": float(single(energy.escaped)),
+        "tpdwarp:fluxAbsorbed": float(single(energy.absorbed)),
+        "tpdwarp:fluxLost": float(single(energy.lost_total)),
     }
     if target is not None:
         metadata |= {"tpdwarp:targetError": target.wanted, "tpdwarp:expectedError": target.expected}

@@ -13,7 +13,7 @@ from tpdwarp.photons.beam import Beam, arrive, leave, meet
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.geometry import Surfaces, geometry_of
 from tpdwarp.scene.normalization import Normalization
-from tpdwarp.scene.surface import LIFT, closest_hit
+from tpdwarp.scene.surface import closest_hit
 
 from .shapes import DIFFUSE, MIRROR, cap, floor, glass, mesh, ripples
 from .traced import EPS, SHUTTER, scene_of
@@ -34,10 +34,10 @@ def interact(
 ):
     i = wp.tid()
     beam = beams[i]
-    hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, 0.0, 100.0, True, wp.rand_init(1, i))
+    hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, surfaces.grain, 0.0, 100.0, True, wp.rand_init(1, i))
     arrived = arrive(beam, hit, True)
     at = meet(surfaces, hit, beam.w, dielectric, True)
-    out[i] = leave(surfaces, arrived, hit, at, reflected, LIFT, True)
+    out[i] = leave(surfaces, arrived, hit, at, reflected, True)
     flat[i] = int(at.flat)
 
 

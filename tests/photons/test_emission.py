@@ -26,7 +26,7 @@ from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, Scen
 from tpdwarp.scene.normalization import Normalization
 
 from .moving_scenes import GRID, SCENES, wave
-from .shapes import DIFFUSE, MIRROR, ball, box, floor, glass, moving, ripples
+from .shapes import DIFFUSE, MIRROR, ball, box, floor, glass, moving, quad, ripples
 from .traced import EPS, Written, lamp, scene_of, sun, traced, turning_sun
 
 ROUNDING = 64 * EPS
@@ -125,7 +125,7 @@ def test_cells_of_a_plane_share_its_irradiance_equally():
     ((_, patch),) = plan.patches(scene)
     _, flux = emitted(patch, cells(patch))
     area = np.prod(np.array(patch.step)) / plan.normalization.scale**2
-    np.testing.assert_allclose(flux, 2.0 * area, rtol=ROUNDING)
+    np.testing.assert_allclose(plan.normalization.power * flux, 2.0 * area, rtol=ROUNDING)
 
 
 def test_cells_of_six_faces_share_the_sphere():
@@ -133,7 +133,7 @@ def test_cells_of_six_faces_share_the_sphere():
     plan, _ = planned(scene, 6000)
     patches = plan.patches(scene)
     assert len(patches) == 6
-    total = sum(emitted(patch, cells(patch))[1].sum(axis=0) for _, patch in patches)
+    total = plan.normalization.power * sum(emitted(patch, cells(patch))[1].sum(axis=0) for _, patch in patches)
     step = max(max(lattice.step) for lattice, _ in patches)
     # Midpoint rule; the density's second derivative is below 4 of its own size.
     np.testing.assert_allclose(total, 0.5 * 4 * math.pi, rtol=4 * step**2 / 24 + ROUNDING)
@@ -174,22 +174,21 @@ def test_nothing_specular_emits_nothing():
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_domain_covers_every_specular_vertex_over_the_whole_shutter(name):
+def test_the_domain_covers_every_specular_vertex_at_mid_shutter_and_little_else(name):
     scene = SCENES[name]()
     plan, _ = planned(scene)
     ((_, patch),) = plan.patches(scene)
     low, high = corner_range(patch)
     corners = specular_corners(scene, plan.normalization).reshape(-1, 3)
-    light = scene.lights[0]
-    for time in (-0.5, 0.0, 0.5):
-        position, u, v, w = placed(patch, time)
-        if patch.domain == Domain.PLANE:
-            uv = corners @ np.array([u, v]).T
-        else:
-            offsets = corners - position
-            uv = np.arctan2(offsets @ np.array([u, v]).T, (offsets @ w)[:, None])
-        slack = 1.1e-4 * np.array(patch.step)
-        assert (uv >= low - slack).all() and (uv <= high + slack).all(), light.path
+    position, u, v, w = placed(patch, 0.0)
+    if patch.domain == Domain.PLANE:
+        uv = corners @ np.array([u, v]).T
+    else:
+        offsets = corners - position
+        uv = np.arctan2(offsets @ np.array([u, v]).T, (offsets @ w)[:, None])
+    step, slack = np.array(patch.step), 1.1e-4 * np.array(patch.step)
+    assert (uv >= low - slack).all() and (uv <= high + slack).all()
+    assert (uv.min(axis=0) < low + step + slack).all() and (uv.max(axis=0) > high - step - slack).all()
 
 
 def orbiting(shutter: Shutter) -> SceneAtShutter:
@@ -248,7 +247,7 @@ def test_light_from_afar_comes_from_beyond_everything_in_the_frame():
         scene = source.at(Shutter.still(frame))
         ((_, patch),) = plan.patches(scene)
         highest = plan.normalization.points(scene.meshes[0].points)[:, 2].max()
-        assert np.array(patch.position)[2] > highest
+        assert -patch.start > highest and patch.axis_w[2] == -1
 
 
 def test_a_lattice_keeps_its_phase_from_frame_to_frame():
@@ -286,9 +285,39 @@ def test_only_the_specular_triangles_of_a_mesh_are_aimed_at():
     np.testing.assert_array_equal(specular_triangles(part), part.triangles)
 
 
-def test_specular_corners_stand_where_the_shutter_opens_and_closes():
+def test_specular_corners_stand_where_they_are_at_mid_shutter():
     body = moving(ball("/ball", (0, 0, 1), 0.5, 2, glass()), (0.2, 0, -0.4))
     norm = Normalization((0.0, 0.0, 0.0), 0.25, 1.0)
     corners = specular_corners(scene_of([body, floor()], sun()), norm)
-    expected = [0.25 * (body.points + s * body.motions)[body.triangles] for s in (-0.5, 0.5)]
-    np.testing.assert_allclose(corners, np.concatenate(expected), atol=2 * EPS)
+    np.testing.assert_allclose(corners, 0.25 * body.points[body.triangles], atol=2 * EPS)
+
+
+@pytest.mark.parametrize("far", [1.0, 1e3, 1e6])
+def test_how_far_things_go_within_the_shutter_does_not_change_how_many_photons_are_emitted(far):
+    body = moving(ball("/ball", (0, 0, 1), 0.5, 4, glass()), (far, 0, far))
+    plan, source = planned(scene_of([body, floor()], sun(), lamp((0, 0, 3), (far, far, 0))))
+    count = sum(patch.count_u * patch.count_v for _, patch in plan.patches(source.at(Shutter(4, 3, 5))))
+    # Rows and columns are whole numbers, of each of two lights.
+    assert count == pytest.approx(1000, rel=4 / math.sqrt(1000))
+
+
+@pytest.mark.parametrize("angle", [1e-2, 1e-5, 1e-9])
+def test_a_strip_seen_edge_on_gets_as_many_cells_as_were_asked_for(angle):
+    light = sun((math.cos(angle), 0, -math.sin(angle)))
+    plan, source = planned(scene_of([floor(1.0, 1.0, glass(), "/water"), floor()], light))
+    ((_, patch),) = plan.patches(source.at(Shutter.still(4)))
+    assert patch.count_u * patch.count_v == pytest.approx(1000, rel=0.05)
+
+
+def test_what_shows_its_edge_in_the_stills_and_its_side_between_them_is_lit_by_as_many_photons_as_were_asked_for():
+    def turning_plate(shutter: Shutter) -> SceneAtShutter:
+        angle = 0.5 * math.pi * (shutter.middle + 1.0) + 1e-7
+        across = (math.cos(angle), 0, math.sin(angle))
+        plate = quad("/plate", (0, 0, 2), across, (0, 1, 0), glass())
+        return scene_of([plate, floor()], sun(), shutter=shutter)
+
+    plan, source = planned(Written(turning_plate, references=(0, 2, 4)))
+    patches = plan.patches(source.at(Shutter.still(1)))
+    assert sum(patch.count_u * patch.count_v for _, patch in patches) == pytest.approx(1000, rel=0.1)
+    energy = traced(Written(turning_plate, (0, 2, 4)), shutter=Shutter.still(1)).energy
+    assert energy.sent == pytest.approx(12, rel=0.01)

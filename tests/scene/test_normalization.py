@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from photons.shapes import box, floor, glass
-from photons.traced import EPS, scene_of
+from photons.shapes import DIFFUSE, box, floor, glass
+from photons.traced import EPS, lamp, scene_of, sun
 
+from tpdwarp.errors import InputError
 from tpdwarp.scene.normalization import Normalization
 
 
@@ -21,10 +22,10 @@ def test_the_scene_comes_to_unit_size_about_its_centre(size, offset):
     norm = Normalization.of(boxes(low, low + size * np.array([1, 0.5, 0.2])))
     np.testing.assert_allclose(norm.origin, low + 0.5 * size * np.array([1, 0.5, 0.2]), rtol=1e-15)
     half_diagonal = 0.5 * size * np.sqrt(1 + 0.25 + 0.04)
-    assert 0.5 < half_diagonal * norm.scale <= 1
     # The box itself is known to the rounding of float64 at its distance.
-    assert norm.radius == pytest.approx(max(0.5, half_diagonal * norm.scale), rel=4e-16 * (1 + offset / size) + 1e-12)
-    assert np.log2(norm.scale) == np.round(np.log2(norm.scale))
+    rounding = 4e-16 * (1 + offset / size) + 1e-12
+    assert half_diagonal * norm.scale == pytest.approx(1, rel=rounding)
+    assert norm.radius == pytest.approx(1, rel=rounding)
 
 
 def test_positions_far_from_the_origin_keep_their_digits():
@@ -43,10 +44,43 @@ def test_vectors_scale_and_do_not_shift():
     np.testing.assert_allclose(norm.world_vectors(norm.vectors(vectors)), vectors, rtol=2 * EPS)
 
 
-def test_scaling_by_a_power_of_two_rounds_nothing():
-    norm = Normalization.of(boxes((-3, -3, -3), (3, 3, 3)))
-    points = np.random.default_rng(1).uniform(-3, 3, (100, 3)).astype(np.float32).astype(np.float64)
-    np.testing.assert_array_equal(norm.world_points(norm.points(points)), points)
+@pytest.mark.parametrize("unit", [1e-6, 1e-3, 1e3, 1e6])
+def test_a_scene_in_other_units_is_the_same_scene_to_the_tracer(unit):
+    points = np.random.default_rng(1).uniform(-3, 3, (100, 3))
+    one, other = (Normalization.of(boxes((-3 * u, -3 * u, -3 * u), (3 * u, 3 * u, 3 * u))) for u in (1.0, unit))
+    np.testing.assert_allclose(other.points(unit * points), one.points(points), atol=2 * EPS)
+
+
+def test_the_centre_is_that_of_what_is_specular_where_anything_is():
+    norm = Normalization.of(scene_of([floor(half=100.0), box("/box", (5, 0, 0), (6, 1, 9), glass())]))
+    np.testing.assert_allclose(norm.origin, [5.5, 0.5, 4.5])
+    np.testing.assert_allclose(norm.scale, 1 / np.linalg.norm([100, 100, 4.5]))
+    np.testing.assert_allclose(norm.radius, np.linalg.norm([105.5, 100.5, 4.5]) * norm.scale)
+
+
+def test_all_stills_count_and_those_without_meshes_do_not():
+    first, last = (boxes((x, 0, 0), (x + 1, 1, 1)) for x in (0, 9))
+    norm = Normalization.of(scene_of([]), first, last)
+    np.testing.assert_allclose(norm.origin, [5, 0.5, 0.5])
+    assert Normalization.of(scene_of([])) == Normalization((0.0, 0.0, 0.0), 1.0, 0.5)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("intensity", [1e-30, 0.3, 1e30])
+def test_the_strongest_light_has_about_unit_power(intensity, unit):
+    lights = (sun(irradiance=intensity), lamp((0, 0, 3), intensity=1e-3 * intensity * unit**2, path="/lamp"))
+    norm = Normalization.of(scene_of([box("/box", (0, 0, 0), (unit, unit, unit), glass())], *lights))
+    strongest, weaker = (norm.light_power(light).max() for light in lights)
+    assert 1 <= strongest < 2 and weaker < strongest
+    # Flux over area is irradiance again.
+    assert strongest * norm.power * norm.scale**2 == pytest.approx(intensity)
+
+
+def test_a_light_that_outshines_the_stills_beyond_all_measure_is_refused():
+    norm = Normalization.of(scene_of([floor()], sun()))
+    assert (norm.light_power(sun(irradiance=1e20)) > 1e20).all()
+    with pytest.raises(InputError, match="/flash: outshines"):
+        norm.light_power(sun(irradiance=1e30, path="/flash"))
 
 
 def test_a_scene_of_no_size_is_left_as_it_is():
@@ -56,5 +90,5 @@ def test_a_scene_of_no_size_is_left_as_it_is():
 
 
 def test_everything_in_the_scene_counts():
-    norm = Normalization.of(scene_of([floor(half=1.0), box("/box", (5, 0, 0), (6, 1, 9), glass())]))
+    norm = Normalization.of(scene_of([floor(half=1.0), box("/box", (5, 0, 0), (6, 1, 9), DIFFUSE)]))
     np.testing.assert_allclose(norm.origin, [2.5, 0, 4.5])

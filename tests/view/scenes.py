@@ -131,7 +131,7 @@ def see(
                 queries.normal.numpy(),
                 queries.receiver.numpy(),
                 arrays.weight.numpy().astype(float),
-                arrays.direct.numpy().astype(float),
+                arrays.direct.numpy().astype(float) * norm.scale**2 * norm.power,
                 arrays.first_depth.numpy() / norm.scale,
             )
         )

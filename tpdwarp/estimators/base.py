@@ -65,7 +65,7 @@ class Animation:
     def __init__(self, source: SceneSource, settings: Settings) -> None:
         self.source, self.settings = source, settings
         self.launcher = Launcher(settings.device, settings.threads)
-        self.normalization = Normalization.of(reference_scenes(source)[0])
+        self.normalization = Normalization.of(*reference_scenes(source))
         self._plans: dict[int, EmissionPlan] = {}
         self._segment_counts: dict[tuple[float, float], int] = {}
 

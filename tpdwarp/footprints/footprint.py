@@ -16,7 +16,7 @@ import warp as wp
 
 from tpdwarp.footprints.kernels import SUPPORT
 from tpdwarp.launch import Launcher
-from tpdwarp.photons.tracing import PhotonMap
+from tpdwarp.photons.tracing import PhotonMap, joined
 
 LONGEST_AXIS = wp.constant(1.0)
 LARGEST_ASPECT = wp.constant(1000.0)
@@ -236,8 +236,8 @@ def shape_footprints(
     if not count:
         return FootprintMap(out, PieceArrays(), None, duration, moves, 0.0, 0, 0)
     names = ("position", "normal", "dxdu", "dxdv", "dxdt", "bend", "receiver_motion", "flux")
-    columns = [launcher.array(np.concatenate([_column(m, name) for m in maps]), wp.vec3) for name in names]
-    out.receiver = launcher.array(np.concatenate([m.receiver for m in maps]), wp.int32)
+    columns = [launcher.array(joined([_column(m, name) for m in maps]), wp.vec3) for name in names]
+    out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
     times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
     out.time = launcher.array(times, wp.float32)
     launcher(

@@ -21,7 +21,7 @@ from tpdwarp.scene.surface import Hit, normal_variation, shading_normal
 
 @wp.struct
 class Beam:
-    """Ray x, ω and its columns; ``lift`` moves the start off the surface that was left."""
+    """Ray x, ω and its columns; ``lift`` moves the start off the surface left, ``grain`` is as in :class:`Hit`."""
 
     x: wp.vec3
     w: wp.vec3
@@ -32,6 +32,7 @@ class Beam:
     dwdv: wp.vec3
     dwdt: wp.vec3
     lift: wp.vec3
+    grain: wp.vec3
 
 
 @wp.struct
@@ -96,9 +97,7 @@ def meet(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool
 
 
 @wp.func
-def leave(
-    surfaces: Surfaces, arrived: Beam, hit: Hit, at: Interface, reflected: bool, lift: float, moves: bool
-) -> Beam:
+def leave(surfaces: Surfaces, arrived: Beam, hit: Hit, at: Interface, reflected: bool, moves: bool) -> Beam:
     """The beam after reflection or refraction: new ω and D_a ω; positions and their columns pass unchanged."""
     s = shading_normal(surfaces, hit, at.flat, moves)
     w = arrived.w
@@ -109,12 +108,12 @@ def leave(
         out.w = reflect(w, at.n)
         out.dwdu = reflect_differential(w, at.n, arrived.dwdu, dndu)
         out.dwdv = reflect_differential(w, at.n, arrived.dwdv, dndv)
-        out.lift = lift * at.side * hit.n_g
+        out.lift = hit.lift * at.side * hit.n_g
     else:
         out.w = refract(w, at.n, at.eta, at.cos_t)
         out.dwdu = refract_differential(w, at.n, at.eta, at.cos_t, arrived.dwdu, dndu)
         out.dwdv = refract_differential(w, at.n, at.eta, at.cos_t, arrived.dwdv, dndv)
-        out.lift = -lift * at.side * hit.n_g
+        out.lift = -hit.lift * at.side * hit.n_g
     if moves:
         dndt = at.side * normal_differential(
             s.n, s.length, normal_variation(s, hit, arrived.dxdt - hit.motion) + s.rate
@@ -124,4 +123,5 @@ def leave(
         else:
             out.dwdt = refract_differential(w, at.n, at.eta, at.cos_t, arrived.dwdt, dndt)
     out.w = wp.normalize(out.w)
+    out.grain = hit.grain
     return out

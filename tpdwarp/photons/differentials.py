@@ -57,8 +57,8 @@ def refract_differential(
 
 @wp.func
 def refracted_cosine_squared(cos_i: float, eta: float) -> float:
-    """cos²θ_t = 1 − η²(1 − cos²θ_i); negative under total internal reflection."""
-    return 1.0 - eta * eta * (1.0 - cos_i) * (1.0 + cos_i)
+    """cos²θ_t = 1 − η²(1 − cos²θ_i), as it rounds least near η = 1; negative under total internal reflection."""
+    return (1.0 - eta) * (1.0 + eta) + eta * eta * cos_i * cos_i
 
 
 @wp.func

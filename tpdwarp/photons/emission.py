@@ -31,6 +31,8 @@ FINEST_ANGLE = 0.1
 WIDEST_SINGLE_PATCH = math.radians(60.0)
 CUBE_FACE = math.pi / 4
 
+_Bounds = tuple[float, float, float, float]
+
 
 class Domain(IntEnum):
     """What the lattice of a patch lies on."""
@@ -45,11 +47,13 @@ class Patch:
 
     A plane patch emits along axis_w from points u axis_u + v axis_v; a direction patch emits from ``position`` along
     tan(u) axis_u + tan(v) axis_v + axis_w (equal angles, so that cells have nearly equal solid angle).
-    ``power`` is flux per unit of plane area, or per steradian.
+    ``power`` is flux per unit of plane area, or per steradian. Beams begin ``start`` along their direction: those of a
+    plane through the origin, where coordinates are fine, begin beyond the scene.
     """
 
     domain: int
     position: wp.vec3
+    start: float
     axis_u: wp.vec3
     axis_v: wp.vec3
     axis_w: wp.vec3
@@ -115,17 +119,9 @@ def specular_triangles(mesh: MeshAtShutter) -> np.ndarray:
 
 
 def specular_corners(scene: SceneAtShutter, normalization: Normalization) -> np.ndarray:
-    """Corners [k, 3, 3] of the specular triangles at shutter open and close, in the tracer's units."""
-    corners = []
-    for mesh in scene.meshes:
-        if not mesh.specular:
-            continue
-        triangles = specular_triangles(mesh)
-        if mesh.motions is None:
-            corners.append(normalization.points(mesh.points)[triangles])
-        else:
-            for sign in (-0.5, 0.5):
-                corners.append(normalization.points(mesh.points + sign * mesh.motions)[triangles])
+    """Corners [k, 3, 3] of the specular triangles in the tracer's units, at mid shutter: that is where photons go."""
+    meshes = [mesh for mesh in scene.meshes if mesh.specular]
+    corners = [normalization.points(mesh.points)[specular_triangles(mesh)] for mesh in meshes]
     return np.concatenate(corners).astype(np.float64) if corners else np.zeros((0, 3, 3))
 
 
@@ -177,35 +173,42 @@ class EmissionPlan:
     def patches(self, scene: SceneAtShutter) -> list[tuple[Lattice, Patch]]:
         """The cells of each lattice that this shutter emits.
 
-        Lights that the stills show otherwise (a flash between two of them, a body that leaves the patch) get lattices
-        of this shutter's own, and as many photons as all others together; their ids do not last.
+        Lights that the stills show otherwise (a flash between two of them, a body that leaves the patch or turns a
+        broader side to the light) get lattices of this shutter's own, and as many photons as all others together;
+        their ids do not last.
         """
         corners = specular_corners(scene, self.normalization)
         if not len(corners):
             return []
+        norm = self.normalization
         lights = {light.path: light for light in scene.lights if any(light.power)}
-        planned = [lattice for lattice in self.lattices if self._holds(lattice, lights.get(lattice.light), corners)]
-        foreseen = {lattice.light for lattice in planned}
-        unforeseen = [
-            candidate
-            for light in lights.values()
-            if light.path not in foreseen
-            for candidate in _candidates(light.path, [(light, corners)], self.normalization)
-            if not candidate.spare
+        foreseen: list[tuple[Lattice, _Bounds | None]] = []
+        unforeseen: list[_Candidate] = []
+        for light in lights.values():
+            planned = [lattice for lattice in self.lattices if lattice.light == light.path]
+            bounds = [_bounds(light, lattice.axes, lattice.limit, corners, norm) for lattice in planned]
+            pairs = list(zip(planned, bounds, strict=True))
+            if pairs and all(self._holds(light, corners, *pair) for pair in pairs):
+                foreseen += pairs
+            else:
+                unforeseen += [c for c in _candidates(light.path, [(light, corners)], norm) if not c.spare]
+        made = _lattices(unforeseen, self.photons, self.planned_ids)
+        found = [_bounds(lights[lattice.light], lattice.axes, lattice.limit, corners, norm) for lattice in made]
+        behind = 2.0 * _farthest(scene, norm) + 1.0
+        return [
+            (lattice, _patch(lattice, lights[lattice.light], bounds, behind, norm))
+            for lattice, bounds in (*foreseen, *zip(made, found, strict=True))
+            if bounds is not None
         ]
-        behind = 2.0 * _farthest(scene, self.normalization) + 1.0
-        result = []
-        for lattice in (*planned, *_lattices(unforeseen, self.photons, self.planned_ids)):
-            light = lights[lattice.light]
-            bounds = _bounds(light, lattice.axes, lattice.limit, corners, self.normalization)
-            if bounds is not None:
-                result.append((lattice, _patch(lattice, light, bounds, behind, self.normalization)))
-        return result
 
-    def _holds(self, lattice: Lattice, light: LightAtShutter | None, corners: np.ndarray) -> bool:
-        """Whether ``light`` shines, and sees no specular surface outside the lattices that were laid out for it."""
-        if light is None or lattice.limit != WIDEST_SINGLE_PATCH:
-            return light is not None
+    def _holds(self, light: LightAtShutter, corners: np.ndarray, lattice: Lattice, bounds: _Bounds | None) -> bool:
+        """Whether ``lattice`` suits what ``light`` sees: nothing outside of it, and no cells whose ids would repeat."""
+        if bounds is not None:
+            counts = [count for _, count in _cells(lattice, bounds)]
+            if counts[0] > lattice.wrap[0] or counts[1] > lattice.wrap[1]:
+                return False
+        if lattice.limit != WIDEST_SINGLE_PATCH:
+            return True
         return _spread(light, corners, lattice.axes[2], self.normalization) <= WIDEST_SINGLE_PATCH
 
 
@@ -236,7 +239,8 @@ def _lattices(candidates: list[_Candidate], photons: int, first_id: int) -> list
     for candidate in candidates:
         count = max(1.0, photons * candidate.power / total)
         width, height = candidate.size
-        across = max(1, round(math.sqrt(count * width / height)))
+        # What light grazes is a strip: cells are square until one side has but one row of them.
+        across = max(1, round(min(math.sqrt(count * width / height), count)))
         down = max(1, round(count / across))
         origin, step = candidate.origin, (width / across, height / down)
         if candidate.limit == CUBE_FACE:
@@ -305,17 +309,15 @@ def _candidates(
 
 
 def _farthest(scene: SceneAtShutter, normalization: Normalization) -> float:
-    """Radius of a sphere about the origin that holds the scene over its shutter, in the tracer's units."""
+    """Radius of a sphere about the origin that holds the scene at mid shutter, in the tracer's units."""
     radius = normalization.radius
     for mesh in scene.meshes:
-        for sign in (0.0,) if mesh.motions is None else (-0.5, 0.5):
-            points = mesh.points if mesh.motions is None else mesh.points + sign * mesh.motions
-            reach = normalization.points(points)
-            radius = max(radius, float(np.sqrt(np.einsum("ij,ij->i", reach, reach).max(initial=0.0))))
+        reach = normalization.points(mesh.points)
+        radius = max(radius, float(np.sqrt(np.einsum("ij,ij->i", reach, reach).max(initial=0.0))))
     return radius
 
 
-def _area(bounds: tuple[float, float, float, float]) -> float:
+def _area(bounds: _Bounds) -> float:
     return (bounds[1] - bounds[0]) * (bounds[3] - bounds[2])
 
 
@@ -342,21 +344,15 @@ def _bounds(
     limit: float,
     corners: np.ndarray,
     normalization: Normalization,
-) -> tuple[float, float, float, float] | None:
-    """Patch coordinates (u0, u1, v0, v1) that can reach ``corners`` over the light's own shutter; None if none can."""
-    boxes = []
-    for sign in (-0.5, 0.5) if light.moves else (0.0,):
-        if light.kind == LightKind.DISTANT:
-            turned = light.axes + sign * light.axes_motion
-            uv = corners.reshape(-1, 3) @ turned[:2].T
-        else:
-            position = normalization.points((light.position + sign * light.position_motion)[None])[0]
-            uv = _angles(corners - position, axes, limit)
-        if len(uv):
-            boxes.append(np.concatenate([uv.min(axis=0), uv.max(axis=0)]))
-    if not boxes:
+) -> _Bounds | None:
+    """Patch coordinates (u0, u1, v0, v1) that reach ``corners`` at mid shutter; None if none do."""
+    if light.kind == LightKind.DISTANT:
+        uv = corners.reshape(-1, 3) @ light.axes[:2].T
+    else:
+        uv = _angles(corners - normalization.points(light.position[None])[0], axes, limit)
+    if not len(uv):
         return None
-    lower, upper = np.min(boxes, axis=0)[:2], np.max(boxes, axis=0)[2:]
+    lower, upper = uv.min(axis=0), uv.max(axis=0)
     return float(lower[0]), float(upper[0]), float(lower[1]), float(upper[1])
 
 
@@ -395,22 +391,27 @@ def _angles(corners: np.ndarray, axes: np.ndarray, limit: float) -> np.ndarray:
     return np.clip(uv[inside], -limit, limit)
 
 
-def _patch(
-    lattice: Lattice,
-    light: LightAtShutter,
-    bounds: tuple[float, float, float, float],
-    behind: float,
-    normalization: Normalization,
-) -> Patch:
-    """The cells of ``lattice`` that cover ``bounds``; light from afar starts ``behind`` the origin."""
-    patch = Patch()
+def _cells(lattice: Lattice, bounds: _Bounds) -> list[tuple[int, int]]:
+    """First cell and number of cells of ``lattice`` that cover ``bounds``, along u and along v."""
     cells = []
     for axis in (0, 1):
         low = (bounds[2 * axis] - lattice.origin[axis]) / lattice.step[axis]
         high = (bounds[2 * axis + 1] - lattice.origin[axis]) / lattice.step[axis]
         first = math.floor(low + 1e-4)
         cells.append((first, max(1, math.ceil(high - 1e-4) - first)))
-    (patch.first_u, patch.count_u), (patch.first_v, patch.count_v) = cells
+    return cells
+
+
+def _patch(
+    lattice: Lattice,
+    light: LightAtShutter,
+    bounds: _Bounds,
+    behind: float,
+    normalization: Normalization,
+) -> Patch:
+    """The cells of ``lattice`` that cover ``bounds``; light from afar starts ``behind`` before the origin."""
+    patch = Patch()
+    (patch.first_u, patch.count_u), (patch.first_v, patch.count_v) = _cells(lattice, bounds)
     patch.origin, patch.step = wp.vec2(*lattice.origin), wp.vec2(*lattice.step)
     if light.kind == LightKind.DISTANT:
         axes, motions = light.axes, light.axes_motion
@@ -418,14 +419,12 @@ def _patch(
         patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*-axes[2])
         patch.axis_u_motion, patch.axis_v_motion = wp.vec3(*motions[0]), wp.vec3(*motions[1])
         patch.axis_w_motion = wp.vec3(*-motions[2])
-        patch.position = wp.vec3(*(behind * axes[2]))
-        patch.position_motion = wp.vec3(*(behind * motions[2]))
-        patch.power = wp.vec3(*(np.asarray(light.power) / normalization.scale**2))
+        patch.start = -behind
     else:
         axes = lattice.axes
         patch.domain = int(Domain.DIRECTIONS)
         patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*axes[2])
         patch.position = wp.vec3(*normalization.points(light.position[None])[0].astype(float))
         patch.position_motion = wp.vec3(*(light.position_motion * normalization.scale))
-        patch.power = wp.vec3(*light.power)
+    patch.power = wp.vec3(*normalization.light_power(light))
     return patch

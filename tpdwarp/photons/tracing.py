@@ -25,7 +25,7 @@ from tpdwarp.photons.record import EnergyAccount, PhotonRecord
 from tpdwarp.scene.description import SceneAtShutter
 from tpdwarp.scene.geometry import Geometry, Surfaces
 from tpdwarp.scene.requirements import Requirements
-from tpdwarp.scene.surface import LIFT, closest_hit
+from tpdwarp.scene.surface import closest_hit
 
 SMALLEST_BRANCH = 2.0e-3
 DIELECTRIC = wp.constant(1)
@@ -62,6 +62,7 @@ class PhotonArrays:
     bounces: wp.array(dtype=wp.int32)
     fate: wp.array(dtype=wp.int32)
     branches: wp.array(dtype=wp.int32)
+    retried: wp.array(dtype=wp.int32)
 
 
 @dataclass(frozen=True)
@@ -114,19 +115,24 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         branches = int(0)
         fate = int(3)
         count = int(0)
+        retried = int(0)
         # Branches before the last one taken belong to the paths that spawned this one.
         newest = int(0)
         while (mask >> newest) > 0:
             newest += 1
 
+        start = patch.start
+        beam.grain = surfaces.grain
+
         for bounce in range(bounces + 1):
-            hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, 0.0, FAR, wp.static(moves), stream)
+            hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, beam.grain, start, FAR, wp.static(moves), stream)
             if hit.triangle < 0:
                 if count > 0:
                     fate = 2
                 else:
                     fate = 0
                 break
+            retried += hit.retried
             beam = arrive(beam, hit, wp.static(moves))
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
@@ -169,7 +175,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 if bounce >= newest:
                     absorbed += flux - tinted
                 flux = tinted
-            beam = leave(surfaces, beam, hit, at, reflected, LIFT, wp.static(moves))
+            beam = leave(surfaces, beam, hit, at, reflected, wp.static(moves))
+            start = 0.0
             count += 1
 
         if fate == 1:
@@ -188,6 +195,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         out.bounces[i] = count
         out.fate[i] = fate
         out.branches[i] = branches
+        out.retried[i] = retried
 
     return trace_photons
 
@@ -271,7 +279,7 @@ def trace_photons(
             inputs = [geometry.surfaces, patch, launcher.array(cells, wp.int32), launcher.array(masks, wp.int32)]
             launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
             fate, branches = out.fate.numpy(), out.branches.numpy()
-            _tally(account, out, fate, masks)
+            _tally(account, out, fate, masks, plan.normalization.power)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
             if len(keep):
                 rows = {name: getattr(out, name).numpy()[keep] for name in _FIELDS}
@@ -281,19 +289,27 @@ def trace_photons(
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return _empty(), account
-    return PhotonMap(**{name: np.concatenate([rows[name] for rows in landed]) for name in ("ids", *_FIELDS)}), account
+    return PhotonMap(**{name: joined([rows[name] for rows in landed]) for name in ("ids", *_FIELDS)}), account
 
 
-def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: np.ndarray) -> None:
-    flux = out.flux.numpy().sum(axis=1, dtype=np.float64)
+def joined(parts: list[np.ndarray]) -> np.ndarray:
+    """The rows of all ``parts``; a single one is not copied, for ten million photons fill memory."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: np.ndarray, unit: float) -> None:
+    flux = unit * out.flux.numpy().sum(axis=1, dtype=np.float64)
     specular = fate != Fate.DIRECT
     # Counted at the light, not added up from where it went: so the account can show that something is missing.
-    account.sent += float(out.emitted.numpy()[specular & (masks == 0)].sum(dtype=np.float64))
+    account.sent += unit * float(out.emitted.numpy()[specular & (masks == 0)].sum(dtype=np.float64))
+    retried = int(out.retried.numpy().sum(dtype=np.int64))
+    if retried:
+        account.counts["hits at the second try"] = account.counts.get("hits at the second try", 0) + retried
     account.deposited += float(flux[fate == Fate.DEPOSITED].sum())
     account.escaped += float(flux[fate == Fate.ESCAPED].sum())
-    account.absorbed += float(out.absorbed.numpy()[specular].sum(dtype=np.float64))
+    account.absorbed += unit * float(out.absorbed.numpy()[specular].sum(dtype=np.float64))
     for cause, value in (
-        ("branch below cutoff", out.culled.numpy()[specular].sum(dtype=np.float64)),
+        ("branch below cutoff", unit * out.culled.numpy()[specular].sum(dtype=np.float64)),
         ("too many bounces", flux[fate == Fate.DEPTH].sum()),
         ("not finite", flux[fate == Fate.NONFINITE].sum()),
     ):
@@ -340,11 +356,11 @@ def record_of(maps: list[PhotonMap], plan: EmissionPlan, paths: tuple[str, ...])
             "dxdu": norm.world_vectors(photons.dxdu),
             "dxdv": norm.world_vectors(photons.dxdv),
             "dxdt": norm.world_vectors(relative),
-            "flux": photons.flux.astype(np.float64),
+            "flux": norm.power * photons.flux.astype(np.float64),
             "emission": photons.emission.astype(np.float64),
             "bounces": photons.bounces,
             "receivers": photons.receiver,
         }
         for name, value in values.items():
             rows.setdefault(name, []).append(value)
-    return PhotonRecord(**{name: np.concatenate(parts) for name, parts in rows.items()}, receiver_paths=paths)
+    return PhotonRecord(**{name: joined(parts) for name, parts in rows.items()}, receiver_paths=paths)

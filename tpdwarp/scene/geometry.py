@@ -16,11 +16,13 @@ from tpdwarp.scene.normalization import Normalization
 class Surfaces:
     """Triangles with everything a ray needs to know where it lands; positions in the tracer's units.
 
-    ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly.
+    ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly. ``grain`` is how
+    large the coordinates of the scene are along each axis.
     """
 
     mesh: wp.uint64
     time: float
+    grain: wp.vec3
     triangles: wp.array(dtype=wp.vec3i)
     points: wp.array(dtype=wp.vec3)
     motions: wp.array(dtype=wp.vec3)
@@ -93,6 +95,9 @@ def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
     return np.concatenate(filled).astype(dtype)
 
 
+NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
+
+
 def geometry_of(
     scene: SceneAtShutter, normalization: Normalization, launcher: Launcher, *, with_motions: bool
 ) -> Geometry:
@@ -107,7 +112,8 @@ def geometry_of(
     colors, color_indices, material_of, object_of = [], [], [], []
     materials: dict[object, int] = {}
     vertex_count = normal_count = color_count = 0
-    for number, mesh in enumerate(scene.meshes):
+    # A frame may show nothing at all; a tree of triangles wants at least one.
+    for number, mesh in enumerate(scene.meshes or (NOTHING,)):
         points.append(normalization.points(mesh.points))
         if moves:
             motions.append(_or_zeros(mesh.motions, mesh.points) * normalization.scale)
@@ -128,9 +134,11 @@ def geometry_of(
         material_of.append(slots[chosen] if chosen is not None else np.full(len(mesh.triangles), slots[0], np.int32))
         object_of.append(np.full(len(mesh.triangles), number, np.int32))
 
-    corners = np.concatenate(triangles).astype(np.int32)
-    mesh = _mesh(np.concatenate(points), corners, launcher)
+    corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
+    mesh = _mesh(vertices, corners, launcher)
     surfaces = Surfaces()
+    extent = np.abs(vertices).max(axis=0).astype(float)
+    surfaces.grain = wp.vec3(*(extent + 1e-3 * extent.max()))
     surfaces.mesh, surfaces.time, surfaces.points = mesh.id, 0.0, mesh.points
     surfaces.triangles = launcher.array(corners, wp.vec3i)
     surfaces.motions = launcher.array(_stack(motions, 3, np.float32), wp.vec3)

@@ -1,4 +1,4 @@
-"""Where float32 works: the scene moved to its own centre and scaled to unit size."""
+"""Where float32 works: the scene moved to its own centre and scaled to unit size, its lights to unit power."""
 
 from __future__ import annotations
 
@@ -7,31 +7,42 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tpdwarp.scene.description import SceneAtShutter
+from tpdwarp.errors import InputError
+from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
+
+# How much brighter than all that the stills show a light may become; the rest of float32's range is for footprints.
+BRIGHTEST = 1e24
 
 
 @dataclass(frozen=True)
 class Normalization:
-    """Maps scene units to the tracer's: ``x' = (x − origin) · scale``.
+    """Maps scene units to the tracer's: ``x' = (x − origin) · scale``, and watts to its unit of power.
 
     Attributes:
-        origin: Centre of the scene, scene units.
-        scale: A power of two that brings the scene to about unit size, so that scaling rounds nothing.
-        radius: Radius of a sphere about the centre that holds the scene, in the tracer's units.
+        origin: Centre of what is specular (or of the scene), scene units: where float32 is finest.
+        scale: One over the radius of the scene.
+        radius: Radius of a sphere about the origin that holds the scene, in the tracer's units.
+        power: The tracer's unit of power [W], a power of two.
     """
 
     origin: tuple[float, float, float]
     scale: float
     radius: float
+    power: float = 1.0
 
     @classmethod
-    def of(cls, scene: SceneAtShutter) -> Normalization:
-        """The normalization that suits ``scene``; the same scene always gives the same one."""
-        lower = np.min([mesh.points.min(axis=0) for mesh in scene.meshes], axis=0)
-        upper = np.max([mesh.points.max(axis=0) for mesh in scene.meshes], axis=0)
-        size = 0.5 * float(np.linalg.norm(upper - lower))
-        scale = 2.0 ** -math.ceil(math.log2(size)) if size > 0.0 else 1.0
-        return cls(tuple(0.5 * (lower + upper)), scale, max(size * scale, 0.5))
+    def of(cls, *scenes: SceneAtShutter) -> Normalization:
+        """The normalization that suits all of ``scenes``; the same ones always give the same."""
+        meshes = [mesh for scene in scenes for mesh in scene.meshes]
+        bounds = _bounds(meshes)
+        size = 0.5 * float(np.linalg.norm(bounds[1] - bounds[0]))
+        scale = 1.0 / size if size > 1e-150 else 1.0
+        special = [mesh for mesh in meshes if mesh.specular]
+        origin = 0.5 * np.sum(_bounds(special) if special else bounds, axis=0)
+        reach = float(np.linalg.norm(np.abs(bounds - origin).max(axis=0)))
+        strongest = max((_strength(light, scale) for scene in scenes for light in scene.lights), default=0.0)
+        power = 2.0 ** math.floor(math.log2(strongest)) if strongest > 0.0 else 1.0
+        return cls(tuple(map(float, origin)), scale, max(reach * scale, 0.5), power)
 
     def points(self, positions: np.ndarray) -> np.ndarray:
         """Positions [n, 3] float64 in scene units → float32 in the tracer's."""
@@ -48,3 +59,31 @@ class Normalization:
     def world_vectors(self, vectors: np.ndarray) -> np.ndarray:
         """Displacements in the tracer's units → float64 in scene units."""
         return vectors.astype(np.float64) / self.scale
+
+    def light_power(self, light: LightAtShutter) -> np.ndarray:
+        """Power of a light in the tracer's units, by channel: per square unit (distant) or per steradian (point).
+
+        Raises:
+            InputError: It is too much for the unit of power that the lights of the stills gave.
+        """
+        power = np.asarray(light.power) / self.power
+        if light.kind == LightKind.DISTANT:
+            power = power / self.scale**2
+        if power.max() > BRIGHTEST:
+            raise InputError(
+                f"outshines the lights of the stills by more than {BRIGHTEST:g} (author a lower intensity)",
+                prim=light.path,
+            )
+        return power
+
+
+def _bounds(meshes: list[MeshAtShutter]) -> np.ndarray:
+    """Lower and upper corner of what holds ``meshes``, shape [2, 3]; zero without any."""
+    if not meshes:
+        return np.zeros((2, 3))
+    corners = [(mesh.points.min(axis=0), mesh.points.max(axis=0)) for mesh in meshes]
+    return np.stack([np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))])
+
+
+def _strength(light: LightAtShutter, scale: float) -> float:
+    return max(light.power) / scale**2 if light.kind == LightKind.DISTANT else max(light.power)

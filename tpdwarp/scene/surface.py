@@ -4,16 +4,27 @@ import warp as wp
 
 from tpdwarp.scene.geometry import Surfaces
 
-# Lengths of the unit-sized scene. A ray starts a little off the surface it leaves, on the side it leaves to, and is
-# shifted sideways by less than that, because rays that pass exactly through vertices and edges can slip between
-# triangles; the hit is then found by intersecting the true ray with the triangle's plane.
+# Parts of the coordinates of the triangle at hand (about 64 and 16 units in the last place), so that a thin layer is
+# as good as a thick one. A ray starts a little off the surface it leaves, on the side it leaves to, and is shifted
+# sideways by less than that, because rays that pass exactly through vertices and edges can slip between triangles;
+# the hit is then found by intersecting the true ray with the triangle's plane.
 LIFT = wp.constant(4.0e-6)
 SHIFT = wp.constant(1.0e-6)
+# The least lift, as a part of the triangle's size: for triangles in the plane x = 0.
+SMALLEST_LIFT = wp.constant(4.0e-9)
+# Below this cosine a plane is too nearly along the ray to say where they meet.
+GRAZING = wp.constant(1.0e-7)
+COPLANAR = wp.constant(0.999999)
+MOST_ATTEMPTS = wp.constant(8)
 
 
 @wp.struct
 class Hit:
-    """A point of a triangle: position, unit geometric normal (not flipped), motion, dual basis g1, g2 of its edges."""
+    """A point of a triangle: position, unit geometric normal (not flipped), motion, dual basis g1, g2 of its edges.
+
+    ``lift`` is how far off it rays have to start, ``grain`` how large its coordinates are along each axis, ``retried``
+    is 1 where it was missed at first.
+    """
 
     triangle: int
     distance: float
@@ -23,6 +34,9 @@ class Hit:
     beta: wp.vec3
     g1: wp.vec3
     g2: wp.vec3
+    lift: float
+    grain: wp.vec3
+    retried: int
 
 
 @wp.struct
@@ -38,43 +52,79 @@ class ShadingNormal:
 
 @wp.func
 def closest_hit(
-    surfaces: Surfaces, x: wp.vec3, w: wp.vec3, lift: wp.vec3, start: float, end: float, moves: bool, stream: wp.uint32
+    surfaces: Surfaces,
+    x: wp.vec3,
+    w: wp.vec3,
+    lift: wp.vec3,
+    grain: wp.vec3,
+    start: float,
+    end: float,
+    moves: bool,
+    stream: wp.uint32,
 ) -> Hit:
-    """First surface along x + λω for λ in [start, end]; ``triangle`` is −1 where there is none."""
+    """First surface along x + λω for λ in [start, end]; ``triangle`` is −1 where there is none.
+
+    Where the ray meets the triangle's plane is found in double precision: long thin triangles need it. A ray that finds
+    the plane again that it just left starts anew from farther off.
+    """
     hit = Hit()
     hit.triangle = -1
-    face = int(-1)
+    off = wp.normalize(lift)
+    farther = float(1.0)
+    missed = int(0)
     attempt = int(0)
-    while face < 0 and attempt < 2:
-        shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5) * SHIFT
-        query = wp.mesh_query_ray(surfaces.mesh, x + start * w + lift + shift, w, end - start)
-        if query.result:
-            face = query.face
+    while hit.triangle < 0 and missed < 2 and attempt < MOST_ATTEMPTS:
         attempt += 1
-    if face >= 0:
-        corner = surfaces.triangles[face]
-        q0 = surfaces.points[corner[0]]
-        e1 = surfaces.points[corner[1]] - q0
-        e2 = surfaces.points[corner[2]] - q0
-        area = wp.cross(e1, e2)
-        area_squared = wp.dot(area, area)
-        hit.triangle = face
-        hit.n_g = wp.normalize(area)
-        hit.g1 = wp.cross(e2, area) / area_squared
-        hit.g2 = wp.cross(area, e1) / area_squared
-        hit.distance = wp.dot(hit.n_g, q0 - x) / wp.dot(hit.n_g, w)
-        # Again from nearby: the first step rounds like the way from the light, the second like the point itself.
-        position = x + hit.distance * w
-        hit.position = position + (wp.dot(hit.n_g, q0 - position) / wp.dot(hit.n_g, w)) * w
-        b1 = wp.dot(hit.g1, hit.position - q0)
-        b2 = wp.dot(hit.g2, hit.position - q0)
-        hit.beta = wp.vec3(1.0 - b1 - b2, b1, b2)
-        if moves:
-            hit.motion = (
-                hit.beta[0] * surfaces.motions[corner[0]]
-                + hit.beta[1] * surfaces.motions[corner[1]]
-                + hit.beta[2] * surfaces.motions[corner[2]]
-            )
+        shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5)
+        shift = SHIFT * wp.cw_mul(shift, grain)
+        shift = shift - wp.dot(shift, off) * off
+        query = wp.mesh_query_ray(surfaces.mesh, x + start * w + farther * lift + shift, w, end - start)
+        if not query.result:
+            missed += 1
+        else:
+            corner = surfaces.triangles[query.face]
+            q0 = surfaces.points[corner[0]]
+            q1 = surfaces.points[corner[1]]
+            q2 = surfaces.points[corner[2]]
+            origin = wp.vec3d(q0)
+            e1 = wp.vec3d(q1) - origin
+            e2 = wp.vec3d(q2) - origin
+            area = wp.cross(e1, e2)
+            inverse = wp.float64(1.0) / wp.dot(area, area)
+            n = area * wp.sqrt(inverse)
+            offset = wp.vec3d(x) - origin
+            height = wp.dot(n, offset)
+            cosine = wp.dot(n, wp.vec3d(w))
+            hit.n_g = wp.vec3(n)
+            hit.grain = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
+            edges = wp.abs(q1 - q0) + wp.abs(q2 - q0)
+            size = edges[0] + edges[1] + edges[2]
+            hit.lift = LIFT * wp.dot(wp.abs(hit.n_g), hit.grain) + SMALLEST_LIFT * size
+            hit.grain = hit.grain + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
+            if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(float(height)) < hit.lift:
+                farther *= 8.0
+            elif wp.isfinite(inverse):
+                along = wp.float64(start + query.t)
+                if wp.abs(cosine) > wp.float64(GRAZING):
+                    along = -height / cosine
+                offset = offset + along * wp.vec3d(w)
+                g1 = wp.cross(e2, area) * inverse
+                g2 = wp.cross(area, e1) * inverse
+                b1 = wp.dot(g1, offset)
+                b2 = wp.dot(g2, offset)
+                hit.triangle = query.face
+                hit.retried = missed
+                hit.distance = float(along)
+                hit.position = wp.vec3(origin + offset)
+                hit.g1 = wp.vec3(g1)
+                hit.g2 = wp.vec3(g2)
+                hit.beta = wp.vec3(wp.float32(wp.float64(1.0) - b1 - b2), wp.float32(b1), wp.float32(b2))
+                if moves:
+                    hit.motion = (
+                        hit.beta[0] * surfaces.motions[corner[0]]
+                        + hit.beta[1] * surfaces.motions[corner[1]]
+                        + hit.beta[2] * surfaces.motions[corner[2]]
+                    )
     return hit
 
 

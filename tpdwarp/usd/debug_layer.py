@@ -25,6 +25,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 from tpdwarp.errors import FrameError, InputError
 from tpdwarp.files import check_writable, complete_or_absent
 from tpdwarp.photons.record import PhotonRecord
+from tpdwarp.single import single
 
 EXTENSIONS = (".usdc", ".usda", ".usd")
 OUTLINE_POINTS = 16
@@ -419,7 +420,7 @@ def first_line(error: Tf.ErrorException) -> str:
 
 def vectors(values: np.ndarray) -> Vt.Vec3fArray:
     """A USD array of the rows of ``values``, shape [n, 3]."""
-    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(single(values)))
 
 
 def integers(values: np.ndarray) -> Vt.IntArray:

@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.motion import blur_scaled, over_shutter
-from tpdwarp.usd.transforms import Transforms, union
+from tpdwarp.usd.transforms import Transforms, require_usable, union
 
 
 def frame_over(
@@ -24,12 +24,7 @@ def frame_over(
 
     def state(time: float) -> tuple[np.ndarray, ...]:
         matrix = transforms.world(prim, time)
-        if not np.isfinite(matrix).all():
-            raise InputError(
-                f"its transform holds NaN or infinity at time code {time:g} (author finite xformOps)",
-                file,
-                str(prim.GetPath()),
-            )
+        require_usable(matrix, time, file, str(prim.GetPath()))
         return matrix[3, :3], _axes(matrix[:3, :3], prim, file)
 
     shutter = blur_scaled(shutter, UsdGeom.MotionAPI(prim).ComputeMotionBlurScale(shutter.frame))

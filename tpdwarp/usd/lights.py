@@ -12,6 +12,9 @@ from tpdwarp.scene.description import LightAtShutter, LightKind, Shutter
 from tpdwarp.usd.frames import frame_over
 from tpdwarp.usd.transforms import Transforms
 
+# What photographs of suns and what the account of energy hold; squares of it stay numbers.
+LARGEST = 1e60
+
 
 class Light:
     """A DistantLight or a SphereLight.
@@ -62,20 +65,28 @@ class Light:
         """Irradiance at normal incidence [W/m²] (distant) or radiant intensity [W/sr] (point) at a time code.
 
         Raises:
-            InputError: An intensity or a colour that is negative or not finite.
+            InputError: An intensity or a colour that is negative, not finite or beyond all measure.
         """
         intensity = self._number(self._api.GetIntensityAttr(), frame)
         diffuse = self._number(self._api.GetDiffuseAttr(), frame)
         exposure = self._number(self._api.GetExposureAttr(), frame, may_be_negative=True)
         color = np.array(self._api.GetColorAttr().Get(frame), dtype=np.float64)
         if not np.isfinite(color).all() or color.min() < 0:
-            self._refuse(self._api.GetColorAttr(), f"holds {tuple(color)}")
+            self._refuse(self._api.GetColorAttr(), f"holds {tuple(map(float, color))}")
         if self._api.GetEnableColorTemperatureAttr().Get(frame):
             kelvin = self._number(self._api.GetColorTemperatureAttr(), frame)
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
-        scale = intensity * 2.0**exposure * diffuse
+        with np.errstate(over="ignore"):
+            scale = intensity * np.exp2(exposure) * diffuse
         scale *= self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._sphere_factor(frame)
-        return tuple(float(channel) for channel in scale * color)
+        power = scale * color
+        if not power.max() <= LARGEST:
+            raise InputError(
+                f"its intensity and exposure come to {power.max():g} (author less than {LARGEST:g})",
+                self._warnings.file,
+                self.path,
+            )
+        return tuple(map(float, power))
 
     def _distant_factor(self, frame: float) -> float:
         angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)

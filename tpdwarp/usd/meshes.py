@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, Shutter
 from tpdwarp.usd.appearances import Appearance, appearance_of
 from tpdwarp.usd.materials import Materials
@@ -16,7 +16,7 @@ from tpdwarp.usd.motion import blur_scaled, over_shutter
 from tpdwarp.usd.normals import transform_normals, unit
 from tpdwarp.usd.shapes import Shape
 from tpdwarp.usd.topology import Topology
-from tpdwarp.usd.transforms import Transforms, union
+from tpdwarp.usd.transforms import Transforms, require_usable, union
 
 
 class Placement(Protocol):
@@ -144,12 +144,7 @@ class PlacedMesh:
 
     def _world(self, time: float, frame: float) -> np.ndarray:
         matrix = self.placement.world(time, frame)
-        if not np.isfinite(matrix).all():
-            raise InputError(
-                f"its transform holds NaN or infinity at time code {time:g} (author finite xformOps)",
-                self._warnings.file,
-                self.label,
-            )
+        require_usable(matrix, time, self._warnings.file, self.label)
         return matrix
 
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
+from tpdwarp.errors import InputError
 from tpdwarp.usd.samples import SampledArray, of_attribute, sample_times
+
+# Beyond this numbers in a transform are refused: their squares, and those of points times them, stay numbers.
+LARGEST = 1e30
 
 AXES = {"X": Gf.Vec3d.XAxis(), "Y": Gf.Vec3d.YAxis(), "Z": Gf.Vec3d.ZAxis()}
 CACHES_KEPT = 8
@@ -83,6 +87,17 @@ class Transforms:
         if key not in self._locals:
             self._locals[key] = _LocalTransform(UsdGeom.Xformable(prim), self.cubic)
         return self._locals[key]
+
+
+def require_usable(matrix: np.ndarray, time: float, file: str, prim: str) -> None:
+    """Refuses a local-to-world matrix [4, 4] that no geometry survives.
+
+    Raises:
+        InputError: It holds NaN, infinity or a number beyond ``LARGEST``.
+    """
+    if not np.abs(matrix).max() <= LARGEST:
+        what = "NaN or infinity" if not np.isfinite(matrix).all() else f"numbers beyond {LARGEST:g}"
+        raise InputError(f"its transform holds {what} at time code {time:g} (author finite xformOps)", file, prim)
 
 
 def union(first: tuple[float, float] | None, second: tuple[float, float] | None) -> tuple[float, float] | None:

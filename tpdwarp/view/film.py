@@ -6,6 +6,7 @@ import numpy as np
 
 from tpdwarp.footprints.gather import Irradiance
 from tpdwarp.scene.normalization import Normalization
+from tpdwarp.single import single
 from tpdwarp.view.visible import VisiblePoints
 
 BACKGROUND_DEPTH = 1.0e10
@@ -68,10 +69,10 @@ class Film:
             self._add("photons", light.photons[first, None].astype(np.float64), pixels[first])
 
     def channels(self) -> dict[str, np.ndarray]:
-        """Beauty and the asked AOVs, each [height, width] float32, rows from the top."""
+        """Beauty and the asked AOVs, each [height, width] float32 (limited to its range), rows from the top."""
         per_sample = 1.0 / self.samples
-        area = self._norm.scale**2
-        direct = self._get("direct", 3) * (per_sample * self._scale)
+        area = self._norm.scale**2 * self._norm.power
+        direct = self._get("direct", 3) * (per_sample * self._scale * area)
         caustic = self._get("caustic", 3) * (per_sample * self._scale * area)
         beauty = direct + caustic
         out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": self._coverage * per_sample}
@@ -97,7 +98,7 @@ class Film:
                 else:
                     value = value / np.maximum(np.linalg.norm(value, axis=0), 1e-30)
                 out.update({f"{aov}.{c}": value[k] for k, c in enumerate("XYZ")})
-        return {name: v.reshape(self.height, self.width).astype(np.float32) for name, v in out.items()}
+        return {name: single(v).reshape(self.height, self.width) for name, v in out.items()}
 
     def _sum(self, values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         return np.bincount(pixels, weights=values, minlength=self.width * self.height)

@@ -21,7 +21,7 @@ from tpdwarp.scene.description import LightAtShutter, LightKind
 from tpdwarp.scene.geometry import Surfaces
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
-from tpdwarp.scene.surface import LIFT, closest_hit, diffuse_color, occluded, shading_normal
+from tpdwarp.scene.surface import closest_hit, diffuse_color, occluded, shading_normal
 from tpdwarp.view.camera import Camera, camera_ray
 
 SMALLEST_THROUGHPUT = 4.0e-3
@@ -33,7 +33,10 @@ FAR = wp.constant(1.0e6)
 
 @wp.struct
 class LightArrays:
-    """Lights in the tracer's units: direction of travel or position, and how these change over the shutter."""
+    """Lights in the tracer's units: direction of travel or position, and how these change over the shutter.
+
+    ``power`` is irradiance at normal incidence per square unit, or radiant intensity.
+    """
 
     distant: wp.array(dtype=wp.int32)
     place: wp.array(dtype=wp.vec3)
@@ -59,13 +62,12 @@ def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalizatio
     distant = np.array([light.kind == LightKind.DISTANT for light in lights], bool)
     place, motion, power = (np.zeros((len(lights), 3)) for _ in range(3))
     for i, light in enumerate(lights):
-        power[i] = light.power
+        power[i] = normalization.light_power(light)
         if distant[i]:
             place[i], motion[i] = -light.axes[2], -light.axes_motion[2]
         else:
             place[i] = normalization.points(light.position[None])[0]
             motion[i] = light.position_motion * normalization.scale
-            power[i] *= normalization.scale**2
     out.distant = launcher.array(distant.astype(np.int32), wp.int32)
     out.place = launcher.array(place.astype(np.float32), wp.vec3)
     out.place_motion = launcher.array(motion.astype(np.float32), wp.vec3)
@@ -74,12 +76,13 @@ def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalizatio
 
 
 @wp.func
-def direct_irradiance(surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp.vec3, n_g: wp.vec3) -> wp.vec3:
+def direct_irradiance(
+    surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp.vec3, n_g: wp.vec3, lift: wp.vec3
+) -> wp.vec3:
     """Irradiance from lights that nothing hides; whatever is specular hides them too (its light comes as photons).
 
     The cosine is that of the shading normal ``n``; what the surface itself hides, ``n_g`` decides.
     """
-    lift = LIFT * n_g
     total = wp.vec3(0.0, 0.0, 0.0)
     for k in range(lights.power.shape[0]):
         place = lights.place[k] + surfaces.time * lights.place_motion[k]
@@ -129,6 +132,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
         stream = wp.rand_init(7919, item)
         beam = camera_ray(camera, films[item], surfaces.time)
         depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
+        beam.grain = surfaces.grain
         start = camera.near / depth_scale
         end = camera.far / depth_scale
         throughput = wp.vec3(1.0, 1.0, 1.0)
@@ -140,7 +144,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
         out.first_depth[i] = -1.0
 
         for bounce in range(bounces + 1):
-            hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, start, end, wp.static(moves), stream)
+            hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, beam.grain, start, end, wp.static(moves), stream)
             if hit.triangle < 0:
                 break
             beam = arrive(beam, hit, wp.static(moves))
@@ -155,7 +159,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
             interaction = surfaces.interaction[material]
             if interaction == 0:
                 weight = wp.cw_mul(throughput, diffuse_color(surfaces, hit)) * INV_PI
-                irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g)
+                irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.lift * n_g)
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
@@ -165,7 +169,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
                     motion = segments * beam.dxdt
                     speed = wp.length(motion)
                     if not wp.isfinite(speed):
-                        motion = segments * hit.motion
+                        motion = wp.vec3(0.0, 0.0, 0.0)
                     elif speed > FASTEST_QUERY:
                         motion = motion * (FASTEST_QUERY / speed)
                     queries.motion[i] = motion
@@ -190,7 +194,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
                                 branches = branches | (1 << bounce)
                 else:
                     throughput = wp.cw_mul(throughput, surfaces.tint[material])
-                beam = leave(surfaces, beam, hit, at, reflected, LIFT, wp.static(moves))
+                beam = leave(surfaces, beam, hit, at, reflected, wp.static(moves))
                 start = 0.0
                 end = FAR
             else:

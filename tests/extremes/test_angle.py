@@ -1,0 +1,152 @@
+"""Grazing and totally reflected light, light in the plane of a face, unusual indices, normals past the horizon."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from oracle.closed_forms import fresnel_reflectance, snell
+from oracle.shapes import grid_points, grid_triangles
+from photons.moving_scenes import walls
+from photons.shapes import box, floor, glass, moving, quad, ripples, upside_down
+from photons.traced import EPS, lamp, sun
+
+from tests.view.scenes import looking_down
+from tpdwarp.scene.description import MeshAtShutter
+
+from .cases import GRID, render, scene, slab
+
+MOTIONS = {
+    "rigid": (0.05, 0.02, 0.03),
+    "deforming": np.array([[0.05, 0, 0], [0.02, 0, 0.03], [0, 0, 0.05], [0, 0.1, 0]]),
+}
+
+
+def towards(angle: float) -> tuple[float, float, float]:
+    """Direction of light that falls at ``angle`` from the vertical."""
+    return (math.sin(angle), 0.0, -math.cos(angle))
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("left", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5])
+def test_grazing_light_is_refracted_as_fresnel_has_it(left, motion):
+    angle = 0.5 * math.pi - left
+    frame = render(slab(towards(angle), 1.33, MOTIONS[motion]))
+    assert frame.energy.counts["emitted"] == pytest.approx(1024, rel=0.05)
+    assert frame.energy.sent == pytest.approx(3 * 4 * math.cos(angle), rel=1e-5 + 4 * EPS / left)
+    # The cosine is known to a rounding of one.
+    expected = 1 - fresnel_reflectance(angle, 1.0, 1.33)
+    assert frame.energy.deposited == pytest.approx(expected * frame.energy.sent, rel=1e-5 + 4 * EPS / left)
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_light_exactly_in_the_plane_of_the_water_sends_nothing(motion):
+    flat = slab((1, 0, 0), 1.33, (0.05, 0.02, 0))
+    assert render(flat).energy.sent == 0
+    assert render(slab((1, 0, 0), 1.33, MOTIONS[motion])).energy.sent < 1e-12
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("ior", [0.25, 0.75, 1.0, 1 + 1e-6, 1.0001, 4.0, 1e3, 1e6])
+def test_a_flat_interface_of_any_index_follows_snell_and_fresnel(ior, motion):
+    frame = render(slab(towards(0.4), ior, MOTIONS[motion]))
+    bent, passing = snell(0.4, 1.0, ior), 1 - fresnel_reflectance(0.4, 1.0, ior)
+    # What passes is the difference of all and what does not, which is rounded a few times.
+    sent = frame.energy.sent
+    assert frame.energy.deposited == pytest.approx(passing * sent, rel=1e-5, abs=8 * EPS * sent)
+    if math.isnan(bent):
+        assert len(frame.photons) == 0
+        return
+    photons = frame.photons
+    if motion == "rigid":
+        # Where light enters, and it is a lattice that fills the square, tells where it leaves.
+        centre = photons.positions[:, 0].mean()
+        assert centre == pytest.approx(math.tan(bent), abs=0.01)
+        assert photons.dxdt[:, 0].mean() == pytest.approx(0.05 + 0.03 * math.tan(bent), abs=1e-4)
+
+
+@pytest.mark.parametrize("angle", [0.4, 1.2, 0.5 * math.pi - 1e-2, 0.5 * math.pi - 1e-3])
+def test_an_interface_without_a_step_in_index_reflects_nothing_at_any_angle(angle):
+    water = moving(quad("/water", (0, 0, 1), (1, 0, 0), (0, 1, 0), glass(1.0)), (0.05, 0.02, 0.03))
+    frame = render(scene([water, *walls()], sun(towards(angle))), photons=512)
+    # Every photon goes straight on to the floor or to the wall behind.
+    assert len(frame.photons) == pytest.approx(512, rel=0.1)
+    assert frame.energy.deposited == pytest.approx(frame.energy.sent, rel=1e-6)
+    assert (frame.photons.positions[:, 2] < 1).all()
+
+
+def transmittance(cos_i: float, cos_t_squared: float, n: float) -> float:
+    """1 − R from n to 1 by Fresnel's equations, for a cosine squared that may be negative."""
+    cos_t = math.sqrt(max(cos_t_squared, 0.0))
+    parallel = (cos_i - n * cos_t) / (cos_i + n * cos_t)
+    perpendicular = (n * cos_i - cos_t) / (n * cos_i + cos_t)
+    return 1 - 0.5 * (parallel**2 + perpendicular**2)
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("beyond", [1e-1, 1e-3, 1e-5, 1e-6, 1e-7, 0.0, -1e-7, -1e-6, -1e-5, -1e-3, -1e-1])
+def test_about_the_critical_angle_light_passes_as_fresnel_has_it(beyond, motion):
+    n = 1.5
+    angle = math.asin(1 / n) + beyond
+    inside = moving(upside_down(quad("/glass", (0, 0, 1), (1, 0, 0), (0, 1, 0), glass(n))), MOTIONS[motion])
+    frame = render(scene([inside, *walls()], sun(towards(angle))))
+    photons = frame.photons
+    passed = photons.flux[photons.positions[:, 2] < 1 - 1e-4].sum() / frame.energy.sent
+    # cos²θ_t is the difference of numbers of order one, each known to a few roundings.
+    cosine, slack = math.cos(angle), 8 * EPS * n**2
+    squared = 1 - n**2 * (1 - cosine**2)
+    low, high = (transmittance(cosine, squared + sign * slack, n) for sign in (-1, 1))
+    assert low - 1e-5 <= passed <= high + 1e-5
+    if beyond > 1e-6:
+        assert passed == 0
+
+
+@pytest.mark.parametrize("beyond", [1e-3, 1e-7, 0.0, -1e-7, -1e-3])
+def test_waves_seen_from_inside_straddle_the_critical_angle_without_harm(beyond):
+    water = upside_down(ripples(GRID, GRID, 1.0, 0.04, glass(1.5), True))
+    frame = render(scene([water, *walls()], sun(towards(math.asin(1 / 1.5) + beyond))), most_lost=0.02)
+    assert 0.3 < frame.energy.deposited / frame.energy.sent <= 1
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-7, 1e-5])
+@pytest.mark.parametrize("direction", ["down", "along"])
+def test_a_sun_in_the_plane_of_faces_lights_the_others(off, direction):
+    body = moving(box("/box", (-0.5, -0.5, 0.5), (0.5, 0.5, 1), glass()), (0.05, 0.02, 0.01))
+    lit = {"down": ((off, 0, -1), 1.0), "along": ((1, 0, -off), 0.5)}[direction]
+    frame = render(scene([body, floor(half=6.0)], sun(lit[0]), eye=looking_down((-2, 2, -2, 2), height=0.3)))
+    assert frame.energy.sent == pytest.approx(3 * lit[1], rel=1e-3)
+
+
+@pytest.mark.parametrize("height", [0.0, 1e-9, 1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("beside", [(2.0, 0.0), (0.2, 0.1)])
+def test_a_lamp_in_the_plane_of_a_face_or_on_it_is_harmless(beside, height):
+    pane = moving(quad("/pane", (0, 0, 1), (1, 0, 0), (0, 1, 0), glass()), (0.05, 0.02, 0.0))
+    light = lamp((*beside, 1 + height), (0.01, 0, 0))
+    frame = render(scene([pane, floor(half=6.0)], light, eye=looking_down((-2, 2, -2, 2), height=0.6)))
+    assert frame.energy.sent <= 3 * 2 * math.pi
+
+
+@pytest.mark.parametrize("spread", [0.3, 1.0, 100.0, "opposed", "zero", "vanishing"])
+@pytest.mark.parametrize("motion", ["deforming", "rigid"])
+def test_normals_past_the_horizon_send_no_light_through_the_wrong_side(spread, motion):
+    random = np.random.default_rng(1)
+    x = np.linspace(-1, 1, 5)
+    points, triangles = grid_points(x, x, lambda x, y: 1.0), grid_triangles(5, 5).astype(np.int32)
+    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    turns = 0.3 * random.normal(size=points.shape)
+    if spread == "opposed":
+        normals[::2] *= -1
+    elif spread == "zero":
+        normals[:] = 0
+    elif spread == "vanishing":
+        turns = -2 * normals
+    else:
+        normals += spread * random.normal(size=points.shape)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    motions = 0.03 * random.normal(size=points.shape) if motion == "deforming" else np.tile([0.1, 0, 0], (25, 1))
+    water = MeshAtShutter("/water", points, triangles, motions, normals, turns, triangles, (glass(),))
+    frame = render(scene([water, floor(half=30.0)], sun((0.2, 0.1, -1))))
+    # Refracted light lands below; what is reflected leaves upwards, for there is nothing above.
+    refracted = frame.photons.bounces == 1
+    assert refracted.all() and 0.9 < frame.energy.deposited / frame.energy.sent < 0.965

@@ -1,0 +1,340 @@
+"""Geometry that should not be: nothing of it may harm the rest, and what cannot be used is refused by prim."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracle.closed_forms import fresnel_reflectance
+from photons.shapes import ball, box, field, floor, glass, mesh, moving, ripples, upside_down
+from photons.traced import sun
+
+import tpdwarp
+from tests.small_stage import write_stage
+from tpdwarp.energy_watch import EnergyWatch
+from tpdwarp.errors import InputError
+from tpdwarp.images import read_image
+from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
+
+from .cases import (
+    GRID,
+    MOST_LOST,
+    MOTIONS,
+    SAME,
+    SHUTTER,
+    Source,
+    assert_balanced,
+    assert_same_frame,
+    render,
+    scene,
+)
+
+# Meshes written in code.
+
+
+def with_faces(water: MeshAtShutter, extra: np.ndarray) -> MeshAtShutter:
+    faces = np.concatenate([water.triangles, np.asarray(extra, np.int32)])
+    return replace(water, triangles=faces, normal_indices=faces)
+
+
+def with_points(water: MeshAtShutter, points: np.ndarray, faces: np.ndarray) -> MeshAtShutter:
+    """The mesh with more points and faces between them, counted from the first new point."""
+    count, still = len(points), np.zeros((len(points), 3))
+    grown = replace(
+        water,
+        points=np.concatenate([water.points, points]),
+        normals=np.concatenate([water.normals, np.tile([0.0, 0.0, 1.0], (count, 1))]),
+        motions=np.concatenate([water.motions, still]),
+        normal_motions=np.concatenate([water.normal_motions, still]),
+    )
+    return with_faces(grown, np.asarray(faces) + len(water.points))
+
+
+def spoiled(water: MeshAtShutter) -> dict[str, list[MeshAtShutter]]:
+    """Ways to add faces that change nothing."""
+    a, b = water.points[0], water.points[1]
+    flat = np.array([a, a, b, 0.5 * (a + b)])
+    return {
+        "faces that repeat a point": [with_faces(water, [[0, 0, 1], [5, 5, 5]])],
+        "faces without area": [with_points(water, flat, [[0, 1, 2], [0, 2, 3]])],
+        "every face twice": [with_faces(water, water.triangles)],
+        "the mesh twice": [water, replace(water, path="/again")],
+        "the floor twice": [water, floor(half=1.5, path="/again")],
+    }
+
+
+@pytest.mark.parametrize("how", spoiled(MOTIONS["deforming"]().meshes[0]))
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_faces_without_area_and_coincident_ones_change_nothing(motion, how):
+    here = MOTIONS[motion]()
+    special, ground = here.meshes
+    if motion == "rigid":
+        special = replace(special, normal_motions=np.zeros_like(special.normals))
+    spoilt = replace(here, meshes=(*spoiled(special)[how], ground))
+    # A second solid lets photons bounce twice more: what two more reflections within the first one bring is new.
+    tolerance = 2e-3 if how == "the mesh twice" else SAME
+    assert_same_frame(render(spoilt), render(here), tolerance)
+
+
+SHAPES = {
+    "inside out": lambda body: upside_down(body),
+    "open": lambda body: replace(body, triangles=body.triangles[::2], normal_indices=body.triangles[::2]),
+    "in pieces that cross": lambda body: replace(
+        body, points=body.points + 0.1 * np.random.default_rng(0).normal(size=body.points.shape)
+    ),
+    "collapsing to a point within the shutter": lambda body: replace(
+        body, motions=-2 * (body.points - [0.2, 0, 0.5]), normal_motions=-2 * body.normals
+    ),
+    "turned inside out within the shutter": lambda body: replace(body, motions=-4 * (body.points - [0.2, 0, 0.5])),
+    "thrown far away": lambda body: replace(body, motions=np.full_like(body.points, 1e6)),
+    "thrown in all directions": lambda body: replace(
+        body, motions=1e3 * np.random.default_rng(0).normal(size=body.points.shape)
+    ),
+    "without any size": lambda body: replace(body, points=np.zeros_like(body.points)),
+    "flat": lambda body: replace(body, points=body.points * (1, 1, 0) + (0, 0, 0.5)),
+    "a line": lambda body: replace(body, points=body.points * (1, 0, 0) + (0, 0, 0.5)),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_solids_of_no_sense_do_no_harm_and_what_is_lost_in_them_is_said(shape, caplog):
+    here = MOTIONS["rigid"]()
+    body, ground = here.meshes
+    here = replace(here, meshes=(SHAPES[shape](body), ground))
+    energy = render(here, most_lost=1.0).energy
+    EnergyWatch(Source(here))(0, SHUTTER, energy)
+    assert ("of the flux sent (too many bounces" in caplog.text) == (energy.lost_total > MOST_LOST * energy.sent)
+    assert energy.lost_total < (0.7 if shape == "in pieces that cross" else MOST_LOST) * energy.sent + 1e-12
+
+
+@pytest.mark.parametrize("motion", ["deforming", "rigid"])
+def test_glass_on_a_table_lights_the_table_through_a_gap(motion):
+    passing = (1 - fresnel_reflectance(0, 1.0, 1.5)) ** 2
+    for gap in (1e-2, 1e-4, 1e-5):
+        body = moving(box("/box", (-0.5, -0.5, gap), (0.5, 0.5, 0.5), glass()), (0.1, 0, 0))
+        if motion == "deforming":
+            body = replace(body, motions=body.motions * (body.points[:, 2:] > 0.3))
+        photons = render(scene([body, floor(half=1.5)], sun())).photons
+        straight = photons.bounces == 2
+        assert photons.flux[straight].sum() == pytest.approx(3 * passing, rel=1e-3)
+
+
+def flat_water(count: int) -> SceneAtShutter:
+    x = np.linspace(-1, 1, count)
+    water = field("/water", x, x, lambda x, y: 1 + 0 * x, None, glass(1.33))
+    return scene([moving(water, (0, 0, 0.05)), floor(half=3.0)], sun())
+
+
+@pytest.mark.parametrize("photons", [1024, 1089, 4096])
+@pytest.mark.parametrize("count", [3, 17, 33, 65])
+def test_rays_that_meet_vertices_and_edges_exactly_do_not_slip_through(count, photons):
+    frame = render(flat_water(count), photons=photons)
+    assert frame.energy.sent == pytest.approx(12, rel=1e-6)
+    assert frame.energy.deposited == pytest.approx(12 * (1 - fresnel_reflectance(0, 1.0, 1.33)), rel=1e-5)
+
+
+def test_rays_through_the_vertices_of_a_slanted_mesh_do_not_slip_through():
+    water = ripples(GRID, GRID, 1.0, 0.04, glass(1.33), True)
+    light = (0.3, 0.2, -1.0)
+    for shift in (0.0, 1 / 3, 0.5):
+        moved = replace(water, points=water.points + np.array([shift / 16, 0, 0]))
+        here = scene([moved, floor(half=3.0)], sun(light))
+        frame = render(here, photons=16 * 16 * 9)
+        # The water's outline is that of its flat square, seen along the light; its rim is wavy by 0.06.
+        assert frame.energy.sent == pytest.approx(12 / math.hypot(*light), rel=0.06)
+        assert frame.energy.escaped < 0.05 * frame.energy.sent
+
+
+def test_water_that_passes_through_itself_keeps_its_energy():
+    random = np.random.default_rng(0)
+    water = MOTIONS["deforming"]().meshes[0]
+    tangled = replace(
+        water,
+        points=water.points + 0.1 * random.normal(size=water.points.shape),
+        motions=0.3 * random.normal(size=water.points.shape),
+    )
+    render(scene([tangled, floor(half=1.5)]), most_lost=0.05)
+
+
+class Vanishing:
+    """A scene whose meshes are there at some times only, or have other faces at others."""
+
+    file = "written.usda"
+
+    def __init__(self, shown) -> None:
+        self._shown = shown
+
+    def at(self, shutter: Shutter) -> SceneAtShutter:
+        return replace(MOTIONS["rigid"](), shutter=shutter, meshes=tuple(self._shown(shutter.middle)))
+
+    def reference_shutters(self) -> list[Shutter]:
+        return [Shutter.still(time) for time in (0.1, 0.9)]
+
+
+def appearing(time: float) -> list[MeshAtShutter]:
+    return list(MOTIONS["rigid"]().meshes) if time > 0.5 else []
+
+
+def changing(time: float) -> list[MeshAtShutter]:
+    cells = 4 + int(8 * time)
+    return [moving(ball("/ball", (0.2, 0, 0.5), 0.3, cells, glass()), (0.1, 0, 0)), floor(half=1.5)]
+
+
+@pytest.mark.parametrize("segments", [1, 2, 8])
+@pytest.mark.parametrize("shown", [appearing, lambda time: appearing(1 - time), changing, lambda time: []])
+def test_meshes_that_come_go_or_change_within_the_shutter_are_rendered(shown, segments):
+    frame = render(Vanishing(shown), segments=segments, photons=1024)
+    there = np.mean([bool(shown((k + 0.5) / segments)) for k in range(segments)])
+    whole = render(MOTIONS["rigid"]()).energy.sent
+    assert frame.energy.sent == pytest.approx(there * whole, rel=0.05)
+
+
+# What a stage holds.
+
+FLOOR = 'def Mesh "Floor"\n    {\n'
+POINTS = "point3f[] points = [(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)]"
+
+
+def on_floor(*lines: str):
+    return lambda text: text.replace(FLOOR, FLOOR + "".join(f"        {line}\n" for line in lines))
+
+
+def xform(value: str, op: str = "translate"):
+    return on_floor(f"double3 xformOp:{op} = {value}", f'uniform token[] xformOpOrder = ["xformOp:{op}"]')
+
+
+def first_x(value: str):
+    return lambda text: text.replace("(-2, -2, 0), (2", f"({value}, -2, 0), (2")
+
+
+def velocities(value: str):
+    def edit(text: str) -> str:
+        timed = POINTS.replace("points = ", "points.timeSamples = {1: ") + "}"
+        authored = f"vector3f[] velocities = [(0, 0, 1), {value}, (0, 0, 1), (0, 0, 1)]"
+        return on_floor(authored)(text).replace(POINTS, timed)
+
+    return edit
+
+
+def rendered(path: Path, edit, frames: str = "2", **options) -> tuple[dict[float, str], dict[str, np.ndarray]]:
+    """Failures by frame, and the channels of the last frame, of the small stage after ``edit`` of its text."""
+    write_stage(path)
+    text = path.read_text()
+    path.write_text(edit(text))
+    assert path.read_text() != text
+    options = {"photons": 256, "samples": 1, "image_width": 16, "threads": 1, "exposure": 0.5, **options}
+    result = tpdwarp.render(path, path.with_suffix(".####.exr"), frames=frames, **options)
+    for energy in result.energy.values():
+        assert_balanced(energy)
+    written = [outcome.path for outcome in result.outcomes if outcome.status == "written"]
+    channels = read_image(written[-1])[0] if written else {}
+    assert all(np.isfinite(values).all() for values in channels.values())
+    return result.failed, channels
+
+
+REFUSED = {
+    "NaN in points": (first_x("nan"), "/World/Floor.points: holds NaN"),
+    "infinity in points": (first_x("inf"), "/World/Floor.points: holds NaN"),
+    "NaN in normals": (
+        on_floor("normal3f[] normals = [(0, 0, 1), (nan, 0, 1), (0, 0, 1), (0, 0, 1)]"),
+        "/World/Floor.normals: holds NaN",
+    ),
+    "NaN in velocities": (velocities("(nan, 0, 1)"), "/World/Floor.velocities: holds NaN or infinity at time code 1"),
+    "infinity in velocities": (velocities("(0, -inf, 1)"), "/World/Floor.velocities: holds NaN"),
+    "NaN in a transform": (xform("(nan, 0, 0)"), "/World/Floor: its transform holds NaN"),
+    "infinity in a transform": (xform("(0, inf, 0)"), "/World/Floor: its transform holds NaN"),
+    "a transform out of range": (xform("(1e200, 0, 0)"), "/World/Floor: its transform holds numbers beyond 1e+30"),
+    "a scale out of range": (xform("(1e308, 1e308, 1)", "scale"), "/World/Floor: its transform holds numbers beyond"),
+    "a camera that is nowhere": (
+        lambda t: t.replace("translate = (0, 0, 10)", "translate = (0, nan, 10)"),
+        "/World/Camera: its transform holds NaN",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_numbers_that_are_none_are_refused_by_prim(tmp_path, what):
+    edit, message = REFUSED[what]
+    with pytest.raises(InputError) as caught:
+        rendered(tmp_path / "bad.usda", edit)
+    assert message in str(caught.value) and str(tmp_path / "bad.usda") in str(caught.value)
+
+
+def test_numbers_that_are_none_at_some_frames_fail_those_by_prim_and_frame(tmp_path):
+    path = tmp_path / "some.usda"
+    write_stage(path, frames=5, broken=(3,))
+    options = {"photons": 64, "samples": 1, "image_width": 8, "threads": 1, "exposure": 0.0}
+    failed = tpdwarp.render(path, tmp_path / "some.####.exr", frames="1:5", **options).failed
+    assert list(failed) == [3.0]
+    assert "/World/Pane.points: holds NaN or infinity at time code 3" in failed[3.0]
+
+
+def test_mirrored_and_flattened_meshes_are_rendered(tmp_path):
+    plain = rendered(tmp_path / "plain.usda", on_floor("int[] holeIndices = []"))[1]
+    mirrored = rendered(tmp_path / "mirrored.usda", xform("(-1, 1, 1)", "scale"))[1]
+    # The floor is its own mirror image, and flat already.
+    flattened = rendered(tmp_path / "flat.usda", xform("(1, 1, 0)", "scale"))[1]
+    for channel in "RGB":
+        np.testing.assert_allclose(mirrored[channel], plain[channel], atol=2.0**-10 * plain[channel].max())
+        np.testing.assert_allclose(flattened[channel], plain[channel], atol=2.0**-10 * plain[channel].max())
+    assert plain["R"].max() > 0.05
+
+
+@pytest.mark.parametrize("scale", ["(1, 0, 0)", "(0, 0, 0)", "(1e-30, 1e-30, 1e-30)", "(1e20, 1e20, 1e20)"])
+def test_meshes_scaled_to_nothing_or_beyond_all_bounds_do_no_harm(tmp_path, scale):
+    failed, channels = rendered(tmp_path / "scaled.usda", xform(scale, "scale"))
+    assert not failed and channels
+
+
+FACES = "int[] faceVertexCounts = [4]\n        int[] faceVertexIndices = [0, 1, 2, 3]\n"
+QUAD, CORNER = "[0, 1, 2, 3]", "[0, 1, 2]"
+
+
+def pane_faces(counts: str, indices: str):
+    """The faces of the pane at frame 2; those of frames 1 and 3 are its own."""
+    timed = (
+        f"int[] faceVertexCounts.timeSamples = {{1: [4], 2: {counts}, 3: [4]}}\n"
+        f"        int[] faceVertexIndices.timeSamples = {{1: {QUAD}, 2: {indices}, 3: {QUAD}}}\n"
+    )
+    return lambda text: text.replace(FACES, timed, 1)
+
+
+def seen(visible: str):
+    """Visibility over time of both meshes."""
+    token = f"token visibility.timeSamples = {visible}\n        "
+    return lambda text: text.replace(FACES, token + FACES)
+
+
+CHANGES = {
+    "other faces at frame 2": (pane_faces("[3]", CORNER), [12.0, 6.0, 12.0]),
+    "no faces at frame 2": (pane_faces("[]", "[]"), [12.0, 0.0, 12.0]),
+    "nothing at all at frame 1": (seen('{1: "invisible", 2: "inherited"}'), [0.0, 12.0, 12.0]),
+    "nothing at all after frame 1": (seen('{1: "inherited", 2: "invisible"}'), [12.0, 0.0, 0.0]),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_meshes_of_a_stage_come_go_and_change(tmp_path, what):
+    edit, sent = CHANGES[what]
+    path = tmp_path / "changing.usda"
+    write_stage(path)
+    path.write_text(edit(path.read_text()))
+    options = {"photons": 256, "samples": 1, "image_width": 16, "threads": 1, "exposure": 0.5}
+    result = tpdwarp.render(path, tmp_path / "changing.####.exr", frames="1:3", **options)
+    assert result.ok
+    found = [energy.sent for energy in result.energy.values()]
+    # Cells are counted by their middles along the diagonal.
+    np.testing.assert_allclose(found, sent, rtol=0.05)
+
+
+def test_a_lone_point_that_lies_far_away_leaves_the_rest_accounted_for(tmp_path):
+    failed, _ = rendered(tmp_path / "far.usda", first_x("1e38"))
+    assert not failed
+
+
+def test_a_mesh_is_left_out_where_it_has_no_area_at_all():
+    nothing = moving(mesh("/nothing", [[-1, -1, 1], [-1, -1, 1], [0, 1, 1]], [[0, 1, 2]], glass()), (0.1, 0, 0))
+    assert render(scene([nothing, floor(half=1.5)])).energy.sent == 0
