@@ -12,6 +12,7 @@ from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.usd.frames import frame_over
 from tpdwarp.usd.render_settings import conformed
 from tpdwarp.usd.transforms import Transforms
+from tpdwarp.usd.values import number_at
 
 Window = tuple[float, float, float, float]
 
@@ -54,8 +55,8 @@ class Camera:
         Raises:
             InputError: A shutter that closes before it opens.
         """
-        opening = float(self._camera.GetShutterOpenAttr().Get(frame))
-        closing = float(self._camera.GetShutterCloseAttr().Get(frame))
+        opening = number_at(self._camera.GetShutterOpenAttr(), frame)
+        closing = number_at(self._camera.GetShutterCloseAttr(), frame)
         if not (math.isfinite(opening) and math.isfinite(closing) and opening <= closing):
             raise InputError(
                 f"the shutter closes at {closing:g} but opens at {opening:g} (author it to close at or after it opens)",
@@ -88,6 +89,12 @@ class Camera:
         bounds = camera.frustum.window
         window = conformed((bounds.min[0], bounds.max[0], bounds.min[1], bounds.max[1]), image_aspect, policy)
         near, far = camera.clippingRange.min, camera.clippingRange.max
+        if not (math.isfinite(near) and math.isfinite(far) and near < far and (orthographic or near >= 0)):
+            raise InputError(
+                f"holds ({near:g}, {far:g}) (author distances from near to far, 0 or more for a perspective)",
+                self._warnings.file,
+                f"{self.path}.clippingRange",
+            )
         position, axes, position_motion, axes_motion = frame_over(
             self.prim, shutter, self._transforms, self._animation, self._warnings.file
         )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Usd
 
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
-from tpdwarp.usd.motion import blur_scaled, over_shutter
+from tpdwarp.usd.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.transforms import Transforms, union
 
 
@@ -24,15 +24,9 @@ def frame_over(
 
     def state(time: float) -> tuple[np.ndarray, ...]:
         matrix = transforms.world(prim, time)
-        if not np.isfinite(matrix).all():
-            raise InputError(
-                f"its transform holds NaN or infinity at time code {time:g} (author finite xformOps)",
-                file,
-                str(prim.GetPath()),
-            )
         return matrix[3, :3], _axes(matrix[:3, :3], prim, file)
 
-    shutter = blur_scaled(shutter, UsdGeom.MotionAPI(prim).ComputeMotionBlurScale(shutter.frame))
+    shutter = blur_scaled(shutter, blur_scale(prim, shutter.frame))
     span = union(animation, transforms.span(prim))
     (position, axes), motions = over_shutter(state, shutter, span, transforms.cubic)
     position_motion, axes_motion = motions if motions is not None else (np.zeros(3), np.zeros((3, 3)))

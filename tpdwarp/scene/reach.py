@@ -1,0 +1,43 @@
+"""How far from the scene something may lie before single precision no longer holds what is computed with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from tpdwarp.errors import InputError
+from tpdwarp.scene.description import LightKind, SceneAtShutter
+from tpdwarp.scene.normalization import Normalization
+
+# In the tracer's units: the fourth power of an edge, which squares of areas are, must fit in single precision.
+FARTHEST = 1.0e9
+
+
+def require_reach(scene: SceneAtShutter, normalization: Normalization, file: str) -> None:
+    """Refuses what lies, or moves within the shutter, more than 10⁹ times the size of the scene from it.
+
+    Raises:
+        InputError: Naming the first such mesh, light or camera of ``file``.
+    """
+    for path, what, positions, motions in _placed(scene):
+        reach = float(np.abs(positions - np.asarray(normalization.origin)).max(initial=0.0))
+        if motions is not None:
+            reach += 0.5 * float(np.abs(motions).max(initial=0.0))
+        if not reach * normalization.scale <= FARTHEST:
+            raise InputError(
+                f"{what} {reach:.3g} scene units from the middle of the scene, more than {FARTHEST:g} times its size "
+                "(correct its points or its transform)",
+                file,
+                path,
+            )
+
+
+def _placed(scene: SceneAtShutter) -> Iterator[tuple[str, str, np.ndarray, np.ndarray | None]]:
+    for mesh in scene.meshes:
+        yield mesh.path, "reaches", mesh.points, mesh.motions
+    for light in scene.lights:
+        if light.kind == LightKind.POINT:
+            yield light.path, "lies", light.position, light.position_motion
+    if scene.camera is not None:
+        yield scene.camera.path, "lies", scene.camera.position, scene.camera.position_motion
