@@ -66,7 +66,8 @@ class Animation:
     def __init__(self, source: SceneSource, settings: Settings) -> None:
         self.source, self.settings = source, settings
         self.launcher = Launcher(settings.device, settings.threads)
-        self.normalization = Normalization.of(reference_scenes(source)[0])
+        stills = reference_scenes(source)
+        self.normalization = Normalization.of(next((still for still in stills if still.meshes), stills[0]))
         self._plans: dict[int, EmissionPlan] = {}
         self._segment_counts: dict[tuple[float, float], int] = {}
 

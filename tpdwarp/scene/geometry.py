@@ -86,6 +86,10 @@ def _mesh(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> wp.M
     )
 
 
+# A BVH needs a triangle; no ray hits one without area.
+NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
+
+
 def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
     filled = [a for a in arrays if len(a)]
     if not filled:
@@ -107,7 +111,7 @@ def geometry_of(
     colors, color_indices, material_of, object_of = [], [], [], []
     materials: dict[object, int] = {}
     vertex_count = normal_count = color_count = 0
-    for number, mesh in enumerate(scene.meshes):
+    for number, mesh in enumerate(scene.meshes or (NOTHING,)):
         points.append(normalization.points(mesh.points))
         if moves:
             motions.append(_or_zeros(mesh.motions, mesh.points) * normalization.scale)

@@ -26,7 +26,9 @@ class Normalization:
 
     @classmethod
     def of(cls, scene: SceneAtShutter) -> Normalization:
-        """The normalization that suits ``scene``; the same scene always gives the same one."""
+        """The normalization that suits ``scene``; the same scene always gives the same one, and none a plain one."""
+        if not scene.meshes:
+            return cls((0.0, 0.0, 0.0), 1.0, 0.5)
         lower = np.min([mesh.points.min(axis=0) for mesh in scene.meshes], axis=0)
         upper = np.max([mesh.points.max(axis=0) for mesh in scene.meshes], axis=0)
         size = 0.5 * float(np.linalg.norm(upper - lower))

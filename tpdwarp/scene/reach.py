@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,10 +13,11 @@ from tpdwarp.scene.normalization import Normalization
 
 # In the tracer's units: the fourth power of an edge, which squares of areas are, must fit in single precision.
 FARTHEST = 1.0e9
+MOST_FLUX = 1.0e36
 
 
 def require_reach(scene: SceneAtShutter, normalization: Normalization, file: str) -> None:
-    """Refuses what lies, or moves within the shutter, more than 10⁹ times the size of the scene from it.
+    """Refuses what lies or moves more than 10⁹ times the size of the scene away, and too much light.
 
     Raises:
         InputError: Naming the first such mesh, light or camera of ``file``.
@@ -30,6 +32,17 @@ def require_reach(scene: SceneAtShutter, normalization: Normalization, file: str
                 "(correct its points or its transform)",
                 file,
                 path,
+            )
+
+
+    for light in scene.lights:
+        size = 2.0 * normalization.radius / normalization.scale
+        flux = max(light.power) * (size**2 if light.kind == LightKind.DISTANT else 4.0 * math.pi)
+        if not flux <= MOST_FLUX:
+            raise InputError(
+                f"sends {flux:.3g} W through the scene, more than {MOST_FLUX:g} (lower it, or scale the scene)",
+                file,
+                light.path,
             )
 
 

@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Interaction, Material
-from tpdwarp.usd.materials import Materials, Surface
+from tpdwarp.usd.materials import BRIGHTEST, Materials, Surface
 from tpdwarp.usd.primvars import flattened
 from tpdwarp.usd.topology import Topology
 from tpdwarp.usd.values import indices_at, text_at
@@ -95,8 +95,12 @@ def _display_colors(
     colors = curve.at(frame)
     if colors is None or len(colors) == 0:
         return None, None, curve.varies
-    if colors.min() < 0:
-        raise InputError("holds a negative colour (author values of 0 or more)", warnings.file, path)
+    if colors.min() < 0 or colors.max() > BRIGHTEST:
+        raise InputError(
+            f"holds a colour from {colors.min():g} to {colors.max():g} (author values of 0 to {BRIGHTEST:g})",
+            warnings.file,
+            path,
+        )
     interpolation = str(primvar.GetInterpolation())
     indices = topology.elements(interpolation, len(colors), point_count)
     if indices is None:

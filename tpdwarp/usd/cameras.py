@@ -14,6 +14,7 @@ from tpdwarp.usd.render_settings import conformed
 from tpdwarp.usd.transforms import Transforms
 from tpdwarp.usd.values import number_at
 
+WIDEST_WINDOW = 1e12
 Window = tuple[float, float, float, float]
 
 
@@ -87,6 +88,13 @@ class Camera:
             )
         self._warn_unsupported(camera, shutter)
         bounds = camera.frustum.window
+        if not all(0 < size < WIDEST_WINDOW for size in bounds.GetSize()):
+            raise InputError(
+                f"its apertures and focal length make a window of {bounds.GetSize()[0]:g} × {bounds.GetSize()[1]:g} "
+                "(correct them)",
+                self._warnings.file,
+                self.path,
+            )
         window = conformed((bounds.min[0], bounds.max[0], bounds.min[1], bounds.max[1]), image_aspect, policy)
         near, far = camera.clippingRange.min, camera.clippingRange.max
         if not (math.isfinite(near) and math.isfinite(far) and near < far and (orthographic or near >= 0)):

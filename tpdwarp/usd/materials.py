@@ -43,6 +43,8 @@ IGNORED = {
     "thin_film_thickness": 0.0,
     "thin_film_weight": 0.0,
 }
+# Colours above one are art; above this, an accident.
+BRIGHTEST = 1e6
 CONNECTED_ONLY = ("normal", "geometry_normal", "occlusion")
 
 
@@ -167,8 +169,8 @@ class _Inputs:
         if value.shape not in ((), (1,), (3,)):
             raise self.refusal(COLOR, f"{value.size} numbers (author a colour)")
         color = tuple(float(c) * weight for c in np.broadcast_to(value, 3))
-        if not all(math.isfinite(c) and c >= 0 for c in color):
-            raise self.refusal(COLOR, f"a colour of {color} (author finite values of 0 or more)")
+        if not all(0 <= c <= BRIGHTEST for c in color):
+            raise self.refusal(COLOR, f"a colour of {color} (author values of 0 to {BRIGHTEST:g})")
         return color, False
 
     def number(self, names: tuple[str, ...], default: float) -> float:

@@ -27,6 +27,7 @@ from tpdwarp.usd.transforms import Transforms, union
 DEFAULT_WIDTH = 960
 MOST_PIXELS = 2**30
 HIGHEST_RATE = 1e6
+LONGEST_SHUTTER = 1e6
 REFERENCE_COUNT = 9
 
 
@@ -176,7 +177,7 @@ class StageScene:
             settings: The settings.
 
         Raises:
-            InputError: The camera's shutter closes before it opens.
+            InputError: The camera's shutter closes before it opens, or the shutter is absurdly long.
         """
         if settings.shutter is not None:
             opening, closing = settings.shutter
@@ -187,6 +188,13 @@ class StageScene:
         else:
             with usd_diagnostics(self.warnings):
                 opening, closing = self._camera.shutter_interval(frame)
+        if max(abs(opening), abs(closing)) > LONGEST_SHUTTER:
+            raise InputError(
+                f"a shutter from {opening:g} to {closing:g} frames is too long (author or ask for less than "
+                f"{LONGEST_SHUTTER:g})",
+                self.file,
+                "" if self._camera is None else self._camera.path,
+            )
         return Shutter(frame, frame + opening, frame + closing)
 
     def describe(self) -> dict[str, Any]:
