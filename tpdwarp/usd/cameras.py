@@ -48,7 +48,12 @@ class Camera:
                 raise InputError(
                     f"holds {size:g} (author an aperture above 0)", self._warnings.file, f"{self.path}.{name}"
                 )
-        return camera.aspectRatio
+        ratio = camera.aspectRatio
+        if not 1 / WIDEST_WINDOW < ratio < WIDEST_WINDOW:
+            raise InputError(
+                f"an aperture {ratio:g} times as wide as high (author another)", self._warnings.file, self.path
+            )
+        return ratio
 
     def shutter_interval(self, frame: float) -> tuple[float, float]:
         """``shutter:open`` and ``shutter:close`` at a time code, relative to it.

@@ -135,7 +135,9 @@ class _LocalTransform:
             return self._still
         matrix = np.eye(4)
         for op, curve in reversed(self._ops):
-            found = np.array(op.GetOpTransform(time)) if curve is None else _op_matrix(op, curve.at(time))
+            value = None if curve is None else curve.at(time)
+            # Without a value at this time (it may be blocked), the op does what USD makes of that: nothing.
+            found = np.array(op.GetOpTransform(time)) if value is None else _op_matrix(op, value)
             with np.errstate(over="ignore", invalid="ignore"):
                 matrix = matrix @ found
         self._still = matrix
