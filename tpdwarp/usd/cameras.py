@@ -9,6 +9,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import CameraAtShutter, Shutter
+from tpdwarp.usd.diagnostics import errors_at
 from tpdwarp.usd.frames import frame_over
 from tpdwarp.usd.render_settings import conformed
 from tpdwarp.usd.transforms import Transforms
@@ -41,7 +42,7 @@ class Camera:
         Raises:
             InputError: An aperture of no size.
         """
-        camera = self._camera.GetCamera(time)
+        camera = self._lens(time)
         for name in ("horizontalAperture", "verticalAperture"):
             size = getattr(camera, name)
             if not (math.isfinite(size) and size > 0):
@@ -83,7 +84,7 @@ class Camera:
             InputError: A lens or a transform that cannot be used.
         """
         self.aspect(shutter.middle)
-        camera = self._camera.GetCamera(shutter.middle)
+        camera = self._lens(shutter.middle)
         orthographic = camera.projection == Gf.Camera.Orthographic
         if not orthographic and not (math.isfinite(camera.focalLength) and camera.focalLength > 0):
             raise InputError(
@@ -127,6 +128,10 @@ class Camera:
             to_camera,
             to_camera @ _projection(window, near, far, orthographic),
         )
+
+    def _lens(self, time: float) -> Gf.Camera:
+        with errors_at(self.path):
+            return self._camera.GetCamera(time)
 
     def _exposure_scale(self, frame: float) -> float:
         camera = self._camera

@@ -34,6 +34,19 @@ def usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
             warnings("", _without_innards(diagnostic.commentary))
 
 
+@contextmanager
+def errors_at(path: object) -> Iterator[None]:
+    """While entered, USD's errors are those of the prim at ``path``; they seldom say so themselves.
+
+    Raises:
+        InputError: USD posted an error; the file is still to be named.
+    """
+    try:
+        yield
+    except Tf.ErrorException as error:
+        raise InputError(_first_error(error), prim=str(path)) from error
+
+
 def _first_error(error: Tf.ErrorException) -> str:
     """The text of the first USD error, without the place in USD's sources that raised it."""
     found = re.search(r" in file \S+ : '(.*?)'(?:\n\tError in|\Z)", str(error), re.DOTALL)

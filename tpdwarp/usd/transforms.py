@@ -6,6 +6,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError
+from tpdwarp.usd.diagnostics import errors_at
 from tpdwarp.usd.samples import SampledArray, of_attribute, sample_times
 
 AXES = {"X": Gf.Vec3d.XAxis(), "Y": Gf.Vec3d.YAxis(), "Z": Gf.Vec3d.ZAxis()}
@@ -34,19 +35,24 @@ class Transforms:
         """
         if self.cubic:
             return self._composed(prim, time, None)
-        return finite(np.array(self._cache(time).GetLocalToWorldTransform(prim)), time, prim.GetPath())
+        with errors_at(prim.GetPath()):
+            found = self._cache(time).GetLocalToWorldTransform(prim)
+        return finite(np.array(found), time, prim.GetPath())
 
     def below(self, prim: Usd.Prim, ancestor: Usd.Prim, time: float) -> np.ndarray:
         """Matrix from ``prim`` to ``ancestor``'s own space, shape [4, 4]; identity for the ancestor itself."""
         if prim == ancestor:
             return np.eye(4)
         if not self.cubic:
-            return finite(np.array(self._cache(time).ComputeRelativeTransform(prim, ancestor)[0]), time, prim.GetPath())
+            with errors_at(prim.GetPath()):
+                found = self._cache(time).ComputeRelativeTransform(prim, ancestor)[0]
+            return finite(np.array(found), time, prim.GetPath())
         return self._composed(prim, time, ancestor)
 
     def own(self, prim: Usd.Prim, time: float) -> np.ndarray:
         """The prim's own local matrix, shape [4, 4]."""
-        return finite(self._local(prim).at(time), time, prim.GetPath())
+        with errors_at(prim.GetPath()):
+            return finite(self._local(prim).at(time), time, prim.GetPath())
 
     def own_span(self, prim: Usd.Prim) -> tuple[float, float] | None:
         """First and last sample time of the prim's own local matrix; None where it cannot vary."""
@@ -77,7 +83,8 @@ class Transforms:
         matrix = np.eye(4)
         while prim and not prim.IsPseudoRoot() and not (ancestor is not None and prim == ancestor):
             local = self._local(prim)
-            matrix = matrix @ finite(local.at(time), time, prim.GetPath())
+            with errors_at(prim.GetPath()):
+                matrix = matrix @ finite(local.at(time), time, prim.GetPath())
             if local.resets:
                 break
             prim = prim.GetParent()
@@ -86,7 +93,8 @@ class Transforms:
     def _local(self, prim: Usd.Prim) -> _LocalTransform:
         key = str(prim.GetPath())
         if key not in self._locals:
-            self._locals[key] = _LocalTransform(UsdGeom.Xformable(prim), self.cubic)
+            with errors_at(key):
+                self._locals[key] = _LocalTransform(UsdGeom.Xformable(prim), self.cubic)
         return self._locals[key]
 
 
