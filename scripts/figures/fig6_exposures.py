@@ -38,7 +38,7 @@ moves to the right by λ/8 a frame. Seen from above; grey runs evenly from radia
 Top: `--preset paper` with `--smoothing {SMOOTHING}`, so that single footprints are seen. Without exposure they are
 dots; with it each draws a tail along the path that its time differential predicts, the longer the longer the exposure.
 Where light is focused the tails go with the wave, where it is spread they go against it, and in between they are short.
-Each photon keeps its flux, so that tails are dimmer than dots. Bottom: the defaults (regular lattice, cubic B-spline,
+Each photon keeps its flux, so that tails are dimmer than dots. Bottom: the defaults (regular lattice, B-spline,
 traced at mid shutter) with `--motion cubic`: the same number of photons without noise."""
     return Figure(6, "exposures of 0 to 4 frames", rows, text.replace(f"{PHOTONS:,}", "1 000"))
 
