@@ -5,7 +5,7 @@ import pytest
 
 from tpdwarp.errors import InputError
 from tpdwarp.outcomes import FrameOutcome
-from tpdwarp.progress import AlfProgress, BarProgress, PlainProgress, Progress, clock, progress_of
+from tpdwarp.progress import AlfProgress, BarProgress, OccasionalProgress, PlainProgress, Progress, clock, progress_of
 
 WRITTEN = FrameOutcome(1, "written", "out/1.exr", total_seconds=2.0)
 SKIPPED = FrameOutcome(2, "skipped", "out/2.exr")
@@ -60,6 +60,25 @@ def test_the_time_left_is_that_of_frames_worked_on_not_of_those_skipped():
     show(BarProgress(stream), [SKIPPED, WRITTEN], 5)
     # Three frames are left, and the one worked on took two seconds.
     assert "0:06 left" in screen(stream.getvalue())[0]
+
+
+def test_occasional_progress_says_a_line_an_interval_and_nothing_of_what_is_over_sooner(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr("tpdwarp.progress.time.monotonic", lambda: now[0])
+    stream = io.StringIO()
+    progress = OccasionalProgress(stream, interval=10)
+    progress.start(100)
+    for _ in range(25):
+        now[0] += 1
+        progress.end(FAILED if now[0] == 105 else WRITTEN)
+    progress.finish()
+    assert stream.getvalue().splitlines() == [
+        "10/100 frames, 1 failed, 0:10 gone, 1:30 left",
+        "20/100 frames, 1 failed, 0:20 gone, 1:20 left",
+    ]
+    quick = io.StringIO()
+    show(OccasionalProgress(quick, interval=10), [WRITTEN, FAILED], 2)
+    assert quick.getvalue() == ""
 
 
 def test_messages_stand_on_lines_of_their_own_above_the_bar():

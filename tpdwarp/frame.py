@@ -75,14 +75,21 @@ def render_frame(
         clock: Measures the stages; goes on where it stands.
     """
     clock = clock or Clock()
-    animation = _animation(source, settings)
+    return expose(_animation(source, settings), shutter, width, height, clock)
+
+
+def expose(
+    animation: Animation, shutter: Shutter, width: int, height: int, clock: Clock, pixels: np.ndarray | None = None
+) -> Frame:
+    """Renders one frame of an animation, or some ``pixels`` of it (others stay black)."""
+    settings = animation.settings
     scenes = animation.load_segments(shutter, clock)
     middle = scenes[len(scenes) // 2].scene.camera
     norm = animation.normalization
     pixel = pixel_size(camera_of(middle, width, height, norm))
     film = Film(width, height, settings.samples, norm, middle.exposure_scale, settings.aovs)
     with_motion = bool({"motion", "photons"} & set(settings.aovs))
-    view = View(animation, scenes, width, height, clock, keep=settings.estimator == "accumulation")
+    view = View(animation, scenes, width, height, clock, settings.estimator == "accumulation", pixels)
     energy = EnergyAccount()
     maps = []
     estimator = ESTIMATORS[settings.estimator]()

@@ -12,6 +12,7 @@ import tpdwarp
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.single import single
+from tpdwarp.targeting import ErrorTarget
 
 if TYPE_CHECKING:
     from tpdwarp.frame import Frame
@@ -19,7 +20,12 @@ if TYPE_CHECKING:
 
 
 def frame_metadata(
-    source: StageScene, frame: float, shutter: Shutter, settings: Settings, made: Frame
+    source: StageScene,
+    frame: float,
+    shutter: Shutter,
+    settings: Settings,
+    made: Frame,
+    target: ErrorTarget | None = None,
 ) -> dict[str, Any]:
     """Image attributes of one frame, by their EXR names.
 
@@ -33,6 +39,7 @@ def frame_metadata(
         shutter: When it was exposed.
         settings: How it was rendered.
         made: What came out.
+        target: What photons and segments were chosen for.
     """
     energy = made.energy
     metadata: dict[str, Any] = {
@@ -51,6 +58,8 @@ def frame_metadata(
         "tpdwarp:fluxAbsorbed": float(single(energy.absorbed)),
         "tpdwarp:fluxLost": float(single(energy.lost_total)),
     }
+    if target is not None:
+        metadata |= {"tpdwarp:targetError": target.wanted, "tpdwarp:expectedError": target.expected}
     if not math.isnan(frame):
         metadata |= {
             "expTime": shutter.exposure / source.time_codes_per_second,

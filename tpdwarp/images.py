@@ -300,52 +300,6 @@ def attribute_value(name: str, kind: oiio.TypeDesc, value: Any) -> Any:
     return value
 
 
-@dataclass(frozen=True)
-class PixelComparison:
-    """How far two images are apart, pixel by pixel.
-
-    Attributes:
-        rms: Root of the mean squared difference, over pixels and channels.
-        maximum: Largest difference.
-        place: Column and row of it, from the top left.
-        channel: Index of the channel it is in.
-        failed, warned: Pixels beyond the limits.
-    """
-
-    rms: float
-    maximum: float
-    place: tuple[int, int]
-    channel: int
-    failed: int
-    warned: int
-
-
-def compare_pixels(
-    image: np.ndarray,
-    baseline: np.ndarray,
-    fail: tuple[float, float] = (0.0, 0.0),
-    warn: tuple[float, float] = (0.0, 0.0),
-) -> PixelComparison:
-    """Compares two images of finite pixels, shape [h, w, channels] each.
-
-    Args:
-        image, baseline: The images.
-        fail, warn: Limits, absolute and relative to the mean of the two values. A pixel is beyond one where a channel
-            exceeds both.
-    """
-    found = oiio.ImageBufAlgo.compare(
-        oiio.ImageBuf(np.ascontiguousarray(image, dtype=np.float32)),
-        oiio.ImageBuf(np.ascontiguousarray(baseline, dtype=np.float32)),
-        fail[0],
-        warn[0],
-        failrelative=fail[1],
-        warnrelative=warn[1],
-        nthreads=1,
-    )
-    place = (found.maxx, found.maxy)
-    return PixelComparison(found.rms_error, found.maxerror, place, found.maxc, found.nfail, found.nwarn)
-
-
 def flip_difference(
     image: np.ndarray, baseline: np.ndarray, maximum_luminance: float, median_luminance: float
 ) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.targeting import ErrorTarget
 
 
 @dataclass(frozen=True)
@@ -42,11 +43,13 @@ class SequenceResult:
         outcomes: One a frame, in order.
         seconds: Seconds in all.
         problems: What failed beyond single frames (the debug layer, the statistics), one line each.
+        target: What was chosen for ``target_error``; None without.
     """
 
     outcomes: tuple[FrameOutcome, ...]
     seconds: float
     problems: tuple[str, ...] = ()
+    target: ErrorTarget | None = None
 
     @property
     def written(self) -> tuple[float, ...]:

@@ -81,6 +81,37 @@ class AlfProgress(Progress):
         print(f"ALF_PROGRESS {100 * self._done // max(1, self._count)}%", file=self._stream, flush=True)
 
 
+class OccasionalProgress(Progress):
+    """A line now and then, for logs of long sequences whose frames take no time to speak of.
+
+    Args:
+        stream: Where to; None for standard error.
+        interval: Seconds between lines; what is over sooner says nothing.
+    """
+
+    def __init__(self, stream: TextIO | None = None, interval: float = 10.0) -> None:
+        self._stream = stream or sys.stderr
+        self._interval = interval
+        self._count = self._done = self._failed = 0
+        self._started = self._said = 0.0
+
+    def start(self, count: int) -> None:
+        self._count, self._done, self._failed = count, 0, 0
+        self._started = self._said = time.monotonic()
+
+    def end(self, outcome: FrameOutcome) -> None:
+        self._done += 1
+        self._failed += outcome.status == "failed"
+        now = time.monotonic()
+        if now - self._said >= self._interval:
+            self._said = now
+            gone = now - self._started
+            left = gone / self._done * (self._count - self._done)
+            failed = f", {self._failed} failed" if self._failed else ""
+            line = f"{self._done}/{self._count} frames{failed}, {clock(gone)} gone, {clock(left)} left"
+            print(line, file=self._stream, flush=True)
+
+
 class BarProgress(Progress):
     """One line that is drawn over and over, with the time that is left; messages are printed above it.
 

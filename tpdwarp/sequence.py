@@ -25,6 +25,7 @@ from tpdwarp.runner import reason_of, run_frames
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.statistics import statistics_of, write_statistics
+from tpdwarp.targeting import ErrorTarget, settled
 from tpdwarp.usd.debug_layer import DebugLayerWriter
 from tpdwarp.usd.default_time import DefaultTimeScene
 from tpdwarp.usd.frame_specs import frames_between, frames_of
@@ -83,8 +84,9 @@ def render(
     width, height = source.resolution()
     for path in (names.path(wanted[0]), stats):
         _check_output(path, source)
-    layer = None if debug_layer is None else _debug_layer(debug_layer, source, chosen, wanted, curves)
     watch = EnergyWatch(source)
+    chosen, target = _settled(source, chosen)
+    layer = None if debug_layer is None else _debug_layer(debug_layer, source, chosen, wanted, curves)
 
     def render_one(frame: float) -> FrameOutcome:
         shutter, path = shutter_of(source, frame, chosen), names.path(frame)
@@ -95,14 +97,14 @@ def render(
         watch(frame, shutter, made.energy)
         # The image first: a debug layer that cannot be written makes the frame fail, but costs no image.
         if not skipped:
-            write_frame(path, made.channels, frame_metadata(source, frame, shutter, chosen, made))
+            write_frame(path, made.channels, frame_metadata(source, frame, shutter, chosen, made, target))
         if layer is not None:
             layer.add_frame(frame, made.photons, chosen.smoothing)
         status = "skipped" if skipped else "written"
         return FrameOutcome(frame, status, path, "", len(made.photons), made.energy, dict(made.seconds))
 
     outcomes, problems = run_frames(wanted, render_one, names.path, shown, layer)
-    return _finished(source, chosen, outcomes, problems, started, stats)
+    return _finished(source, chosen, target, outcomes, problems, started, stats)
 
 
 def write_photons(
@@ -128,6 +130,7 @@ def write_photons(
     shown = progress_of(progress)
     source, wanted = _open(scene, chosen, frames, default_time)
     _check_output(stats, source)
+    chosen, target = _settled(source, chosen)
     writer = _debug_layer(layer, source, chosen, wanted, curves)
     watch = EnergyWatch(source)
 
@@ -139,7 +142,7 @@ def write_photons(
         return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
 
     outcomes, problems = run_frames(wanted, trace_one, lambda frame: "", shown, writer)
-    return _finished(source, chosen, outcomes, problems, started, stats)
+    return _finished(source, chosen, target, outcomes, problems, started, stats)
 
 
 def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecord:
@@ -156,6 +159,7 @@ def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecor
     """
     chosen = chosen_settings(settings)
     source = open_scene(scene, chosen, math.isnan(frame))
+    chosen, _ = _settled(source, chosen)
     return trace_frame(source, shutter_of(source, frame, chosen), chosen).photons
 
 
@@ -221,6 +225,15 @@ def _open(
     return source, asked or frames_between(source.start, source.end)
 
 
+def _settled(source: StageScene, settings: Settings) -> tuple[Settings, ErrorTarget | None]:
+    """Settings without an open choice of photons, and what they were chosen for, if for anything."""
+    if settings.target_error is None:
+        return settings, None
+    source.require_camera()
+    shutters = [shutter_of(source, still.middle, settings) for still in source.reference_shutters()]
+    return settled(source, settings, shutters, *source.resolution())
+
+
 def _check_output(path: FilePath | None, source: StageScene) -> None:
     if path is None:
         return
@@ -255,12 +268,13 @@ def _debug_layer(
 def _finished(
     source: StageScene,
     settings: Settings,
+    target: ErrorTarget | None,
     outcomes: Sequence[FrameOutcome],
     problems: Sequence[str],
     started: float,
     stats: FilePath | None,
 ) -> SequenceResult:
-    result = SequenceResult(tuple(outcomes), time.perf_counter() - started, tuple(problems))
+    result = SequenceResult(tuple(outcomes), time.perf_counter() - started, tuple(problems), target)
     if stats is None:
         return result
     try:

@@ -32,6 +32,7 @@ class Settings:
         photons: Photons emitted towards specular geometry, a frame.
         samples: Camera samples a pixel.
         segments: Parts of the shutter, each traced with its share of the photons; ``auto`` weighs motion against them.
+        target_error: Wanted relative RMSE of caustics; chooses photons and segments.
         exposure: Exposure in frames, opening at the frame; None takes the camera's ``shutter:open/close``.
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
@@ -64,6 +65,7 @@ class Settings:
     photons: int = 65536
     samples: int = 4
     segments: int | str = 1
+    target_error: float | None = None
     exposure: float | None = None
     shutter: tuple[float, float] | None = None
     motion: str = "linear"
@@ -102,6 +104,12 @@ class Settings:
                 continue
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")
+        if self.target_error is not None:
+            if not 1e-4 <= self.target_error <= 1:
+                refuse("target_error", f"must lie in 0.0001 … 1, not {self.target_error}")
+            method = (self.estimator, self.kernel, self.emission, self.trace_at)
+            if method != ("tpd", "bspline", "lattice", "middle"):
+                refuse("target_error", "is for tpd on a lattice (leave --estimator, --kernel and --emission out)")
         if self.photons > 2**28:
             refuse("photons", f"must be at most {2**28}, not {self.photons}")
         if self.tdpm_neighbours < 2:
@@ -143,6 +151,10 @@ class Settings:
         for name in changes:
             if name not in known:
                 raise InputError(f"unknown setting {name!r}; there are {', '.join(sorted(known))}")
+        if changes.get("target_error") is not None:
+            chosen = [name for name in ("photons", "segments", "smoothing") if name in changes]
+            if chosen:
+                raise InputError(f"--target-error chooses photons and segments itself (leave --{chosen[0]} out)")
         if preset is not None and preset not in PRESETS:
             raise InputError(f"--preset must be one of {', '.join(PRESETS)}, not {preset!r}")
         return replace(settings or cls(), **{**PRESETS.get(preset, {}), **changes})

@@ -75,16 +75,25 @@ class View:
         width, height: Pixels.
         clock: Where the time goes.
         keep: Whether sights are kept for the next time they are asked for (where there is room).
+        pixels: The pixels looked at, those close together in the image close together; None for all.
     """
 
     def __init__(
-        self, animation: Animation, scenes: list[LoadedScene], width: int, height: int, clock: Clock, keep: bool
+        self,
+        animation: Animation,
+        scenes: list[LoadedScene],
+        width: int,
+        height: int,
+        clock: Clock,
+        keep: bool,
+        pixels: np.ndarray | None = None,
     ) -> None:
         self._animation, self._scenes, self._size, self._clock = animation, scenes, (width, height), clock
         settings = animation.settings
         self._moves = any(s.requirements.view_motion for s in scenes)
         self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
-        self._keep = keep and width * height * settings.samples <= KEPT_SAMPLES
+        self._pixels = block_order(width, height) if pixels is None else pixels
+        self._keep = keep and len(self._pixels) * settings.samples <= KEPT_SAMPLES
         self._kept: list[Sight] = []
 
     def sights(self, film: Film | None) -> Iterator[Sight]:
@@ -98,11 +107,9 @@ class View:
             yield sight
 
     def _look(self, film: Film | None) -> Iterator[Sight]:
-        width, height = self._size
-        order = block_order(width, height)
         pixel_count = max(1, BATCH // self._animation.settings.samples)
-        for first in range(0, len(order), pixel_count):
-            yield from self._look_at(order[first : first + pixel_count], film)
+        for first in range(0, len(self._pixels), pixel_count):
+            yield from self._look_at(self._pixels[first : first + pixel_count], film)
 
     def _look_at(self, pixels: np.ndarray, film: Film | None) -> Iterator[Sight]:
         """Sights of some pixels, at all times of the shutter."""

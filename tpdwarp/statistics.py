@@ -6,6 +6,7 @@ import json
 import math
 import os
 import platform
+from dataclasses import asdict
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,7 @@ def statistics_of(scene: str, settings: Settings, result: SequenceResult) -> dic
         "scene": scene,
         "settings": settings.as_dict(),
         "versions": versions(),
+        "target_error": asdict(result.target) if result.target else None,
         "seconds": result.seconds,
         "problems": list(result.problems),
         "frames": [_frame_statistics(outcome) for outcome in result.outcomes],

@@ -7,6 +7,7 @@ import OpenImageIO as oiio
 import pytest
 
 from checks.images import HEIGHT, WIDTH, channels, metadata, write
+from tpdwarp.checks import frames
 from tpdwarp.checks.findings import FrameComparison
 from tpdwarp.checks.frames import compare_frame
 from tpdwarp.checks.limits import GroupLimits, Limits, MetadataLimits, SequenceLimits
@@ -36,6 +37,30 @@ def test_equal_frames_are_the_same_though_written_at_other_times(tmp_path, basel
     assert found.status == "same" and found.findings == () and found.identical
     assert set(found.measures) == {"beauty", "alpha", "caustic", "Z"}
     assert found.measures["beauty"].rmse == 0 and found.measures["beauty"].flip_mean == 0
+
+
+def test_equal_files_are_decoded_once_and_measured_as_equal_pixels_are(tmp_path, baseline, monkeypatch):
+    decoded = []
+    real = frames.read_stored
+    monkeypatch.setattr(frames, "read_stored", lambda path: decoded.append(path) or real(path))
+    again = write(tmp_path / "again", **{"tpdwarp:renderSeconds": 77.0})
+    pixels_alone = compared(again, baseline)
+    assert len(decoded) == 2
+    (tmp_path / "copy.exr").write_bytes(baseline.read_bytes())
+    bytes_too = compared(tmp_path / "copy.exr", baseline)
+    assert len(decoded) == 3
+    assert bytes_too.measures == pixels_alone.measures and bytes_too.status == "same"
+
+
+@pytest.mark.parametrize(
+    ("other", "same"), [(b"x" * 2**20 + b"ab", True), (b"x" * 2**20 + b"ac", False), (b"x" * 2**20, False)]
+)
+def test_files_are_the_same_where_every_byte_is(tmp_path, other, same):
+    (tmp_path / "a").write_bytes(b"x" * 2**20 + b"ab")
+    (tmp_path / "b").write_bytes(other)
+    paths = str(tmp_path / "a"), str(tmp_path / "b")
+    assert frames.same_bytes(*paths) is same and frames.same_bytes(*reversed(paths)) is same
+    assert not frames.same_bytes(paths[0], str(tmp_path / "none"))
 
 
 def test_rounding_to_half_is_no_difference(tmp_path, baseline):
@@ -202,6 +227,7 @@ def test_background_depths_swamp_nothing_and_are_counted(tmp_path):
     moved["Z"][4, 0] = 1e10
     found = compared(write(tmp_path / "a", values=moved), reference).measures["Z"]
     assert found.failed_percent == pytest.approx(100 / (WIDTH * HEIGHT)) and found.rmse == 0 and found.hard == 0
+    assert (found.worst[0].column, found.worst[0].row) == (0, 4) and found.worst[0].value == (np.float32(1e10),)
     moved["Z"][10:] *= np.float32(1.01)
     found = compared(write(tmp_path / "c", values=moved), reference).measures["Z"]
     assert 0.005 < found.rmse < 0.011

@@ -5,7 +5,16 @@ from dataclasses import replace
 
 import pytest
 
-from tpdwarp.checks.limits import GroupLimits, Limits, MetadataLimits, SequenceLimits, read_limits, write_limits
+from tpdwarp.checks.limits import (
+    GroupLimits,
+    Limits,
+    MetadataLimits,
+    SequenceLimits,
+    limits_beside,
+    read_limits,
+    write_limits,
+)
+from tpdwarp.cli import main
 from tpdwarp.errors import InputError
 
 
@@ -19,14 +28,41 @@ def test_what_is_written_is_what_is_read(tmp_path):
     )
     write_limits(tmp_path / "a.toml", limits, "Two\nlines")
     read = read_limits(tmp_path / "a.toml")
-    # The beauty's FLIP has defaults of its own.
-    assert read == replace(limits, groups={**limits.groups, "beauty": {**Limits().groups["beauty"], "flip_mean": 0.25}})
+    # Some groups have defaults of their own.
+    own = {**Limits().groups["beauty"], "flip_mean": 0.25}
+    assert read == replace(limits, groups={**Limits().groups, **limits.groups, "beauty": own})
     assert (tmp_path / "a.toml").read_text().startswith("# Two\n# lines\n")
 
 
 def test_an_empty_file_is_the_defaults(tmp_path):
     (tmp_path / "a.toml").write_text("")
     assert read_limits(tmp_path / "a.toml") == Limits()
+
+
+def test_the_command_writes_the_defaults_once_where_a_check_finds_them(tmp_path, capsys):
+    baseline = tmp_path / "b"
+    assert main(["check", "--write-limits", str(baseline)]) == 2
+    assert f"error: {baseline}: does not exist" in capsys.readouterr().err
+    baseline.mkdir()
+    assert main(["check", "--write-limits", str(baseline)]) == 0
+    written = limits_beside(baseline)
+    assert capsys.readouterr().out == f"{written} written\n" and read_limits(written) == Limits()
+    written.write_text("[all]\nrmse = 0.5\n")
+    assert main(["check", "--write-limits", str(baseline)]) == 2
+    assert f"error: {written}: is there already" in capsys.readouterr().err
+    assert read_limits(written).all.rmse == 0.5
+    other = tmp_path / "other.toml"
+    assert main(["check", "--write-limits", str(baseline), "--limits", str(other)]) == 0
+    assert read_limits(other) == Limits()
+    assert main(["check", "--write-limits", "frames", str(baseline)]) == 2
+
+
+def test_every_table_of_the_written_file_is_explained(tmp_path):
+    write_limits(tmp_path / "a.toml", Limits())
+    lines = (tmp_path / "a.toml").read_text().splitlines()
+    tables = [index for index, line in enumerate(lines) if line.startswith("[") and not line.startswith("[groups.")]
+    assert len(tables) == 5 and all(lines[index - 1].startswith("# ") for index in tables)
+    assert max(map(len, lines)) <= 120
 
 
 def test_groups_change_only_what_they_name(tmp_path):

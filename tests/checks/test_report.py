@@ -152,8 +152,28 @@ def test_equal_pictures_are_kept_once_and_passing_ones_small(tmp_path):
 
 
 def test_pictures_of_longer_sequences_are_smaller_so_that_all_together_are_bounded():
-    areas = [count * picture_width(count) ** 2 for count in range(60, 340, 7)]
-    assert max(areas) <= 1.01 * areas[0] and picture_width(3) == 480 and picture_width(5000) == 200
+    areas = [count * picture_width(count) ** 2 for count in range(60, 540, 7)]
+    assert max(areas) <= 1.01 * areas[0] and picture_width(3) == 480 and picture_width(5000) == 160
+
+
+def test_pictures_beyond_what_a_page_holds_are_left_out_least_needed_first_and_said(report, tmp_path, monkeypatch):
+    result = check(report.parent / "a <i>", report.parent / "b", report=tmp_path / "r.html")
+    failing = next(frame for frame in result.failed if frame.pictures)
+    of_beauty = sum(len(data) for name, data in failing.pictures.items() if name.startswith("beauty."))
+    monkeypatch.setattr("tpdwarp.checks.report.MOST_PICTURE_BYTES", of_beauty)
+    write_report(tmp_path / "small.html", result)
+    text = (tmp_path / "small.html").read_text()
+    blocks = re.findall(r'id="pictures-(\d+)">(.*?)</script>', text)
+    assert [index for index, _ in blocks] == ["1"]
+    assert set(json.loads(blocks[0][1])["sources"]) == {n for n in failing.pictures if n.startswith("beauty.")}
+    summaries = json.loads(re.search(r'id="data">(.*?)</script>', text)[1])["frames"]
+    assert [frame["leftOut"] for frame in summaries] == [
+        ["beauty", "caustic"],
+        ["caustic"],
+        [],
+        ["beauty", "caustic"],
+        ["beauty", "caustic"],
+    ]
 
 
 def test_a_hot_pixel_stays_visible_in_a_small_difference(tmp_path):

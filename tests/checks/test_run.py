@@ -58,8 +58,9 @@ def test_a_frame_swapped_with_its_neighbour_is_found(tmp_path, baseline):
     two.rename(one)
     (frames / "x").rename(two)
     assert [f.status for f in check(frames, baseline).frames] == ["failed", "failed", "failed"]
-    # The third frame is right; that the picture jumps there is flicker.
-    assert {f.kind for f in check(frames, baseline).frames[2].findings} == {"flicker"}
+    # The third frame is right; that the picture jumps there is flicker, and the finding says whose.
+    last = check(frames, baseline).frames[2].findings
+    assert {f.kind for f in last} == {"flicker"} and str(last[0]).endswith("since frame 2, which failed")
 
 
 def test_flicker_is_the_change_of_the_difference_and_blind_to_what_stays(tmp_path, baseline):
@@ -149,6 +150,11 @@ def test_a_place_that_is_empty_or_not_there_cannot_be_compared(tmp_path, baselin
             check(**places)
 
 
+def test_fewer_than_no_threads_are_refused(baseline):
+    with pytest.raises(InputError, match="--threads must be 0 or more, not -1"):
+        check(baseline, baseline, threads=-1)
+
+
 def test_json_holds_all_that_was_measured(tmp_path, baseline):
     frames = write_sequence(tmp_path / "a", 2)
     result = check(frames, baseline, json=tmp_path / "o.json", limits=FREE)
@@ -174,3 +180,25 @@ def test_junit_has_a_test_a_frame_and_survives_control_characters(tmp_path, base
     failure = cases[1].find("failure")
     assert "tpdwarp:camera" in failure.get("message") and "wave.0002.exr" in failure.text
     assert "tpdwarp:version" in cases[2].find("system-out").text
+
+
+# What the schema of Jenkins' xUnit plug-in (junit-10.xsd) allows of each element; its time is digits and a point.
+JENKINS = {
+    "testsuites": ({"name", "time", "tests", "failures", "errors"}, {"testsuite"}),
+    "testsuite": ({"name", "time", "tests", "failures", "errors", "skipped", "timestamp"}, {"testcase"}),
+    "testcase": ({"name", "classname", "time"}, {"failure", "system-out"}),
+    "failure": ({"type", "message"}, set()),
+    "system-out": (set(), set()),
+}
+
+
+def test_junit_has_only_what_the_strictest_of_its_readers_allows(tmp_path, baseline):
+    frames = write_sequence(tmp_path / "a", 4)
+    write(frames, 2, **{"tpdwarp:camera": "/Other", "tpdwarp:version": "2"})
+    check(frames, baseline, junit=tmp_path / "o.xml", report=tmp_path / "r.html")
+    elements = list(ElementTree.parse(tmp_path / "o.xml").getroot().iter())
+    assert {element.tag for element in elements} == set(JENKINS)
+    for element in elements:
+        attributes, children = JENKINS[element.tag]
+        assert set(element.attrib) <= attributes and {child.tag for child in element} <= children
+        assert element.get("time", "0").replace(".", "", 1).isdigit()

@@ -49,12 +49,10 @@ def compare(
     """
     rows = np.flatnonzero((result.masks == mask) & among)
     rows = rows[np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(int)]
-    exact = _oracle(result, result.scene, rows, anchor, mask, lambda values: values)
+    exact, away = reference(result, rows, anchor, mask)
     rounded = _oracle(result, _rounded_scene(result), rows, anchor, mask, _float32)
     path = exact.path
-    margins = np.nanmin(np.where(np.isfinite(path.barycentrics), path.barycentrics, np.inf), axis=(0, 2))
-    origins = emission_of(result, rows=rows)[0]
-    away = (margins > EDGE) & (path.bounces == rounded.path.bounces) & _consistent(result.scene, origins, path)
+    away &= path.bounces == rounded.path.bounces
     assert np.isfinite(exact.dxdt[away]).all() and path.landed[away].all()
     assert away.sum() >= 0.75 * len(rows) >= 8
     photons = result.pick(rows[away])
@@ -69,6 +67,18 @@ def compare(
         ratios[name] = float((error / (OPERATIONS * np.maximum(harm, typical) + 1e-12)).max())
         errors[name] = float(error.max() / max(np.linalg.norm(truth, axis=1).max(), 1e-12))
     return Agreement(int(away.sum()), ratios, errors)
+
+
+def reference(
+    result: Traced, rows: np.ndarray, anchor: str = "surface", mask: int = 0
+) -> tuple[Differentials, np.ndarray]:
+    """What the oracle makes of the photons ``rows`` of one ``mask``, and which of them it can be compared with."""
+    exact = _oracle(result, result.scene, rows, anchor, mask, lambda values: values)
+    path = exact.path
+    margins = np.nanmin(np.where(np.isfinite(path.barycentrics), path.barycentrics, np.inf), axis=(0, 2))
+    origins = emission_of(result, rows=rows)[0]
+    followed = path.landed & (path.bounces == result.photons.bounces[rows])
+    return exact, (margins > EDGE) & followed & _consistent(result.scene, origins, path)
 
 
 def _oracle(result: Traced, scene: SceneAtShutter, rows: np.ndarray, anchor: str, mask: int, rounding) -> Differentials:

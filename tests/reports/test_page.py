@@ -45,3 +45,9 @@ def test_curves_keep_gaps_and_lone_values_and_speak():
 
 def test_no_values_make_no_figure():
     assert curve_figure("x", [1, 2], {"A": [None, None]}) == ""
+
+
+def test_a_limit_is_marked_below_zero_too_where_values_go_there():
+    for values, count in (([1.0, 2.0], 1), ([-3.0, 2.0], 2), ([-1.0, 2.0], 1)):
+        figure = curve_figure("x", [1, 2], {"A": values}, limit=1.5)
+        assert figure.split("<svg viewBox")[1].count('class="limit"') == count

@@ -25,3 +25,17 @@ def test_shrinking_keeps_the_mean_of_even_images_and_never_enlarges(shape):
     np.testing.assert_allclose(shrunk(np.full(shape, 0.25), 4), 0.25)
     image = np.arange(np.prod(shape), dtype=float).reshape(shape)
     assert shrunk(image, 100) is image
+
+
+@pytest.mark.parametrize("shape", [(12, 20), (13, 21, 3), (1, 9, 2)])
+@pytest.mark.parametrize("keep_peaks", [False, True])
+def test_each_shrunk_pixel_is_the_mean_or_the_largest_of_its_block(shape, keep_peaks):
+    image = np.random.default_rng(7).normal(size=shape)
+    width = 5
+    factor = -(-shape[1] // width)
+    found = shrunk(image, width, keep_peaks)
+    for row, column in np.ndindex(found.shape[:2]):
+        rows = np.minimum(np.arange(row * factor, (row + 1) * factor), shape[0] - 1)
+        columns = np.minimum(np.arange(column * factor, (column + 1) * factor), shape[1] - 1)
+        block = image[np.ix_(rows, columns)]
+        np.testing.assert_allclose(found[row, column], block.max((0, 1)) if keep_peaks else block.mean((0, 1)))

@@ -12,9 +12,9 @@ from typing import Any
 
 import tpdwarp
 from tpdwarp.checks.findings import CheckResult
-from tpdwarp.checks.limits import FlipLimits, GroupLimits, Limits, write_limits
+from tpdwarp.checks.limits import FlipLimits, GroupLimits, Limits, limits_beside, write_limits
 from tpdwarp.checks.render import Recipe, recipe_of, render_like
-from tpdwarp.checks.run import check, limits_beside
+from tpdwarp.checks.run import check
 from tpdwarp.checks.student import prediction_limit
 from tpdwarp.errors import InputError
 from tpdwarp.files import check_writable

@@ -13,12 +13,15 @@ import numpy as np
 
 from tpdwarp.checks.findings import FrameComparison
 from tpdwarp.checks.limits import Limits
-from tpdwarp.checks.measures import judge, root_mean_square
+from tpdwarp.checks.measures import judge
+from tpdwarp.checks.pixels import root_mean_square
 
 Reduced = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
-def with_flicker(comparison: FrameComparison, reduced: Reduced, before: Reduced, limits: Limits) -> FrameComparison:
+def with_flicker(
+    comparison: FrameComparison, reduced: Reduced, since: FrameComparison, before: Reduced, limits: Limits
+) -> FrameComparison:
     """A comparison with the flicker of its colour groups measured and judged.
 
     Flicker is the root of the mean squared change, since the frame before, of image less baseline, as a part of the
@@ -26,10 +29,13 @@ def with_flicker(comparison: FrameComparison, reduced: Reduced, before: Reduced,
 
     Args:
         comparison: One frame.
-        reduced, before: Its images and those of the frame before, by group: image and baseline, shape [h, w, 3].
+        reduced: Its images, by group: image and baseline, shape [h, w, 3].
+        since, before: The same of the frame before. Where that failed, a right frame after it jumps back, so findings
+            say which it was.
         limits: What is allowed.
     """
     measures, findings = dict(comparison.measures), list(comparison.findings)
+    which = f" since frame {since.name}{', which failed' if since.status == 'failed' else ''}"
     for group, (image, baseline) in reduced.items():
         if group not in before or before[group][0].shape != image.shape:
             continue
@@ -44,6 +50,8 @@ def with_flicker(comparison: FrameComparison, reduced: Reduced, before: Reduced,
         measures[group] = found
         allowed = limits.of(group)
         findings += [
-            finding for finding in judge(group, found, allowed, limits.flip.percentile) if finding.kind == "flicker"
+            replace(finding, message=finding.message + which)
+            for finding in judge(group, found, allowed, limits.flip.percentile)
+            if finding.kind == "flicker"
         ]
     return replace(comparison, measures=measures, findings=tuple(findings))

@@ -18,7 +18,8 @@ _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 def as_junit(result: CheckResult) -> ElementTree.ElementTree:
     """A result as JUnit XML: one suite, one test a frame, warnings among its output."""
     suite_name = f"tpdwarp check {Path(result.baseline_path).name}"
-    counts = {"tests": str(len(result.frames)), "failures": str(len(result.failed)), "errors": "0", "skipped": "0"}
+    # What is not in Jenkins' schema (a file to each test, for one) is left out: its xUnit plug-in drops files for that.
+    counts = {"tests": str(len(result.frames)), "failures": str(len(result.failed)), "errors": "0"}
     root = ElementTree.Element("testsuites", name="tpdwarp check", time=f"{result.seconds:.3f}", **counts)
     suite = ElementTree.SubElement(root, "testsuite", name=_clean(suite_name), time=f"{result.seconds:.3f}", **counts)
     for frame in result.frames:
@@ -28,7 +29,6 @@ def as_junit(result: CheckResult) -> ElementTree.ElementTree:
             "testcase",
             name=_clean(name),
             classname=_clean(suite_name.replace(".", "_")),
-            file=_clean(frame.path or frame.baseline),
             time=f"{frame.seconds:.3f}",
         )
         if frame.failures:

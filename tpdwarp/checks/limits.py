@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tpdwarp.errors import InputError
-from tpdwarp.files import complete_or_absent
+from tpdwarp.files import check_writable, complete_or_absent
 
 LIMITS_FILE = "tpdwarp-check.toml"
 SEVERITIES = ("fail", "warn", "ignore")
@@ -60,13 +60,14 @@ class FlipLimits:
     Attributes:
         maximum_luminance, median_luminance: What the exposures are laid out over.
         percentile: The percentile meant by ``flip_high``.
-        width: Wider images are shrunk to this many pixels first; FLIP takes seconds a megapixel.
+        width: Wider images are shrunk to this many pixels first, by whole factors, for FLIP takes seconds a megapixel.
+            Single pixels are a matter for the other measures, which see all of them.
     """
 
     maximum_luminance: float = 2.0
     median_luminance: float = 0.18
     percentile: float = 99.0
-    width: int = 960
+    width: int = 640
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,30 @@ class PhotonLimits:
     total_flux: float = 1e-3
 
 
+# What people who open a limits file want to know.
+_NOTES = {
+    "all": """\
+Every channel group: the beauty, its alpha and each AOV. inf turns a limit off.
+A pixel fails where a channel differs by more than fail_absolute and by more than fail_relative of its value;
+fail_percent of the pixels may. The same for warnings. Parts of the baseline: hard is one pixel's largest difference,
+of the largest value; rmse, coarse (of the image shrunk by 8) and flicker (from frame to frame), of the root mean
+square; energy, of the sum. flip_mean and flip_high are FLIP's mean and percentile.""",
+    "flip": "How FLIP is measured: over fixed exposures, on images at most so many pixels wide.",
+    "photons": "Debug layers: parts of a footprint's size or of the flux, and how many percent of photons may be off.",
+    "sequence": 'What does not pair up: "fail", "warn" or "ignore".',
+    "metadata": "Attributes that must agree; names may hold *.",
+}
+
 BEAUTY = "beauty"
 # FLIP grows with the 0.7th power of small differences: rounding to half alone gives 0.003.
 _BEAUTY_DEFAULTS = {"flip_mean": 6e-3, "flip_high": 0.03}
+# The last bit decides whether a footprint's rim reaches a pixel: a count may be one off, and where next to no light
+# falls, the mean of D_t x is that one footprint's or none.
+_GROUP_DEFAULTS = {
+    BEAUTY: _BEAUTY_DEFAULTS,
+    "photons": {"fail_absolute": 1.0, "warn_absolute": 1.0},
+    "motion": {"hard": 2.0, "rmse": 0.05, "coarse": 0.02},
+}
 
 
 @dataclass(frozen=True)
@@ -146,7 +168,7 @@ class Limits:
     """
 
     all: GroupLimits = GroupLimits()
-    groups: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: {BEAUTY: _BEAUTY_DEFAULTS})
+    groups: Mapping[str, Mapping[str, float]] = field(default_factory=lambda: {**_GROUP_DEFAULTS})
     flip: FlipLimits = FlipLimits()
     sequence: SequenceLimits = SequenceLimits()
     metadata: MetadataLimits = MetadataLimits()
@@ -179,7 +201,7 @@ def read_limits(path: str | os.PathLike[str]) -> Limits:
             raise InputError(f"{name!r} stands outside a table (put it under [all] or another)", file=file)
         if name not in (*kinds, "groups", "calibration"):
             raise InputError(f"knows no table [{name}]; there are {', '.join(kinds)}, groups.NAME", file=file)
-    groups: dict[str, dict[str, float]] = {BEAUTY: dict(_BEAUTY_DEFAULTS)}
+    groups: dict[str, dict[str, float]] = {name: dict(table) for name, table in _GROUP_DEFAULTS.items()}
     for name, table in tables.get("groups", {}).items():
         if not isinstance(table, dict):
             raise InputError(f"[groups] holds tables, as in [groups.{name}]", file=file)
@@ -187,6 +209,36 @@ def read_limits(path: str | os.PathLike[str]) -> Limits:
         groups.setdefault(name, {}).update({key: getattr(checked, key) for key in table})
     read = {name: _table(kind, tables.get(name, {}), name, file) for name, kind in kinds.items()}
     return Limits(groups=groups, calibration=tables.get("calibration", {}), **read)
+
+
+def limits_beside(baseline: str | os.PathLike[str]) -> Path:
+    """The limits file that belongs to a baseline."""
+    path = Path(baseline)
+    return (path if path.is_dir() or not path.suffix else path.parent) / LIMITS_FILE
+
+
+def write_default_limits(baseline: str | os.PathLike[str], path: str | os.PathLike[str] | None = None) -> Path:
+    """Writes the default limits, for people to change.
+
+    Args:
+        baseline: A folder, an image, a debug layer, or a name with ``####``.
+        path: The file; None for ``tpdwarp-check.toml`` beside the baseline.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: There is no such baseline, or the file is there already.
+        FrameError: The file cannot be written.
+    """
+    target = limits_beside(baseline) if path is None else Path(path)
+    if not (Path(baseline).exists() or ("#" in Path(baseline).name and Path(baseline).parent.is_dir())):
+        raise InputError("does not exist (make the baseline first, for instance with --update)", file=str(baseline))
+    check_writable(target)
+    if target.exists():
+        raise InputError("is there already (change it, remove it, or name another with --limits)", file=str(target))
+    write_limits(target, Limits(), "Limits of tpdwarp check: its defaults. What is left out keeps its default.")
+    return target
 
 
 def write_limits(path: str | os.PathLike[str], limits: Limits, comment: str = "") -> None:
@@ -207,6 +259,7 @@ def write_limits(path: str | os.PathLike[str], limits: Limits, comment: str = ""
     for name in ("flip", "photons", "sequence", "metadata"):
         tables[name] = vars(getattr(limits, name))
     for name, table in tables.items():
+        lines += [f"# {line}" for line in _NOTES.get(name, "").splitlines()]
         lines += [f"[{name}]", *(f"{key} = {_toml(value)}" for key, value in table.items()), ""]
     with complete_or_absent(path) as temporary:
         Path(temporary).write_text("\n".join(lines), encoding="utf-8")
@@ -238,7 +291,9 @@ def _toml(value: Any) -> str:
         escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
         return f'"{escaped}"'
     if isinstance(value, tuple | list):
-        return f"[{', '.join(map(_toml, value))}]"
+        entries = [_toml(entry) for entry in value]
+        line = f"[{', '.join(entries)}]"
+        return line if len(line) <= 80 else "[\n" + "".join(f"    {entry},\n" for entry in entries) + "]"
     if isinstance(value, bool):
         return str(value).lower()
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from tpdwarp.checks.findings import Finding, GroupMeasures, WorstPixel
 from tpdwarp.checks.limits import FlipLimits, GroupLimits
-from tpdwarp.images import PixelComparison, compare_pixels, flip_difference
+from tpdwarp.checks.pixels import compare_pixels, largest_channel, root_mean_square
+from tpdwarp.images import flip_difference
 from tpdwarp.reports.pictures import shrunk
 
 WORST_COUNT = 5
@@ -20,6 +22,22 @@ _WORST_SPACING = 8
 _BACKGROUND = 1e9
 
 
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """One channel group, measured.
+
+    Attributes:
+        measures: The numbers.
+        difference: Largest difference over the channels, shape [h, w]; where one image alone has background, the
+            baseline's largest value. None where the images are equal.
+        flip: Map of FLIP; None where it is not measured, or the images are equal.
+    """
+
+    measures: GroupMeasures
+    difference: np.ndarray | None = None
+    flip: np.ndarray | None = None
+
+
 def measure(
     image: np.ndarray,
     baseline: np.ndarray,
@@ -27,7 +45,7 @@ def measure(
     flip: FlipLimits,
     colors: bool,
     linear: tuple[np.ndarray, np.ndarray] | None = None,
-) -> tuple[GroupMeasures, np.ndarray | None]:
+) -> Measured:
     """Measures one channel group.
 
     Args:
@@ -36,48 +54,53 @@ def measure(
         flip: How FLIP is measured.
         colors: Whether the channels are red, green and blue.
         linear: The same images in linear Rec.709, where the pixels are not.
-
-    Returns:
-        The measures, and the map of FLIP, shape [h, w], or None where it is not measured.
     """
-    differing = np.zeros(image.shape[:2], bool)
+    with_flip = colors and (math.isfinite(limits.flip_mean) or math.isfinite(limits.flip_high))
+    if image is baseline or np.array_equal(image, baseline):
+        return Measured(_equal(baseline, colors, with_flip))
+    stored = image, baseline
+    crossing = None
     if not colors:
-        far, far_baseline = np.abs(image) >= _BACKGROUND, np.abs(baseline) >= _BACKGROUND
-        differing = (far != far_baseline).any(axis=-1)
+        far, far_baseline = background(image), background(baseline)
+        crossing = largest_channel(far != far_baseline)
         image, baseline = np.where(far | far_baseline, 0, image), np.where(far | far_baseline, 0, baseline)
-    count = image.shape[0] * image.shape[1]
-    if np.array_equal(image, baseline):
-        found = PixelComparison(0.0, 0.0, (0, 0), 0, 0, 0)
-    else:
-        found = compare_pixels(
-            image,
-            baseline,
-            (limits.fail_absolute, limits.fail_relative),
-            (limits.warn_absolute, limits.warn_relative),
-        )
-    crossings = int(np.count_nonzero(differing))
-    peak = float(np.abs(baseline).max(initial=0.0))
+    found = compare_pixels(
+        image,
+        baseline,
+        (limits.fail_absolute, limits.fail_relative),
+        (limits.warn_absolute, limits.warn_relative),
+    )
+    largest, count = found.largest, max(1, found.difference.size)
+    peak = max(float(baseline.max(initial=0.0)), -float(baseline.min(initial=0.0)))
     level = root_mean_square(baseline)
-    flip_map = None
-    if colors and (math.isfinite(limits.flip_mean) or math.isfinite(limits.flip_high)):
-        flip_map = _flip(*(linear or (image, baseline)), flip, same=found.maximum == 0)
+    crossings = 0
+    if crossing is not None and (crossings := int(np.count_nonzero(crossing))):
+        found.difference[crossing] = peak or 1.0
+    flip_map = _flip(*(linear or (image, baseline)), flip) if with_flip else None
     totals = [float(pixels.sum(dtype=np.float64)) for pixels in (image, baseline)] if colors else [None, None]
     measures = GroupMeasures(
         failed_percent=100 * (found.failed + crossings) / count,
         warned_percent=100 * (found.warned + crossings) / count,
-        largest=found.maximum,
+        largest=largest,
         rms=found.rms,
-        hard=found.maximum / (peak or 1.0),
+        hard=largest / (peak or 1.0),
         rmse=found.rms / (level or 1.0),
-        coarse=root_mean_square(_coarse(image) - _coarse(baseline)) / (level or 1.0) if found.maximum else 0.0,
+        coarse=root_mean_square(_coarse(image) - _coarse(baseline)) / (level or 1.0) if largest else 0.0,
         flip_mean=None if flip_map is None else float(flip_map.mean()),
         flip_high=None if flip_map is None else float(np.percentile(flip_map, flip.percentile)),
         energy=relative_difference(*totals) if colors else None,
         total=totals[0],
         baseline_total=totals[1],
-        worst=_worst_pixels(image, baseline) if found.maximum > 0 else (),
+        worst=_worst_pixels(*stored, found.difference),
     )
-    return measures, flip_map
+    return Measured(measures, found.difference, flip_map)
+
+
+def _equal(pixels: np.ndarray, colors: bool, with_flip: bool) -> GroupMeasures:
+    total = float(pixels.sum(dtype=np.float64)) if colors else None
+    flip = 0.0 if with_flip else None
+    energy = 0.0 if colors else None
+    return GroupMeasures(flip_mean=flip, flip_high=flip, energy=energy, total=total, baseline_total=total)
 
 
 def judge(group: str, measures: GroupMeasures, limits: GroupLimits, percentile: float) -> Iterator[Finding]:
@@ -109,33 +132,30 @@ def judge(group: str, measures: GroupMeasures, limits: GroupLimits, percentile: 
             yield Finding("fail", kind, text, group, value, limit)
 
 
+def background(pixels: np.ndarray) -> np.ndarray:
+    """Where rays hit nothing: depths and positions there are none."""
+    return np.abs(pixels) >= _BACKGROUND
+
+
 def relative_difference(value: float, baseline: float) -> float:
     """``value`` less ``baseline``, as a part of the baseline's size; absolute where that is 0."""
     return (value - baseline) / (abs(baseline) or 1.0)
-
-
-def root_mean_square(pixels: np.ndarray) -> float:
-    """√ of the mean of the squares, in double precision."""
-    return float(np.sqrt(np.mean(np.square(pixels, dtype=np.float64)))) if pixels.size else 0.0
 
 
 def _coarse(pixels: np.ndarray) -> np.ndarray:
     return shrunk(pixels, -(-pixels.shape[1] // COARSE_FACTOR))
 
 
-def _flip(image: np.ndarray, baseline: np.ndarray, flip: FlipLimits, same: bool) -> np.ndarray:
-    small = shrunk(image, int(flip.width))
-    if same:
-        return np.zeros(small.shape[:2], np.float32)
-    reference = shrunk(baseline, int(flip.width))
+def _flip(image: np.ndarray, baseline: np.ndarray, flip: FlipLimits) -> np.ndarray:
+    small, reference = (shrunk(pixels, int(flip.width)) for pixels in (image, baseline))
     return flip_difference(small, reference, flip.maximum_luminance, flip.median_luminance)
 
 
-def _worst_pixels(image: np.ndarray, baseline: np.ndarray) -> tuple[WorstPixel, ...]:
+def _worst_pixels(image: np.ndarray, baseline: np.ndarray, difference: np.ndarray) -> tuple[WorstPixel, ...]:
     """The worst pixels, apart from one another, so that they show different places and not one five times."""
-    errors = np.abs(image - baseline).max(axis=-1)
+    errors = difference.copy()
     worst = []
-    while len(worst) < WORST_COUNT:
+    while len(worst) < WORST_COUNT and errors.size:
         row, column = (int(index) for index in np.unravel_index(np.argmax(errors), errors.shape))
         if errors[row, column] <= 0:
             break

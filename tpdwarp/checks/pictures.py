@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from tpdwarp.checks.findings import WorstPixel
+from tpdwarp.checks.measures import Measured, background
 from tpdwarp.reports.pictures import exposable, heat, shrunk
 
 ZOOM = 15
@@ -14,13 +13,7 @@ _PASSING_WIDTH = 240
 
 
 def group_pictures(
-    group: str,
-    image: np.ndarray,
-    baseline: np.ndarray,
-    flip: np.ndarray | None,
-    worst: Sequence[WorstPixel],
-    width: int,
-    failing: bool,
+    group: str, image: np.ndarray, baseline: np.ndarray, measured: Measured, width: int, failing: bool, colors: bool
 ) -> tuple[dict[str, bytes], dict[str, float]]:
     """Encoded pictures by name, and what their codes stand for.
 
@@ -30,31 +23,33 @@ def group_pictures(
     Args:
         group: Channel group; names begin with it.
         image, baseline: Linear, shape [h, w, channels].
-        flip: Map of FLIP, or None.
-        worst: The worst pixels.
+        measured: What was measured on them.
         width: Of pictures of failing groups; others are smaller.
         failing: Whether the group is beyond its limits.
+        colors: Whether the channels are red, green and blue.
     """
     width = width if failing else min(width, _PASSING_WIDTH)
-    colors = [_three_channels(pixels) for pixels in (image, baseline)]
-    # Beyond the brightest thousandth values are clipped: one firefly must not take all codes.
-    largest = max(float(np.percentile(pixels, 99.9)) for pixels in colors) or 1.0
-    pictures = {"b": exposable(shrunk(colors[1], width), largest)}
-    scales = {"b": largest}
+    if not colors:
+        image, baseline = (np.where(background(pixels), 0, pixels) for pixels in (image, baseline))
+    difference, worst = measured.difference, measured.measures.worst
+    shown = {"b": _three_channels(shrunk(baseline, width))}
     if worst:
-        pictures["a"] = exposable(shrunk(colors[0], width), largest)
-        scales["a"] = largest
-        difference = np.abs(image - baseline).max(axis=-1)
+        shown["a"] = _three_channels(shrunk(image, width))
+    # Beyond the brightest thousandth values are clipped: one firefly must not take all codes.
+    largest = max(float(np.percentile(pixels, 99.9)) for pixels in shown.values()) or 1.0
+    pictures = {name: exposable(pixels, largest) for name, pixels in shown.items()}
+    scales = dict.fromkeys(shown, largest)
+    if worst and difference is not None:
         scales["difference"] = float(difference.max())
         pictures["difference"] = heat(shrunk(difference, width, keep_peaks=True), scales["difference"])
-        if flip is not None:
-            scales["flip"] = max(float(flip.max()), 1e-3)
-            pictures["flip"] = heat(shrunk(flip, width, keep_peaks=True), scales["flip"])
+        if measured.flip is not None:
+            scales["flip"] = max(float(measured.flip.max()), 1e-3)
+            pictures["flip"] = heat(shrunk(measured.flip, width, keep_peaks=True), scales["flip"])
         if failing:
-            brightest = max(float(pixels.max()) for pixels in colors) or 1.0
-            strips = [np.concatenate([_surroundings(pixels, pixel) for pixel in worst], axis=1) for pixels in colors]
-            pictures["zoom"] = exposable(np.concatenate(strips), brightest, exact=True)
-            scales["zoom"] = brightest
+            around = [[_surroundings(pixels, pixel) for pixel in worst] for pixels in (image, baseline)]
+            strips = _three_channels(np.concatenate([np.concatenate(side, axis=1) for side in around]))
+            scales["zoom"] = float(strips.max()) or 1.0
+            pictures["zoom"] = exposable(strips, scales["zoom"], exact=True)
     named = [{f"{group}.{name}": value for name, value in found.items()} for found in (pictures, scales)]
     return named[0], named[1]
 

@@ -64,7 +64,9 @@ function select(index) {
   if (!groups.includes(state.group)) state.group = beyond || groups[0] || "beauty";
   find("group").replaceChildren(...groups.map((group) => new Option(group, group, false, group === state.group)));
   find("pictures").hidden = groups.length === 0;
-  find("no-pictures").hidden = groups.length > 0;
+  find("no-pictures").hidden = groups.length > 0 || frame.leftOut.length > 0;
+  find("left-out").hidden = frame.leftOut.length === 0;
+  find("left-out").textContent = `Pictures left out to keep this page small: ${frame.leftOut.join(", ")}. Check this frame alone to see them.`;
   return load();
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 from tpdwarp.checks.findings import CheckResult, FrameComparison, GroupMeasures
@@ -13,6 +13,9 @@ from tpdwarp.checks.limits import BEAUTY
 from tpdwarp.checks.pictures import ZOOM
 from tpdwarp.reports.curves import curve_figure
 from tpdwarp.reports.page import data_block, escape, write_page
+
+# Bytes of pictures in a page, a third less than they take in it: browsers open it at once, and servers take it.
+MOST_PICTURE_BYTES = 24e6
 
 _MARKS = {"same": "✓", "passed": "✓", "warned": "!", "failed": "✗"}
 _COLUMNS = {
@@ -45,15 +48,47 @@ def _parts(result: CheckResult) -> Iterator[str]:
     yield _viewer(result)
     yield "</main>"
     yield _help()
-    yield data_block("data", {"zoom": ZOOM, "frames": [_summary(frame, result) for frame in result.frames]})
+    left_out = _left_out(result.frames)
+    summaries = [_summary(frame, result, left_out.get(index, ())) for index, frame in enumerate(result.frames)]
+    yield data_block("data", {"zoom": ZOOM, "frames": summaries})
     for index, frame in enumerate(result.frames):
-        if frame.pictures:
-            kinds = {name: "png" if data[:4] == b"\x89PNG" else "jpeg" for name, data in frame.pictures.items()}
-            sources = {
-                name: f"data:image/{kinds[name]};base64,{base64.b64encode(data).decode()}"
-                for name, data in frame.pictures.items()
-            }
+        sources = {
+            name: f"data:image/{_kind(data)};base64,{base64.b64encode(data).decode()}"
+            for name, data in frame.pictures.items()
+            if _group(name) not in left_out.get(index, ())
+        }
+        if sources:
             yield data_block(f"pictures-{index}", {"sources": sources, "scales": dict(frame.scales)})
+
+
+def _left_out(frames: Sequence[FrameComparison]) -> dict[int, list[str]]:
+    """Channel groups whose pictures find no room in the page, by index of the frame.
+
+    The beauty of frames that failed comes first, then what else is beyond its limits, then the beauty of the others.
+    """
+    sizes: dict[tuple[int, int, str], int] = {}
+    for index, frame in enumerate(frames):
+        noted = frame.status in ("failed", "warned")
+        beyond = {finding.group for finding in frame.findings}
+        for name, data in frame.pictures.items():
+            group = _group(name)
+            rank = (0 if noted else 2) if group == BEAUTY else 1 if group in beyond else 3
+            sizes[rank, index, group] = sizes.get((rank, index, group), 0) + len(data)
+    left_out: dict[int, list[str]] = {}
+    total = 0
+    for (_, index, group), size in sorted(sizes.items()):
+        total += size
+        if total > MOST_PICTURE_BYTES:
+            left_out.setdefault(index, []).append(group)
+    return left_out
+
+
+def _group(name: str) -> str:
+    return name.rpartition(".")[0]
+
+
+def _kind(data: bytes) -> str:
+    return "png" if data[:4] == b"\x89PNG" else "jpeg"
 
 
 def _verdict(result: CheckResult) -> str:
@@ -129,6 +164,7 @@ def _viewer(result: CheckResult) -> str:
 <output id="stops">0</output> stops</label></div>
 <h2 id="name" aria-live="polite"></h2><ul id="findings"></ul>
 <p id="no-pictures" class="soft" hidden>There are no pictures of this.</p>
+<p id="left-out" class="soft" hidden></p>
 <div id="pictures"><figure><figcaption>Left of the line A, right of it B. Move over the picture or the slider;
 <kbd>space</kbd> flips.</figcaption><div id="stage"><canvas id="wipe"></canvas></div>
 <label class="wide">A ↔ B <input type="range" id="split" min="0" max="100" value="50"></label></figure>
@@ -157,7 +193,7 @@ def _help() -> str:
     return f'<footer class="soft"><p>Keys: {listed}</p></footer>'
 
 
-def _summary(frame: FrameComparison, result: CheckResult) -> dict[str, Any]:
+def _summary(frame: FrameComparison, result: CheckResult, left_out: Collection[str]) -> dict[str, Any]:
     return {
         "name": frame.name,
         "frame": frame.frame,
@@ -169,8 +205,9 @@ def _summary(frame: FrameComparison, result: CheckResult) -> dict[str, Any]:
         "worst": {
             group: [[pixel.column, pixel.row, _short(pixel.value), _short(pixel.baseline)] for pixel in found.worst]
             for group, found in frame.measures.items()
-            if f"{group}.zoom" in frame.pictures
+            if f"{group}.zoom" in frame.pictures and group not in left_out
         },
+        "leftOut": list(left_out),
     }
 
 

@@ -16,8 +16,9 @@ from tpdwarp.checks.flicker import Reduced, with_flicker
 from tpdwarp.checks.frames import ComparedFrame, compare_surely
 from tpdwarp.checks.json_file import write_json
 from tpdwarp.checks.junit import write_junit
-from tpdwarp.checks.limits import LIMITS_FILE, Limits, read_limits
+from tpdwarp.checks.limits import Limits, limits_beside, read_limits
 from tpdwarp.checks.photons import compare_layers, layer_pairs
+from tpdwarp.checks.picture_store import PictureStore
 from tpdwarp.checks.report import write_report
 from tpdwarp.checks.sequences import Pair, image_pairs
 from tpdwarp.errors import InputError
@@ -28,7 +29,7 @@ from tpdwarp.progress import Progress, progress_of
 FilePath = str | os.PathLike[str]
 
 # Pictures in a report: so wide in short sequences, and smaller the longer they are, that a page stays one to open.
-WIDEST_PICTURE, NARROWEST_PICTURE, WIDE_COUNT = 480, 200, 60
+WIDEST_PICTURE, NARROWEST_PICTURE, WIDE_COUNT = 480, 160, 60
 
 
 def check(
@@ -67,6 +68,8 @@ def check(
         FrameError: A report cannot be written.
     """
     started = time.perf_counter()
+    if threads < 0:
+        raise InputError(f"--threads must be 0 or more, not {threads}")
     for output in (report, junit, json):
         if output is not None:
             check_writable(output)
@@ -83,15 +86,27 @@ def check(
     workers = threads or len(os.sched_getaffinity(0))
     width = 0 if report is None else picture_width(len(pairs))
     compared: list[FrameComparison] = []
+    store = PictureStore()
+
+    def tell(comparison: FrameComparison) -> None:
+        # Frames overlap: what counts for the time that is left is how fast they come, not how long each takes.
+        nonlocal last
+        now = time.perf_counter()
+        shown.end(_outcome(comparison, now - last))
+        last = now
+
+    last = time.perf_counter()
     try:
         for comparison in _compared(pairs, allowed, workers, width):
+            if comparison.pictures:
+                comparison = replace(comparison, pictures=store.keep(comparison.pictures))
             compared.append(comparison)
-            shown.end(_outcome(comparison))
+            tell(comparison)
         for mine, theirs in layers:
             of_layer = list(compare_layers(mine, theirs, allowed))
             compared += of_layer
             failed = next((entry for entry in of_layer if entry.status == "failed"), None)
-            shown.end(_outcome(failed or FrameComparison("photons", None, mine)))
+            tell(failed or FrameComparison("photons", None, mine))
     finally:
         shown.finish()
     result = CheckResult(
@@ -113,14 +128,8 @@ def check(
 
 
 def picture_width(count: int) -> int:
-    """Width of a report's pictures of ``count`` frames: the pixels of all together stay bounded up to 340 frames."""
+    """Width of a report's pictures of ``count`` frames: the pixels of all together stay bounded up to 540 frames."""
     return max(NARROWEST_PICTURE, min(WIDEST_PICTURE, round(WIDEST_PICTURE * (WIDE_COUNT / max(1, count)) ** 0.5)))
-
-
-def limits_beside(baseline: FilePath) -> Path:
-    """The limits file that belongs to a baseline."""
-    path = Path(baseline)
-    return (path if path.is_dir() or not path.suffix else path.parent) / LIMITS_FILE
 
 
 def _limits(limits: FilePath | Limits | None, baseline: FilePath) -> tuple[Limits, str]:
@@ -151,7 +160,7 @@ def _paired(frames: str, baseline: str, new: bool) -> tuple[list[Pair], list[tup
 def _compared(pairs: Sequence[Pair], limits: Limits, threads: int, picture_width: int) -> Iterator[FrameComparison]:
     """Comparisons in order; no more frames are in memory than there are threads, and one reduced frame."""
     waiting: deque[tuple[Pair, Future[ComparedFrame]]] = deque()
-    before: Reduced = {}
+    before: tuple[FrameComparison, Reduced] | None = None
     left = iter(pairs)
     with ThreadPoolExecutor(threads) as pool:
         try:
@@ -165,20 +174,21 @@ def _compared(pairs: Sequence[Pair], limits: Limits, threads: int, picture_width
                 numbered = pair.frame is not None and math.isfinite(pair.frame)
                 comparison = done.comparison
                 if numbered and before:
-                    comparison = with_flicker(comparison, done.reduced, before, limits)
-                before = done.reduced if numbered else {}
+                    comparison = with_flicker(comparison, done.reduced, *before, limits)
+                # What is gone by the next frame is not worth its memory: the pictures, above all.
+                before = (replace(comparison, pictures={}), done.reduced) if numbered and done.reduced else None
                 yield comparison
         finally:
             for _, future in waiting:
                 future.cancel()
 
 
-def _outcome(comparison: FrameComparison) -> FrameOutcome:
+def _outcome(comparison: FrameComparison, seconds: float) -> FrameOutcome:
     failed = comparison.status == "failed"
     return FrameOutcome(
         math.nan if comparison.frame is None else comparison.frame,
         "failed" if failed else "compared",
         comparison.path,
         str(comparison.failures[0]) if failed else "",
-        total_seconds=comparison.seconds,
+        total_seconds=seconds,
     )

@@ -10,7 +10,7 @@ import tempfile
 from tpdwarp.cli.outcome import DONE, FAILED
 from tpdwarp.cli.report import warnings_shown
 from tpdwarp.errors import InputError
-from tpdwarp.progress import KINDS, Progress, progress_of
+from tpdwarp.progress import KINDS, OccasionalProgress, Progress, progress_of
 
 SUMMARY = "compare frames and debug layers with a baseline"
 EPILOG = (
@@ -25,13 +25,17 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.usage = (
         "tpdwarp check FRAMES BASELINE [options]\n"
         "       tpdwarp check --render SCENE [FRAMES] BASELINE [options]\n"
-        "       tpdwarp check --calibrate SCENE BASELINE [options]"
+        "       tpdwarp check --calibrate SCENE BASELINE [options]\n"
+        "       tpdwarp check --write-limits BASELINE [--limits FILE.toml]"
     )
     parser.add_argument(
         "frames", metavar="FRAMES", nargs="?", help="What is to be checked; --render fills this folder. [temporary]"
     )
     parser.add_argument("baseline", metavar="BASELINE", help="What it should look like.")
     parser.add_argument("--limits", metavar="FILE.toml", help="Limits. [tpdwarp-check.toml beside BASELINE]")
+    parser.add_argument(
+        "--write-limits", action="store_true", help="Write the default limits there, to be changed; overwrites none."
+    )
     says = parser.add_argument_group("what it says")
     says.add_argument("--report", metavar="FILE.html", help="Also write a page to look at, all in one file.")
     says.add_argument("--junit", metavar="FILE.xml", help="Also write JUnit XML, for GitLab, Jenkins and GitHub.")
@@ -71,20 +75,28 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Compares; returns the exit code."""
-    # A line a frame would drown the table; without a terminal it says all there is to say.
-    kind = "none" if options.progress == "auto" and not sys.stderr.isatty() else options.progress
-    shown = progress_of(kind)
-    if options.frames is None and not (options.render or options.calibrate):
+    # A line a frame would drown the table.
+    seldom = options.progress == "auto" and not sys.stderr.isatty()
+    shown = OccasionalProgress() if seldom else progress_of(options.progress)
+    if options.frames is None and not (options.render or options.calibrate or options.write_limits):
         raise InputError("check needs FRAMES and BASELINE (see tpdwarp check --help)")
     if options.frames is not None and options.calibrate:
         raise InputError("--calibrate needs BASELINE only, for it renders frames of its own")
+    if options.write_limits:
+        if options.frames is not None or options.render or options.calibrate or options.update:
+            raise InputError("--write-limits needs BASELINE only, and compares nothing")
+        from tpdwarp.checks.limits import write_default_limits
+
+        print(f"{write_default_limits(options.baseline, options.limits)} written", flush=True)
+        return DONE
     with warnings_shown(shown), tempfile.TemporaryDirectory(prefix="tpdwarp-check-") as temporary:
         return _check(options, options.frames or temporary, shown)
 
 
 def _check(options: argparse.Namespace, frames: str, shown: Progress) -> int:
     # Here and not above, so that --help need not wait for image libraries to load.
-    from tpdwarp.checks.run import check, limits_beside
+    from tpdwarp.checks.limits import limits_beside
+    from tpdwarp.checks.run import check
     from tpdwarp.checks.table import table_lines
     from tpdwarp.checks.update import check_reason, update_baseline
 

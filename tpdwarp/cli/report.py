@@ -50,6 +50,9 @@ def report(result: SequenceResult, quiet: bool) -> int:
         frames = ",".join(map(frame_text, result.failed))
         print(f"error: {len(result.failed)} of {len(result.outcomes)} frames failed: {frames}", file=sys.stderr)
     if not quiet:
+        if result.target is not None:
+            chosen = f"{result.target.photons} photons, {result.target.segments} segments"
+            print(f"{chosen} for an error of {result.target.wanted:g} (expected {result.target.expected:.3g})")
         skipped = f", {len(result.skipped)} skipped" if result.skipped else ""
         done = f"{len(result.written)} of {len(result.outcomes)} frames done"
         print(f"{done}{skipped}, {result.seconds:.1f} s", flush=True)

@@ -19,6 +19,7 @@ from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter, refe
 from tpdwarp.scene.geometry import Geometry, geometry_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.opening import scene_at_opening
+from tpdwarp.scene.reach import require_reach
 from tpdwarp.scene.requirements import Requirements, requirements_of
 from tpdwarp.settings import Settings
 
@@ -84,6 +85,7 @@ class Animation:
 
     def _built(self, scene: SceneAtShutter, clock: Clock) -> LoadedScene:
         with clock.stage("build"):
+            require_reach(scene, self.normalization, self.source.file)
             needs = requirements_of(scene)
             with_motions = needs.photon_motion or needs.view_motion
             geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=with_motions)

@@ -26,12 +26,15 @@ from tpdwarp.scene.description import (
     reference_scenes,
 )
 from tpdwarp.scene.normalization import Normalization
+from tpdwarp.scene.reach import require_reach
 
 FINEST_ANGLE = 0.1
 WIDEST_SINGLE_PATCH = math.radians(60.0)
 CUBE_FACE = math.pi / 4
 # How many times the cells that the stills foresaw a frame may emit; a rod that turns takes some times as many.
 MOST_GROWTH = 16
+# Lattice coordinates are single precision: beyond this cell they no longer resolve a quarter of one.
+FARTHEST_CELL = 2**22
 
 _Bounds = tuple[float, float, float, float]
 
@@ -206,8 +209,11 @@ class EmissionPlan:
     def _holds(self, light: LightAtShutter, corners: np.ndarray, lattice: Lattice, bounds: _Bounds | None) -> bool:
         """Whether ``lattice`` suits what ``light`` sees: nothing outside of it, and not far more than was foreseen."""
         if bounds is not None:
+            cells = _cells(lattice, bounds)
             foreseen = lattice.wrap[0] * lattice.wrap[1] // 4
-            if math.prod(count for _, count in _cells(lattice, bounds)) > MOST_GROWTH * foreseen:
+            if math.prod(count for _, count in cells) > MOST_GROWTH * foreseen:
+                return False
+            if any(max(abs(first), abs(first + count)) > FARTHEST_CELL for first, count in cells):
                 return False
         if lattice.limit != WIDEST_SINGLE_PATCH:
             return True
@@ -216,7 +222,7 @@ class EmissionPlan:
 
 def plan_emission(source: SceneSource, photons: int, normalization: Normalization) -> EmissionPlan:
     """Lays out the lattices for ``photons`` photons a frame, shared between lights by the power they send."""
-    stills = reference_scenes(source)
+    stills = reference_scenes(source, lambda scene: require_reach(scene, normalization, source.file))
     corners = [specular_corners(scene, normalization) for scene in stills]
     paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
     candidates = []
@@ -361,28 +367,27 @@ def _bounds(
 def _angles(corners: np.ndarray, axes: np.ndarray, limit: float) -> np.ndarray:
     """(u, v) angles of the parts of triangles [k, 3, 3] (seen from the origin) inside the patch, shape [m, 2].
 
-    Triangles that look large from the light are cut up until they look small, so that bounds stay tight where a
-    surface surrounds the light.
+    Triangles that look large from the light are cut across their longest edge until they look small, so that bounds
+    stay tight where a surface surrounds the light.
     """
     found = []
     local = corners @ axes.T
-    for _ in range(12):
+    for _ in range(24):
         lengths = np.linalg.norm(local, axis=2)
-        edges = np.linalg.norm(local - np.roll(local, 1, axis=1), axis=2).max(axis=1)
-        angle = edges / np.maximum(lengths.min(axis=1), 1e-9)
+        edges = np.linalg.norm(local - np.roll(local, -1, axis=1), axis=2)
+        angle = edges.max(axis=1) / np.maximum(lengths.min(axis=1), 1e-9)
         centre = local.mean(axis=1)
         reach = np.arctan2(np.maximum(np.abs(centre[:, 0]), np.abs(centre[:, 1])), centre[:, 2])
         near = (reach <= limit + angle) | (angle > 1.0)
-        local, angle = local[near], angle[near]
         small = angle <= FINEST_ANGLE
-        found.append(local[small].reshape(-1, 3))
-        local = local[~small]
+        found.append(local[near & small].reshape(-1, 3))
+        local, edges = local[near & ~small], edges[near & ~small]
         if not len(local) or len(local) > 200_000:
             break
-        a, b, c = local[:, 0], local[:, 1], local[:, 2]
-        ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
-        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-        local = np.concatenate([np.stack(part, axis=1) for part in parts])
+        rows, longest = np.arange(len(local)), edges.argmax(axis=1)
+        a, b, c = (local[rows, (longest + corner) % 3] for corner in range(3))
+        middle = 0.5 * (a + b)
+        local = np.concatenate([np.stack(part, axis=1) for part in ((a, middle, c), (middle, b, c))])
     found.append(local.reshape(-1, 3))
     points = np.concatenate(found)
     points = points[points[:, 2] > 0.0]

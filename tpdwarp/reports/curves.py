@@ -28,7 +28,7 @@ def curve_figure(
         places: Abscissae, rising.
         curves: Values by name, one a place; at most four curves.
         axis: Name of the abscissa.
-        limit: A level to mark, or None.
+        limit: A level to mark, and its negative where values go below 0; or None.
     """
     values = [value for curve in curves.values() for value in curve if value is not None and math.isfinite(value)]
     if not values or not places:
@@ -51,9 +51,10 @@ def curve_figure(
     ends = ((first, "start"), (last, "end")) if last > first else ((first, "middle"),)
     marks += [f'<text x="{x(v):.1f}" y="{_HEIGHT - 8}" text-anchor="{side}">{v:.6g}</text>' for v, side in ends]
     marks.append(f'<text x="{_WIDTH / 2}" y="{_HEIGHT - 8}" text-anchor="middle">{escape(axis)}</text>')
-    if shown_limit is not None:
-        at = y(shown_limit)
-        marks.append(f'<line class="limit" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}"/>')
+    for level in (shown_limit, -shown_limit) if shown_limit is not None else ():
+        if low <= level <= high:
+            at = y(level)
+            marks.append(f'<line class="limit" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{at:.1f}" y2="{at:.1f}"/>')
     legend = []
     for style, (name, curve) in zip(_STYLES, curves.items(), strict=False):
         for run in _runs(places, curve):

@@ -25,8 +25,19 @@ def shrunk(pixels: np.ndarray, width: int, keep_peaks: bool = False) -> np.ndarr
     padding = [(0, -size % factor) for size in pixels.shape[:2]] + [(0, 0)] * (pixels.ndim - 2)
     padded = np.pad(pixels, padding, mode="edge") if np.any(padding) else pixels
     height, wide = padded.shape[0] // factor, padded.shape[1] // factor
-    blocks = padded.reshape(height, factor, wide, factor, *pixels.shape[2:])
-    return blocks.max(axis=(1, 3)) if keep_peaks else blocks.mean(axis=(1, 3))
+    # Whole rows first, then columns: many times faster than reducing both axes of the blocks at once.
+    combine = np.maximum if keep_peaks else np.add
+    rows = _combined(padded.reshape(height, factor, -1), combine)
+    blocks = _combined(rows.reshape(height * wide, factor, -1), combine).reshape(height, wide, *pixels.shape[2:])
+    return blocks if keep_peaks else blocks / factor**2
+
+
+def _combined(parts: np.ndarray, combine: np.ufunc) -> np.ndarray:
+    """All of axis 1 combined, in the order in which it stands."""
+    found = parts[:, 0].copy()
+    for index in range(1, parts.shape[1]):
+        combine(found, parts[:, index], out=found)
+    return found
 
 
 def log_codes(pixels: np.ndarray, largest: float) -> np.ndarray:

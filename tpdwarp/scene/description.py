@@ -8,7 +8,7 @@ before the scene is recentred). A *motion* is a displacement over the whole shut
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Protocol
@@ -209,8 +209,14 @@ class SceneSource(Protocol):
         ...
 
 
-def reference_scenes(source: SceneSource) -> list[SceneAtShutter]:
+def reference_scenes(
+    source: SceneSource, check: Callable[[SceneAtShutter], None] = lambda scene: None
+) -> list[SceneAtShutter]:
     """The scenes over the reference shutters of ``source``, but for those that cannot be used.
+
+    Args:
+        source: Where they come from.
+        check: Called with each; raises where it cannot be used.
 
     Raises:
         InputError: None of them can be.
@@ -219,7 +225,9 @@ def reference_scenes(source: SceneSource) -> list[SceneAtShutter]:
     refused: InputError | None = None
     for shutter in source.reference_shutters():
         try:
-            scenes.append(source.at(shutter))
+            scene = source.at(shutter)
+            check(scene)
+            scenes.append(scene)
         except InputError as error:
             refused = refused or error
     if refused and not scenes:

@@ -185,9 +185,11 @@ def diffuse_color(surfaces: Surfaces, hit: Hit) -> wp.vec3:
     """Albedo at ``hit``: display colours where the mesh has them, else the material's."""
     index = surfaces.color_indices[hit.triangle]
     if index[0] >= 0:
-        return (
+        color = (
             hit.beta[0] * surfaces.colors[index[0]]
             + hit.beta[1] * surfaces.colors[index[1]]
             + hit.beta[2] * surfaces.colors[index[2]]
         )
+        # On an edge a coordinate may round to less than zero, and so would a colour that is zero there.
+        return wp.max(color, wp.vec3(0.0, 0.0, 0.0))
     return surfaces.tint[surfaces.material_of[hit.triangle]]

@@ -9,9 +9,10 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Interaction, Material
-from tpdwarp.usd.materials import Materials, Surface
+from tpdwarp.usd.materials import BRIGHTEST, Materials, Surface
 from tpdwarp.usd.primvars import flattened
 from tpdwarp.usd.topology import Topology
+from tpdwarp.usd.values import indices_at, text_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +46,11 @@ def appearance_of(
     face_surfaces = np.zeros(topology.face_count, dtype=np.int32)
     subsets_vary = False
     for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
-        if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
+        if text_at(subset.GetElementTypeAttr()) != UsdGeom.Tokens.face:
             warnings(str(subset.GetPath()), "binds a material to something other than faces and is ignored")
             continue
         subsets_vary |= subset.GetIndicesAttr().ValueMightBeTimeVarying()
-        faces = np.array(subset.GetIndicesAttr().Get(frame) or [], dtype=np.int64)
+        faces = indices_at(subset.GetIndicesAttr(), frame)
         if len(faces) and (faces.min() < 0 or faces.max() >= topology.face_count):
             raise InputError(
                 f"names a face outside the {topology.face_count} faces of the mesh (correct the subset)",
@@ -94,8 +95,12 @@ def _display_colors(
     colors = curve.at(frame)
     if colors is None or len(colors) == 0:
         return None, None, curve.varies
-    if colors.min() < 0:
-        raise InputError("holds a negative colour (author values of 0 or more)", warnings.file, path)
+    if colors.min() < 0 or colors.max() > BRIGHTEST:
+        raise InputError(
+            f"holds a colour from {colors.min():g} to {colors.max():g} (author values of 0 to {BRIGHTEST:g})",
+            warnings.file,
+            path,
+        )
     interpolation = str(primvar.GetInterpolation())
     indices = topology.elements(interpolation, len(colors), point_count)
     if indices is None:

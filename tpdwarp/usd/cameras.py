@@ -9,10 +9,13 @@ from pxr import Gf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import CameraAtShutter, Shutter
+from tpdwarp.usd.diagnostics import errors_at
 from tpdwarp.usd.frames import frame_over
 from tpdwarp.usd.render_settings import conformed
 from tpdwarp.usd.transforms import Transforms
+from tpdwarp.usd.values import number_at
 
+WIDEST_WINDOW = 1e12
 Window = tuple[float, float, float, float]
 
 
@@ -39,14 +42,19 @@ class Camera:
         Raises:
             InputError: An aperture of no size.
         """
-        camera = self._camera.GetCamera(time)
+        camera = self._lens(time)
         for name in ("horizontalAperture", "verticalAperture"):
             size = getattr(camera, name)
             if not (math.isfinite(size) and size > 0):
                 raise InputError(
                     f"holds {size:g} (author an aperture above 0)", self._warnings.file, f"{self.path}.{name}"
                 )
-        return camera.aspectRatio
+        ratio = camera.aspectRatio
+        if not 1 / WIDEST_WINDOW < ratio < WIDEST_WINDOW:
+            raise InputError(
+                f"an aperture {ratio:g} times as wide as high (author another)", self._warnings.file, self.path
+            )
+        return ratio
 
     def shutter_interval(self, frame: float) -> tuple[float, float]:
         """``shutter:open`` and ``shutter:close`` at a time code, relative to it.
@@ -54,8 +62,8 @@ class Camera:
         Raises:
             InputError: A shutter that closes before it opens.
         """
-        opening = float(self._camera.GetShutterOpenAttr().Get(frame))
-        closing = float(self._camera.GetShutterCloseAttr().Get(frame))
+        opening = number_at(self._camera.GetShutterOpenAttr(), frame)
+        closing = number_at(self._camera.GetShutterCloseAttr(), frame)
         if not (math.isfinite(opening) and math.isfinite(closing) and opening <= closing):
             raise InputError(
                 f"the shutter closes at {closing:g} but opens at {opening:g} (author it to close at or after it opens)",
@@ -76,7 +84,7 @@ class Camera:
             InputError: A lens or a transform that cannot be used.
         """
         self.aspect(shutter.middle)
-        camera = self._camera.GetCamera(shutter.middle)
+        camera = self._lens(shutter.middle)
         orthographic = camera.projection == Gf.Camera.Orthographic
         if not orthographic and not (math.isfinite(camera.focalLength) and camera.focalLength > 0):
             raise InputError(
@@ -86,8 +94,21 @@ class Camera:
             )
         self._warn_unsupported(camera, shutter)
         bounds = camera.frustum.window
+        if not all(0 < size < WIDEST_WINDOW for size in bounds.GetSize()):
+            raise InputError(
+                f"its apertures and focal length make a window of {bounds.GetSize()[0]:g} × {bounds.GetSize()[1]:g} "
+                "(correct them)",
+                self._warnings.file,
+                self.path,
+            )
         window = conformed((bounds.min[0], bounds.max[0], bounds.min[1], bounds.max[1]), image_aspect, policy)
         near, far = camera.clippingRange.min, camera.clippingRange.max
+        if not (math.isfinite(near) and math.isfinite(far) and near < far and (orthographic or near >= 0)):
+            raise InputError(
+                f"holds ({near:g}, {far:g}) (author distances from near to far, 0 or more for a perspective)",
+                self._warnings.file,
+                f"{self.path}.clippingRange",
+            )
         position, axes, position_motion, axes_motion = frame_over(
             self.prim, shutter, self._transforms, self._animation, self._warnings.file
         )
@@ -107,6 +128,10 @@ class Camera:
             to_camera,
             to_camera @ _projection(window, near, far, orthographic),
         )
+
+    def _lens(self, time: float) -> Gf.Camera:
+        with errors_at(self.path):
+            return self._camera.GetCamera(time)
 
     def _exposure_scale(self, frame: float) -> float:
         camera = self._camera

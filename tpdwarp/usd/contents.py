@@ -46,6 +46,7 @@ class Walker:
     def __init__(self, purposes: frozenset[str], transforms: Transforms, warnings: WarnOnce) -> None:
         self._purposes, self._transforms, self._warnings = purposes, transforms, warnings
         self._prototypes: dict[str, Prototype] = {}
+        self._walking: set[str] = set()
 
     def walk(self, stage: Usd.Stage) -> Contents:
         """Everything on the stage that can be rendered; what cannot is warned about, once by prim."""
@@ -88,9 +89,13 @@ class Walker:
 
     def _prototype(self, root: Usd.Prim) -> Prototype:
         key = str(root.GetPath())
+        if key in self._walking:
+            self._warnings(key, "is a prototype that holds itself: that instance is left out")
+            return Prototype(root)
         if key in self._prototypes:
             return self._prototypes[key]
         prototype = self._prototypes[key] = Prototype(root)
+        self._walking.add(key)
         for prim in self._prims(root, PROTOTYPE_PRIMS):
             if prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Mesh):
                 self._warnings(str(prim.GetPath()), "a light in a prototype is left out")
@@ -101,6 +106,7 @@ class Walker:
             elif prim.IsA(UsdGeom.PointInstancer):
                 prototype.instancers.append(self._instancer(prim))
             self._warn_unsupported(prim)
+        self._walking.remove(key)
         return prototype
 
     def _warn_unsupported(self, prim: Usd.Prim) -> None:

@@ -13,7 +13,7 @@ from tpdwarp.errors import InputError, WarnOnce
 
 @contextmanager
 def usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
-    """While entered, USD's warnings go to ``warnings`` and its errors become :class:`InputError`.
+    """While entered, USD's warnings go to ``warnings``, its errors become :class:`InputError`, and those name the file.
 
     Raises:
         InputError: USD posted an error; the message is its first one, in one line.
@@ -21,17 +21,41 @@ def usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
+    except InputError as error:
+        if error.file:
+            raise
+        raise InputError(error.message, warnings.file, error.prim) from error
     except Tf.ErrorException as error:
         raise InputError(_first_error(error), warnings.file) from error
     finally:
         collected = delegate.TakeUncoalescedDiagnostics()
         del delegate
         for diagnostic in collected:
-            # USD ends its composition warnings with the stage's address in memory, which differs on every run.
-            warnings("", re.sub(r"\s*\((instantiating|recomposing) stage on .*$", "", diagnostic.commentary))
+            warnings("", _without_innards(diagnostic.commentary))
+
+
+@contextmanager
+def errors_at(path: object) -> Iterator[None]:
+    """While entered, USD's errors are those of the prim at ``path``; they seldom say so themselves.
+
+    Raises:
+        InputError: USD posted an error; the file is still to be named.
+    """
+    try:
+        yield
+    except Tf.ErrorException as error:
+        raise InputError(_first_error(error), prim=str(path)) from error
 
 
 def _first_error(error: Tf.ErrorException) -> str:
     """The text of the first USD error, without the place in USD's sources that raised it."""
     found = re.search(r" in file \S+ : '(.*?)'(?:\n\tError in|\Z)", str(error), re.DOTALL)
-    return found.group(1) if found else str(error)
+    return _without_innards(found.group(1) if found else str(error))
+
+
+def _without_innards(text: str) -> str:
+    """USD's text without addresses in memory, which differ on every run, and without its grammar's rules."""
+    text = re.sub(r"\s*\((instantiating|recomposing) stage on .*$", "", text)
+    text = re.sub(r"(?:,|@)@?anon:0x[0-9a-f]+[^@]*@", "", text)
+    text = re.sub(r"parse error matching \S*pxrInternal.*?(?= at ')", "parse error", text, flags=re.DOTALL)
+    return re.sub(r"\b0x[0-9a-f]{6,}\b|\bpxrInternal\w*::", "", text)

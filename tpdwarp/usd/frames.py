@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Usd
 
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
-from tpdwarp.usd.motion import blur_scaled, over_shutter
+from tpdwarp.usd.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.transforms import Transforms, require_usable, union
 
 
@@ -27,14 +27,23 @@ def frame_over(
         require_usable(matrix, time, file, str(prim.GetPath()))
         return matrix[3, :3], _axes(matrix[:3, :3], prim, file)
 
-    shutter = blur_scaled(shutter, UsdGeom.MotionAPI(prim).ComputeMotionBlurScale(shutter.frame))
+    shutter = blur_scaled(shutter, blur_scale(prim, shutter.frame))
     span = union(animation, transforms.span(prim))
-    (position, axes), motions = over_shutter(state, shutter, span, transforms.cubic)
+    with np.errstate(over="ignore", invalid="ignore"):
+        (position, axes), motions = over_shutter(state, shutter, span, transforms.cubic)
+    if not all(np.isfinite(values).all() for values in (position, axes, *(motions or ()))):
+        raise InputError(
+            f"its transform leaves the range of numbers within the shutter of frame {shutter.frame:g} (correct it)",
+            file,
+            str(prim.GetPath()),
+        )
     position_motion, axes_motion = motions if motions is not None else (np.zeros(3), np.zeros((3, 3)))
     return position, _axes(axes, prim, file), position_motion, axes_motion
 
 
 def _axes(rows: np.ndarray, prim: Usd.Prim, file: str) -> np.ndarray:
+    # Directions only: squares of very large or very small entries would leave the range of numbers.
+    rows = rows / max(np.abs(rows).max(), np.finfo(float).tiny)
     z = rows[2]
     y = rows[1] - z * (rows[1] @ z) / max(z @ z, 1e-300)
     lengths = np.linalg.norm(z), np.linalg.norm(y)

@@ -11,7 +11,8 @@ from pxr import Usd, UsdGeom
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.usd.meshes import PlacedMesh, Placement
 from tpdwarp.usd.samples import sample_times
-from tpdwarp.usd.transforms import Transforms, union
+from tpdwarp.usd.transforms import Transforms, finite, union
+from tpdwarp.usd.values import ROWS, indices_at, value_at
 
 MATRICES_KEPT = 12
 
@@ -62,11 +63,10 @@ class Instancer:
         Raises:
             InputError: A prototype index out of range.
         """
-        found = self.instancer.GetProtoIndicesAttr().Get(frame)
-        if found is None:
+        if not self.instancer.GetProtoIndicesAttr().HasValue():
             self._warnings(self.path, "has no protoIndices and is left out")
             return []
-        chosen = np.array(found)
+        chosen = indices_at(self.instancer.GetProtoIndicesAttr(), frame)
         if len(chosen) and (chosen.min() < 0 or chosen.max() >= len(self.prototypes)):
             raise InputError(
                 f"names a prototype outside the {len(self.prototypes)} targets of prototypes (correct the indices)",
@@ -94,7 +94,7 @@ class Instancer:
     def _compute(self, time: float, frame: float) -> np.ndarray:
         exclude, ignore = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
         computed = self.instancer.ComputeInstanceTransformsAtTimes([time], frame, exclude, ignore)
-        count = len(self.instancer.GetProtoIndicesAttr().Get(frame) or [])
+        count = len(indices_at(self.instancer.GetProtoIndicesAttr(), frame))
         matrices = np.array(computed[0]) if len(computed) else np.zeros((0, 4, 4))
         if len(matrices) != count:
             raise InputError(
@@ -102,6 +102,8 @@ class Instancer:
                 self._warnings.file,
                 f"{self.path}.positions",
             )
+        for index in np.flatnonzero(~np.isfinite(matrices).all(axis=(1, 2))):
+            finite(matrices[index], time, f"{self.path}[{index}]")
         if time != frame:
             self._warn_held(time, frame)
         return matrices
@@ -114,7 +116,8 @@ class Instancer:
         low, high = min(time, frame), max(time, frame)
         first = max((t for t in times if t <= low), default=times[0])
         last = min((t for t in times if t >= high), default=times[-1])
-        if len(positions.Get(first) or []) != len(positions.Get(last) or []):
+        before, after = value_at(positions, first, ROWS), value_at(positions, last, ROWS)
+        if before is not None and after is not None and len(before) != len(after):
             self._warnings(
                 self.path,
                 "its instances change in number within a shutter and it has no velocities: "
@@ -160,7 +163,8 @@ class OfInstance:
 
     def world(self, time: float, frame: float) -> np.ndarray:
         inner = self._transforms.below(self._prim, self._root, time) @ self._transforms.own(self._root, time)
-        return inner @ self._instancer.matrix(self._index, time, frame) @ self._parent.world(time, frame)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return inner @ self._instancer.matrix(self._index, time, frame) @ self._parent.world(time, frame)
 
 
 class InstancedMeshes:

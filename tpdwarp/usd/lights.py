@@ -11,6 +11,9 @@ from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import LightAtShutter, LightKind, Shutter
 from tpdwarp.usd.frames import frame_over
 from tpdwarp.usd.transforms import Transforms
+from tpdwarp.usd.values import number_at, raw_at, value_at
+
+EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
 # What photographs of suns and what the account of energy hold; squares of it stay numbers.
 LARGEST = 1e60
@@ -70,10 +73,10 @@ class Light:
         intensity = self._number(self._api.GetIntensityAttr(), frame)
         diffuse = self._number(self._api.GetDiffuseAttr(), frame)
         exposure = self._number(self._api.GetExposureAttr(), frame, may_be_negative=True)
-        color = np.array(self._api.GetColorAttr().Get(frame), dtype=np.float64)
+        color = value_at(self._api.GetColorAttr(), frame, (3,))
         if not np.isfinite(color).all() or color.min() < 0:
             self._refuse(self._api.GetColorAttr(), f"holds {tuple(map(float, color))}")
-        if self._api.GetEnableColorTemperatureAttr().Get(frame):
+        if number_at(self._api.GetEnableColorTemperatureAttr(), frame):
             kelvin = self._number(self._api.GetColorTemperatureAttr(), frame)
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
         with np.errstate(over="ignore"):
@@ -82,7 +85,7 @@ class Light:
         power = scale * color
         if not power.max() <= LARGEST:
             raise InputError(
-                f"its intensity and exposure come to {power.max():g} (author less than {LARGEST:g})",
+                f"its intensity, exposure and colour come to {power.max():g} together (author less than {LARGEST:g})",
                 self._warnings.file,
                 self.path,
             )
@@ -95,7 +98,7 @@ class Light:
         self._warnings(
             f"{self.path}.inputs:angle", "the light's disc is rendered as parallel light (author 0 to agree)"
         )
-        if self._api.GetNormalizeAttr().Get(frame):
+        if number_at(self._api.GetNormalizeAttr(), frame):
             return 1.0
         return math.pi * math.sin(math.radians(0.5 * min(angle, 180.0))) ** 2
 
@@ -104,19 +107,19 @@ class Light:
         radius = self._number(sphere.GetRadiusAttr(), frame)
         if radius == 0:
             return 1.0
-        if not sphere.GetTreatAsPointAttr().Get(frame):
+        if not number_at(sphere.GetTreatAsPointAttr(), frame):
             self._warnings(
                 f"{self.path}.inputs:radius",
                 "the sphere is rendered as a point of the same radiant intensity (author treatAsPoint to agree)",
             )
-        if self._api.GetNormalizeAttr().Get(frame):
+        if number_at(self._api.GetNormalizeAttr(), frame):
             return 0.25
         # The mean scale: an ellipsoid's radiant intensity differs by direction.
         scale = abs(np.linalg.det(self._transforms.world(self.prim, frame)[:3, :3])) ** (1.0 / 3.0)
         return math.pi * (radius * scale) ** 2
 
     def _number(self, attribute: Usd.Attribute, frame: float, may_be_negative: bool = False) -> float:
-        value = float(attribute.Get(frame))
+        value = number_at(attribute, frame)
         if not math.isfinite(value) or (value < 0 and not may_be_negative):
             self._refuse(attribute, f"holds {value:g}")
         return value
@@ -141,7 +144,8 @@ class Light:
         if self._api.GetFiltersRel().HasAuthoredTargets():
             self._warnings(self.path, "light filters are not rendered")
         for collection in (self._api.GetLightLinkCollectionAPI(), self._api.GetShadowLinkCollectionAPI()):
-            whole = collection.GetIncludeRootAttr().Get()
+            include_root = collection.GetIncludeRootAttr()
+            whole = raw_at(include_root, None) if include_root else None
             limited = [collection.GetIncludesRel(), collection.GetExcludesRel()]
             if whole is False or any(rel.HasAuthoredTargets() for rel in limited if rel):
                 self._warnings(self.path, "light linking is ignored: the light shines on everything")
@@ -151,5 +155,5 @@ def _authored(attribute: Usd.Attribute, neutral: float, below: bool = False) -> 
     """Whether an attribute is authored with something else than its neutral value (or, ``below``, less than that)."""
     if not attribute or not attribute.HasAuthoredValue():
         return False
-    value = attribute.Get(Usd.TimeCode.EarliestTime())
-    return value is not None and (value < neutral if below else value != neutral)
+    value = number_at(attribute, EARLIEST)
+    return value < neutral if below else value != neutral

@@ -14,6 +14,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Interaction, Material
+from tpdwarp.usd.values import text_at, value_at
 
 # The names an optical property goes by: UsdPreviewSurface, OpenPBR, Standard Surface.
 COLOR = ("diffuseColor", "base_color")
@@ -42,6 +43,8 @@ IGNORED = {
     "thin_film_thickness": 0.0,
     "thin_film_weight": 0.0,
 }
+# Colours above one are art; above this, an accident.
+BRIGHTEST = 1e6
 CONNECTED_ONLY = ("normal", "geometry_normal", "occlusion")
 
 
@@ -120,6 +123,9 @@ class Materials:
                 inputs.warn(ROUGHNESS, "rough transmission is rendered as smooth")
         elif metallic >= 1 and roughness <= 0:
             interaction = Interaction.MIRROR
+            if max(color) > 1:
+                inputs.warn(COLOR, "a mirror reflects no more than it receives: its colour is limited to 1")
+                color = tuple(min(channel, 1.0) for channel in color)
         elif metallic > 0:
             inputs.warn(METALLIC, "only metallic 1 with roughness 0 is a mirror; this surface is rendered as diffuse")
         if 0 < opacity < 1:
@@ -160,9 +166,11 @@ class _Inputs:
         if value is None:
             return (default,) * 3, False
         weight = self.number(WEIGHT, 1.0)
-        color = tuple(float(c) * weight for c in np.broadcast_to(np.array(value, dtype=np.float64), 3))
-        if not all(math.isfinite(c) and c >= 0 for c in color):
-            raise self.refusal(COLOR, f"a colour of {color} (author finite values of 0 or more)")
+        if value.shape not in ((), (1,), (3,)):
+            raise self.refusal(COLOR, f"{value.size} numbers (author a colour)")
+        color = tuple(float(c) * weight for c in np.broadcast_to(value, 3))
+        if not all(0 <= c <= BRIGHTEST for c in color):
+            raise self.refusal(COLOR, f"a colour of {color} (author values of 0 to {BRIGHTEST:g})")
         return color, False
 
     def number(self, names: tuple[str, ...], default: float) -> float:
@@ -170,15 +178,17 @@ class _Inputs:
         value = None if found is None else self._value(found)
         if value is None:
             return default
-        number = float(np.mean(np.array(value, dtype=np.float64)))
-        if math.isnan(number) and names != IOR:
+        if value.size == 0:
+            raise self.refusal(names, "no number (author a finite value)")
+        number = float(np.mean(value))
+        if not math.isfinite(number) and names != IOR:
             raise self.refusal(names, "not a number (author a finite value)")
         return number
 
     def token(self, name: str) -> str:
         found = self._find((name,))
-        value = None if found is None else self._value(found)
-        return "" if value is None else str(value)
+        attributes = [] if found is None else found.GetValueProducingAttributes()
+        return text_at(attributes[0], self._frame) if attributes else ""
 
     def refusal(self, names: tuple[str, ...], why: str) -> InputError:
         return InputError(f"holds {why}", self._warnings.file, self._path(names))
@@ -192,7 +202,7 @@ class _Inputs:
             if found is None:
                 continue
             value = None if self._node(found) else self._value(found)
-            if value is None or np.any(np.array(value, dtype=np.float64) != harmless):
+            if value is None or np.any(value != harmless):
                 self.warn((name,), "is not rendered")
         for name in CONNECTED_ONLY:
             found = self._find((name,))
@@ -217,17 +227,17 @@ class _Inputs:
                 return UsdShade.Shader(attribute.GetPrim())
         return None
 
-    def _value(self, found: UsdShade.Input) -> object | None:
+    def _value(self, found: UsdShade.Input) -> np.ndarray | None:
         node = self._node(found)
         if node is None:
             attributes = found.GetValueProducingAttributes()
             if not attributes:
                 return None
             self.varies |= attributes[0].ValueMightBeTimeVarying()
-            return attributes[0].Get(self._frame)
+            return value_at(attributes[0], self._frame)
         kind = node.GetShaderId() or "a shading node"
         fallback = node.GetInput("fallback")
-        value = fallback.Get(self._frame) if fallback else None
+        value = value_at(fallback.GetAttr(), self._frame) if fallback else None
         instead = "default" if value is None else "fallback"
         self._warnings(
             str(found.GetAttr().GetPath()), f"is connected to {kind}, which is not read; its {instead} is used"
@@ -235,13 +245,13 @@ class _Inputs:
         if value is None:
             return None
         # A texture's fallback has four channels whatever it feeds.
-        wide = np.atleast_1d(np.array(value, dtype=np.float64))
+        wide = np.atleast_1d(value)
         is_color = found.GetTypeName() in (Sdf.ValueTypeNames.Color3f, Sdf.ValueTypeNames.Float3)
-        return wide[:3] if is_color and len(wide) >= 3 else wide[0]
+        return wide[:3] if is_color and len(wide) >= 3 else wide[:1]
 
     def _reads_display_color(self, node: UsdShade.Shader) -> bool:
         if not str(node.GetShaderId()).startswith("UsdPrimvarReader"):
             return False
         name = node.GetInput("varname")
         attributes = name.GetValueProducingAttributes() if name else []
-        return bool(attributes) and str(attributes[0].Get(self._frame)) == "displayColor"
+        return bool(attributes) and text_at(attributes[0], self._frame) == "displayColor"

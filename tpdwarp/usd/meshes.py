@@ -8,11 +8,11 @@ from typing import Protocol
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from tpdwarp.errors import WarnOnce
+from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, Shutter
 from tpdwarp.usd.appearances import Appearance, appearance_of
 from tpdwarp.usd.materials import Materials
-from tpdwarp.usd.motion import blur_scaled, over_shutter
+from tpdwarp.usd.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.normals import transform_normals, unit
 from tpdwarp.usd.shapes import Shape
 from tpdwarp.usd.topology import Topology
@@ -70,7 +70,6 @@ class PlacedMesh:
         self._own_span = union(shape.span, placement.span)
         self.span = union(animation, self._own_span)
         self._imageable = UsdGeom.Imageable(prim)
-        self._motion = UsdGeom.MotionAPI(prim)
         self._geometry: _Geometry | None = None
         self._appearance: tuple[Topology, Appearance] | None = None
         self._whole: MeshAtShutter | None = None
@@ -117,7 +116,7 @@ class PlacedMesh:
 
     def _evaluate(self, shutter: Shutter) -> _Geometry | None:
         frame = shutter.frame
-        shutter = blur_scaled(shutter, self._motion.ComputeMotionBlurScale(frame))
+        shutter = blur_scaled(shutter, blur_scale(self.prim, frame))
         shape = self.shape.at(shutter, self.span)
         if shape is None:
             return None
@@ -127,7 +126,15 @@ class PlacedMesh:
             points = shape.points(time) @ matrix[:3, :3] + matrix[3, :3]
             return (points,) if shape.normals is None else (points, transform_normals(shape.normals(time), matrix))
 
-        middle, motions = over_shutter(state, shutter, self.span, self._cubic)
+        with np.errstate(over="ignore", invalid="ignore"):
+            middle, motions = over_shutter(state, shutter, self.span, self._cubic)
+        if not all(np.isfinite(values).all() for values in (*middle, *(motions or ()))):
+            raise InputError(
+                f"its points leave the range of numbers within the shutter of frame {frame:g} "
+                "(correct its points or its transform)",
+                self._warnings.file,
+                self.label,
+            )
         held = self._world(min(max(shutter.middle, self.span[0]), self.span[1]), frame)
         topology = shape.topology.mirrored if np.linalg.det(held[:3, :3]) < 0 else shape.topology
         shaded = shape.normals is not None

@@ -11,10 +11,13 @@ The rules, the same for meshes, lights and cameras:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
+from pxr import Usd, UsdGeom
 
+from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
 
 # A thousandth of a frame: the central difference errs by 2e-7 of the third derivative, and rounding stays below 1e-12.
@@ -51,8 +54,20 @@ def over_shutter(
     return middle, motions if any(np.any(motion) for motion in motions) else None
 
 
+def blur_scale(prim: Usd.Prim, frame: float) -> float:
+    """What ``motion:blurScale`` makes of a prim's shutter at a time code.
+
+    Raises:
+        InputError: A scale that is negative or not finite.
+    """
+    scale = UsdGeom.MotionAPI(prim).ComputeMotionBlurScale(frame)
+    if not (math.isfinite(scale) and scale >= 0):
+        raise InputError(f"amounts to {scale:g} (author 0 or more)", prim=f"{prim.GetPath()}.motion:blurScale")
+    return scale
+
+
 def blur_scaled(shutter: Shutter, scale: float) -> Shutter:
-    """The shutter with its interval scaled about the frame, as ``motion:blurScale`` asks."""
+    """The shutter with its interval scaled about the frame."""
     if scale == 1.0:
         return shutter
     frame = shutter.frame

@@ -8,7 +8,8 @@ import numpy as np
 from pxr import UsdGeom
 
 from tpdwarp.errors import InputError
-from tpdwarp.usd.samples import SampledArray, value_at
+from tpdwarp.usd.samples import SampledArray
+from tpdwarp.usd.values import ROWS, indices_at, numbers, value_at
 
 
 def flattened(
@@ -29,11 +30,12 @@ def flattened(
         rows = value_at(values, time)
         if rows is None:
             return None
+        # A constant primvar may be a single value instead of an array of one.
+        rows = numbers(rows[None] if rows.ndim == 1 else rows, values, ROWS)
         require_finite(rows, file, f"{values.GetPath()}", time)
-        rows = rows.reshape(-1, 3)
         if not primvar.IsIndexed():
             return rows
-        chosen = np.array(value_at(indices, time), dtype=np.int64)
+        chosen = indices_at(indices, time)
         if chosen.size and (chosen.min() < 0 or chosen.max() >= len(rows)):
             raise InputError(
                 f"an index lies outside the {len(rows)} values (author indices from 0 to {len(rows) - 1})",

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from pxr import Sdf, Usd, UsdRender
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.values import text_at, texts_at, value_at
+
+EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
 POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
 
@@ -57,38 +61,38 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce) -> RenderReque
         attributes = (base.GetPrim().GetAttribute(name) for base in prims)
         return next((found for found in attributes if found and found.HasAuthoredValue()), None)
 
-    def value(name: str, default: object) -> object:
+    def value(name: str, default: float | tuple[float, ...]) -> np.ndarray:
         found = authored(name)
-        return default if found is None else found.Get(Usd.TimeCode.EarliestTime())
+        held = None if found is None else value_at(found, EARLIEST, np.shape(default))
+        return np.array(default) if held is None else held
 
-    resolution = value("resolution", None)
-    if resolution is not None and min(resolution) < 1:
-        raise InputError(
-            f"holds {tuple(resolution)} (author sizes above 0)", warnings.file, _where(authored("resolution"))
-        )
+    resolution = tuple(map(int, value("resolution", (0, 0))))
+    if authored("resolution") and min(resolution) < 1:
+        raise InputError(f"holds {resolution} (author sizes above 0)", warnings.file, _where(authored("resolution")))
     pixel_aspect = float(value("pixelAspectRatio", 1.0))
     if not 0 < pixel_aspect < float("inf"):
         raise InputError(
             f"holds {pixel_aspect:g} (author a ratio above 0)", warnings.file, _where(authored("pixelAspectRatio"))
         )
-    policy = str(value("aspectRatioConformPolicy", POLICIES[0]))
+    chosen = authored("aspectRatioConformPolicy")
+    policy = text_at(chosen, EARLIEST) if chosen else POLICIES[0]
     if policy not in POLICIES:
-        warnings(_where(authored("aspectRatioConformPolicy")), f"knows no {policy!r}; {POLICIES[0]} is used")
+        warnings(_where(chosen), f"knows no {policy!r}; {POLICIES[0]} is used")
         policy = POLICIES[0]
     if tuple(value("dataWindowNDC", (0, 0, 1, 1))) != (0, 0, 1, 1):
         warnings(_where(authored("dataWindowNDC")), "is ignored: the whole image is rendered")
     cameras = [camera for base in prims for camera in base.GetCameraRel().GetForwardedTargets()]
     purposes = settings.GetIncludedPurposesAttr()
     materials = settings.GetMaterialBindingPurposesAttr()
-    order = [str(purpose) for purpose in materials.Get()] if materials.HasAuthoredValue() else ["full"]
+    order = texts_at(materials) if materials.HasAuthoredValue() else ("full",)
     return RenderRequest(
         str(settings.GetPath()),
         str(cameras[0]) if cameras else "",
-        None if resolution is None else (int(resolution[0]), int(resolution[1])),
+        resolution if authored("resolution") else None,
         pixel_aspect,
         policy,
         bool(value("disableMotionBlur", False)) or bool(value("instantaneousShutter", False)),
-        tuple(str(purpose) for purpose in purposes.Get()) if purposes.HasAuthoredValue() else None,
+        texts_at(purposes) if purposes.HasAuthoredValue() else None,
         order[0] if order else "",
     )
 

@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from pxr import Usd
 
+from tpdwarp.usd.values import Shape, value_at
+
 SAMPLES_KEPT = 6
 
 
@@ -128,6 +130,7 @@ def of_attribute(
     attribute: Usd.Attribute,
     cubic: bool = False,
     check: Callable[[np.ndarray, float | None], None] | None = None,
+    shape: Shape | None = None,
     tangent: Callable[[float], np.ndarray | None] | None = None,
     linked: Callable[[float, float], bool] | None = None,
 ) -> SampledArray:
@@ -137,21 +140,16 @@ def of_attribute(
         attribute: The attribute; it must hold no spline.
         cubic, tangent, linked: As in :class:`SampledArray`.
         check: Called with each value read and its time; may raise.
+        shape: The shape of a value, as in :func:`tpdwarp.usd.values.value_at`.
     """
 
     def read(time: float | None) -> np.ndarray | None:
-        value = value_at(attribute, time)
+        value = value_at(attribute, time, shape)
         if value is not None and check is not None:
             check(value, time)
         return value
 
     return SampledArray(attribute.GetTimeSamples(), read, cubic, tangent, linked)
-
-
-def value_at(attribute: Usd.Attribute, time: float | None) -> np.ndarray | None:
-    """An attribute's value as float64 at a time code (None: its default); None where it has no value."""
-    value = attribute.Get(Usd.TimeCode.Default() if time is None else time)
-    return None if value is None else np.array(value, dtype=np.float64)
 
 
 def sample_times(attribute: Usd.Attribute) -> list[float]:

@@ -18,9 +18,10 @@ from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.motion import touched
 from tpdwarp.usd.normals import area_vectors, smooth_normals, unit
 from tpdwarp.usd.primvars import flattened, require_finite
-from tpdwarp.usd.samples import SampledArray, of_attribute, value_at
+from tpdwarp.usd.samples import SampledArray, of_attribute
 from tpdwarp.usd.topology import Topology, triangulate
 from tpdwarp.usd.transforms import union
+from tpdwarp.usd.values import ROWS, indices_at, text_at, value_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +72,11 @@ class Shape:
             attribute,
             cubic,
             check=lambda value, time: require_finite(value, self.file, f"{self.path}.points", time),
+            shape=ROWS,
             tangent=self._velocities if mesh.GetVelocitiesAttr().HasAuthoredValue() else None,
             linked=linked,
         )
-        self._scheme = str(mesh.GetSubdivisionSchemeAttr().Get())
+        self._scheme = text_at(mesh.GetSubdivisionSchemeAttr())
         self._normals, self._normals_attribute, self._normals_interpolation = self._authored_normals(cubic, linked)
         self.span = self._span()
 
@@ -108,7 +110,7 @@ class Shape:
             self.warnings(self.path, "the mesh has no points and is left out")
             return None
         topology = self._topology(middle if connected or base is None else base, len(stored))
-        if topology is None or len(topology.triangles) == 0:
+        if len(topology.triangles) == 0:
             self.warnings(self.path, "the mesh has no faces and is left out")
             return None
         points = self._moving_points(connected, base, stored)
@@ -180,23 +182,18 @@ class Shape:
 
         return normals, elements
 
-    def _topology(self, time: float, point_count: int) -> Topology | None:
+    def _topology(self, time: float, point_count: int) -> Topology:
         if self._last is not None and not self._faces_vary:
             counts, indices, holes = self._last[0]
         else:
-            found = [value_at(attribute, time) for attribute in self._face_attributes]
-            if found[0] is None or found[1] is None:
-                return None
-            counts, indices, holes = (
-                np.zeros(0, dtype=np.int64) if value is None else value.astype(np.int64) for value in found
-            )
+            counts, indices, holes = (indices_at(attribute, time) for attribute in self._face_attributes)
         known = self._last
         if known is not None and _same([counts, indices, holes], known[0]):
             if len(indices) and indices.max() >= point_count:
                 self._refuse("faceVertexIndices", f"index {indices.max()} is out of range for {point_count} points")
             return known[1]
         self._validate(counts, indices, holes, point_count)
-        left_handed = self.mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded
+        left_handed = text_at(self.mesh.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded
         topology = triangulate(counts, indices, holes, left_handed)
         self._last = [counts, indices, holes], topology
         return topology
@@ -233,7 +230,7 @@ class Shape:
     def _rate(self, attribute: Usd.Attribute, time: float, order: int) -> np.ndarray | None:
         if not attribute.HasAuthoredValue():
             return None
-        value = value_at(attribute, time)
+        value = value_at(attribute, time, ROWS)
         if value is None:
             return None
         require_finite(value, self.file, str(attribute.GetPath()), time)
@@ -261,6 +258,7 @@ class Shape:
             attribute,
             cubic,
             check=lambda value, time: require_finite(value, self.file, f"{self.path}.normals", time),
+            shape=ROWS,
             linked=linked,
         )
         return curve, f"{self.path}.normals", str(self.mesh.GetNormalsInterpolation())

@@ -25,6 +25,9 @@ from tpdwarp.usd.shapes import Shape
 from tpdwarp.usd.transforms import Transforms, union
 
 DEFAULT_WIDTH = 960
+MOST_PIXELS = 2**30
+HIGHEST_RATE = 1e6
+LONGEST_SHUTTER = 1e6
 REFERENCE_COUNT = 9
 
 
@@ -47,9 +50,11 @@ class StageScene:
     def __init__(self, file: str, stage: Usd.Stage, settings: Settings, warnings: WarnOnce) -> None:
         self.file, self.warnings = file, warnings
         self._stage, self._settings = stage, settings
-        self.time_codes_per_second = stage.GetTimeCodesPerSecond()
-        self.frames_per_second = stage.GetFramesPerSecond()
+        self.time_codes_per_second = self._rate("timeCodesPerSecond", stage.GetTimeCodesPerSecond())
+        self.frames_per_second = self._rate("framesPerSecond", stage.GetFramesPerSecond())
         self.up_axis = str(UsdGeom.GetStageUpAxis(stage))
+        if self.up_axis not in ("Y", "Z"):
+            raise InputError(f"holds {self.up_axis!r} (author Y or Z)", file, "the stage's upAxis")
         self.meters_per_unit = UsdGeom.GetStageMetersPerUnit(stage)
         self.start, self.end = _time_range(stage)
         self._request = read_request(stage, settings.render_settings, warnings)
@@ -143,12 +148,23 @@ class StageScene:
             InputError: There is no camera, or its aperture has no size.
         """
         if self._settings.image_width is None and self._request.resolution is not None:
-            return self._request.resolution
+            return self._checked(*self._request.resolution)
         self.require_camera()
         width = self._settings.image_width or DEFAULT_WIDTH
-        height = width * self._request.pixel_aspect / self._camera.aspect(self.start)
+        with usd_diagnostics(self.warnings):
+            height = width * self._request.pixel_aspect / self._camera.aspect(self.start)
         # Apertures are stored in single precision, whose rounding must not cost a row.
-        return width, max(1, math.floor(height * (1 + 1e-6)))
+        return self._checked(width, height * (1 + 1e-6))
+
+    def _checked(self, width: int, height: float) -> tuple[int, int]:
+        if not width * max(1.0, height) <= MOST_PIXELS:
+            raise InputError(
+                f"an image of {width} × {height:.6g} pixels is more than {MOST_PIXELS} (correct the resolution, "
+                "the camera's apertures or --imageWidth)",
+                self.file,
+                self._request.path or self.camera_path or "",
+            )
+        return width, max(1, math.floor(height))
 
     def shutter(self, frame: float, settings: Settings) -> Shutter:
         """The shutter of a frame.
@@ -161,7 +177,7 @@ class StageScene:
             settings: The settings.
 
         Raises:
-            InputError: The camera's shutter closes before it opens.
+            InputError: The camera's shutter closes before it opens, or the shutter is absurdly long.
         """
         if settings.shutter is not None:
             opening, closing = settings.shutter
@@ -170,7 +186,15 @@ class StageScene:
         elif self._request.still or self._camera is None:
             opening, closing = 0.0, 0.0
         else:
-            opening, closing = self._camera.shutter_interval(frame)
+            with usd_diagnostics(self.warnings):
+                opening, closing = self._camera.shutter_interval(frame)
+        if max(abs(opening), abs(closing)) > LONGEST_SHUTTER:
+            raise InputError(
+                f"a shutter from {opening:g} to {closing:g} frames is too long (author or ask for less than "
+                f"{LONGEST_SHUTTER:g})",
+                self.file,
+                "" if self._camera is None else self._camera.path,
+            )
         return Shutter(frame, frame + opening, frame + closing)
 
     def describe(self) -> dict[str, Any]:
@@ -197,6 +221,13 @@ class StageScene:
     @property
     def _animation(self) -> tuple[float, float]:
         return self.start, self.end
+
+    def _rate(self, name: str, value: float) -> float:
+        if not 1 / HIGHEST_RATE <= value <= HIGHEST_RATE:
+            raise InputError(
+                f"holds {value:g} (author a rate above 0, at most {HIGHEST_RATE:g})", self.file, f"the stage's {name}"
+            )
+        return value
 
     def _described_meshes(self) -> list[dict[str, Any]]:
         described: dict[str, dict[str, Any]] = {}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError
+from tpdwarp.usd.diagnostics import errors_at
 from tpdwarp.usd.samples import SampledArray, of_attribute, sample_times
 
 # Beyond this numbers in a transform are refused: their squares, and those of points times them, stay numbers.
@@ -30,22 +31,31 @@ class Transforms:
         self._spans: dict[str, tuple[float, float] | None] = {}
 
     def world(self, prim: Usd.Prim, time: float) -> np.ndarray:
-        """Local-to-world matrix, shape [4, 4]."""
-        if not self.cubic:
-            return np.array(self._cache(time).GetLocalToWorldTransform(prim))
-        return self._composed(prim, time, None)
+        """Local-to-world matrix, shape [4, 4].
+
+        Raises:
+            InputError: It is not finite.
+        """
+        if self.cubic:
+            return self._composed(prim, time, None)
+        with errors_at(prim.GetPath()):
+            found = self._cache(time).GetLocalToWorldTransform(prim)
+        return finite(np.array(found), time, prim.GetPath())
 
     def below(self, prim: Usd.Prim, ancestor: Usd.Prim, time: float) -> np.ndarray:
         """Matrix from ``prim`` to ``ancestor``'s own space, shape [4, 4]; identity for the ancestor itself."""
         if prim == ancestor:
             return np.eye(4)
         if not self.cubic:
-            return np.array(self._cache(time).ComputeRelativeTransform(prim, ancestor)[0])
+            with errors_at(prim.GetPath()):
+                found = self._cache(time).ComputeRelativeTransform(prim, ancestor)[0]
+            return finite(np.array(found), time, prim.GetPath())
         return self._composed(prim, time, ancestor)
 
     def own(self, prim: Usd.Prim, time: float) -> np.ndarray:
         """The prim's own local matrix, shape [4, 4]."""
-        return self._local(prim).at(time)
+        with errors_at(prim.GetPath()):
+            return finite(self._local(prim).at(time), time, prim.GetPath())
 
     def own_span(self, prim: Usd.Prim) -> tuple[float, float] | None:
         """First and last sample time of the prim's own local matrix; None where it cannot vary."""
@@ -76,7 +86,8 @@ class Transforms:
         matrix = np.eye(4)
         while prim and not prim.IsPseudoRoot() and not (ancestor is not None and prim == ancestor):
             local = self._local(prim)
-            matrix = matrix @ local.at(time)
+            with errors_at(prim.GetPath()):
+                matrix = matrix @ finite(local.at(time), time, prim.GetPath())
             if local.resets:
                 break
             prim = prim.GetParent()
@@ -85,7 +96,8 @@ class Transforms:
     def _local(self, prim: Usd.Prim) -> _LocalTransform:
         key = str(prim.GetPath())
         if key not in self._locals:
-            self._locals[key] = _LocalTransform(UsdGeom.Xformable(prim), self.cubic)
+            with errors_at(key):
+                self._locals[key] = _LocalTransform(UsdGeom.Xformable(prim), self.cubic)
         return self._locals[key]
 
 
@@ -105,6 +117,19 @@ def union(first: tuple[float, float] | None, second: tuple[float, float] | None)
     if first is None or second is None:
         return first or second
     return min(first[0], second[0]), max(first[1], second[1])
+
+
+def finite(matrix: np.ndarray, time: float, path: Sdf.Path | str) -> np.ndarray:
+    """A transform of the prim at ``path``, as it is.
+
+    Raises:
+        InputError: It is not finite.
+    """
+    if not np.isfinite(matrix).all():
+        raise InputError(
+            f"its transform holds NaN or infinity at time code {time:g} (author finite xformOps)", prim=str(path)
+        )
+    return matrix
 
 
 class _LocalTransform:
@@ -132,7 +157,11 @@ class _LocalTransform:
             return self._still
         matrix = np.eye(4)
         for op, curve in reversed(self._ops):
-            matrix = matrix @ (np.array(op.GetOpTransform(time)) if curve is None else _op_matrix(op, curve.at(time)))
+            value = None if curve is None else curve.at(time)
+            # Without a value at this time (it may be blocked), the op does what USD makes of that: nothing.
+            found = np.array(op.GetOpTransform(time)) if value is None else _op_matrix(op, value)
+            with np.errstate(over="ignore", invalid="ignore"):
+                matrix = matrix @ found
         self._still = matrix
         return matrix
 

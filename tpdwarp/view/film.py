@@ -60,7 +60,9 @@ class Film:
             first: Whether each point lies on its sample's first path, shape [n].
             light: Irradiance there.
         """
-        self._add("caustic", weights * light.irradiance, pixels)
+        # What overflows is refused when the frame is written.
+        with np.errstate(over="ignore"):
+            self._add("caustic", weights * light.irradiance, pixels)
         if "irradiance" in self._aovs:
             self._add("irradiance", light.irradiance[first], pixels[first])
         if light.motion is not None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 # The two-dimensional generalisation of the golden ratio sequence (M. Roberts, 2018).
@@ -28,6 +30,16 @@ def block_order(width: int, height: int) -> np.ndarray:
     """All pixels, block by block, so that what follows each other in the list lies together in the image."""
     y, x = np.divmod(np.arange(width * height), width)
     return np.lexsort((x % BLOCK, y % BLOCK, x // BLOCK, y // BLOCK))
+
+
+def pixel_grid(width: int, height: int, most: int, seed: int) -> np.ndarray:
+    """At most about ``most`` pixels, one in each of equal parts of the image, row by row."""
+    stride = max(1.0, math.sqrt(width * height / most))
+    across, down = math.ceil(width / stride), math.ceil(height / stride)
+    part = np.arange(across * down)
+    x = ((part % across + _uniform(part, seed)) * width / across).astype(np.int64)
+    y = ((part // across + _uniform(part, seed + 1)) * height / down).astype(np.int64)
+    return np.unique(y * width + x)
 
 
 def samples_at(

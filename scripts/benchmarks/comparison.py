@@ -1,0 +1,169 @@
+"""Temporal photon differentials beside accumulation and time dependent photon mapping, both tuned against the truth.
+
+For three scenes whose irradiance is known exactly: how many photons photon mapping needs for the error that one trace
+of 1 000 photons has, and what CPU time each takes for the error of the default settings.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from accuracy import PIXELS, ROWS, WaveInMemory
+
+from tests.oracle import Wave, irradiance_average
+from tests.test_accuracy import PIXELS as ROD_PIXELS
+from tests.test_accuracy import rod
+from tpdwarp.frame import render_frame
+from tpdwarp.scene.description import SceneSource, Shutter
+from tpdwarp.settings import Settings
+
+OPEN = Shutter(0.0, 0.0, 1.0)
+FEW = 1000
+MAPPED = (1000, 4000, 16_000, 60_000, 240_000, 480_000, 960_000)
+NEIGHBOURS = (6, 12, 25, 50, 100, 200, 400)
+INSTANTS = (4, 8, 16, 32)
+INSTANT_PHOTONS = (256, 1024, 4096, 16_384, 65_536)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene over one shutter with its exact irradiance; pixels are averaged from ``finer``² rendered ones."""
+
+    name: str
+    source: SceneSource
+    truth: np.ndarray
+    width: int
+    height: int
+    finer: int = 1
+
+
+@dataclass(frozen=True)
+class Point:
+    """What one way of rendering cost and how far it is from the truth (relative RMSE)."""
+
+    what: str
+    photons: int
+    error: float
+    seconds: float
+
+
+def scenes() -> Iterator[Scene]:
+    """The soft wave, the wave with folds, and the turning glass rod."""
+    for name, wavelength in (("soft wave", 1.3), ("wave with folds", 0.65)):
+        wave = Wave(wavelength=wavelength, speed=wavelength / 8.0)
+        columns = irradiance_average(np.linspace(-1.0, 1.0, PIXELS + 1), wave, 0.0, 1.0, times=256)
+        yield Scene(name, WaveInMemory(wave), np.broadcast_to(columns, (ROWS, PIXELS)), PIXELS, ROWS)
+    source, truth = rod()
+    yield Scene("cylinder", source, truth, 2 * ROD_PIXELS, 2 * ROD_PIXELS, 2)
+
+
+def measured(scene: Scene, what: str, **settings: Any) -> Point:
+    """Renders once with kernels compiled; CPU seconds of all threads."""
+    chosen = Settings(aovs=("irradiance",), **settings)
+    start = time.process_time()
+    frame = render_frame(scene.source, OPEN, chosen, scene.width, scene.height)
+    seconds = time.process_time() - start
+    found = frame.channels["irradiance.R"].astype(float)
+    height, width = (size // scene.finer for size in found.shape)
+    found = found.reshape(height, scene.finer, width, scene.finer).mean(axis=(1, 3))
+    error = float(np.sqrt(np.mean((found - scene.truth) ** 2)) / scene.truth.mean())
+    instants = chosen.accumulation_times if chosen.estimator == "accumulation" else 1
+    return Point(what, chosen.photons * instants, error, seconds)
+
+
+def mapping(scene: Scene) -> list[Point]:
+    """Photon mapping with the best k for each number of photons, in-between frames or random times."""
+    best = []
+    for photons in MAPPED:
+        found = []
+        for between in (None, 10):
+            previous = math.inf
+            for k in NEIGHBOURS:
+                if k >= photons:
+                    break
+                settings = {"estimator": "tdpm", "emission": "jittered", "samples": 1, "accumulation_times": 32}
+                name = f"k {k}, {'random times' if between is None else f'B {between}'}"
+                point = measured(scene, name, photons=photons, tdpm_neighbours=k, tdpm_between=between, **settings)
+                found.append(point)
+                # Past the best bandwidth errors only grow.
+                if point.error > 1.1 * previous:
+                    break
+                previous = point.error
+        best.append(min(found, key=lambda point: point.error))
+        shown = best[-1]
+        print(f"  tdpm {photons:7d} photons: {shown.error:.4f}, {shown.seconds:.2f} s ({shown.what})", flush=True)
+    return best
+
+
+def accumulation(scene: Scene) -> list[Point]:
+    """Accumulations on the front of error against CPU time."""
+    points = [
+        measured(scene, f"{times} × {photons}", estimator="accumulation", photons=photons, accumulation_times=times)
+        for photons in INSTANT_PHOTONS
+        for times in INSTANTS
+    ]
+    front = front_of(points)
+    for point in front:
+        print(f"  accumulation {point.what}: {point.error:.4f}, {point.seconds:.2f} s", flush=True)
+    return front
+
+
+def front_of(points: list[Point]) -> list[Point]:
+    """Points that none is both cheaper and more exact than, dearest last."""
+    front: list[Point] = []
+    for point in sorted(points, key=lambda entry: entry.seconds):
+        if not front or point.error < front[-1].error:
+            front.append(point)
+    return front
+
+
+def cost_of(error: float, points: list[Point], cost: str) -> tuple[float, bool]:
+    """What ``error`` costs on a front, between its points by power laws, and whether that was reached at all."""
+    ordered = sorted(points, key=lambda point: -point.error)
+    previous = None
+    for point in ordered:
+        if point.error <= error:
+            if previous is None:
+                return float(getattr(point, cost)), True
+            part = math.log(previous.error / error) / math.log(previous.error / point.error)
+            low, high = getattr(previous, cost), getattr(point, cost)
+            return float(low * (high / low) ** part), True
+        previous = point
+    return float(getattr(ordered[-1], cost)), False
+
+
+def run() -> list[dict[str, object]]:
+    """Ratios for each scene; ``reached`` is false where a method never got there, and its ratio a lower bound."""
+    results = []
+    for scene in scenes():
+        print(f"{scene.name}: relative RMSE against the exact irradiance, exposure 1 frame")
+        measured(scene, "warm", photons=FEW)
+        few = measured(scene, "tpd", photons=FEW)
+        default = measured(scene, "tpd", photons=Settings().photons)
+        print(f"  tpd {FEW} photons: {few.error:.4f}, {few.seconds:.2f} s")
+        print(f"  tpd {default.photons} photons (default): {default.error:.4f}, {default.seconds:.2f} s", flush=True)
+        measured(scene, "warm", estimator="tdpm", photons=FEW, emission="jittered", samples=1)
+        measured(scene, "warm", estimator="accumulation", photons=FEW, accumulation_times=1)
+        mapped, accumulated = mapping(scene), accumulation(scene)
+        needed, needed_reached = cost_of(few.error, mapped, "photons")
+        mapped_seconds, mapped_reached = cost_of(default.error, front_of(mapped), "seconds")
+        summed_seconds, summed_reached = cost_of(default.error, accumulated, "seconds")
+        rows = (
+            (f"photons of tdpm for the error of {FEW}", needed / FEW, needed_reached),
+            ("CPU time of tdpm for the default's error", mapped_seconds / default.seconds, mapped_reached),
+            ("CPU time of accumulation for it", summed_seconds / default.seconds, summed_reached),
+        )
+        for what, ratio, reached in rows:
+            print(f"  {what}: {'' if reached else 'more than '}{ratio:.3g} times as much", flush=True)
+            results.append({"scene": scene.name, "what": what, "ratio": ratio, "reached": reached})
+    return results

@@ -1,0 +1,75 @@
+"""The error that --target-error asks for beside the one that comes out, against converged accumulations."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tpdwarp.frame import render_frame
+from tpdwarp.scene.description import Shutter
+from tpdwarp.sequence import open_scene, shutter_of
+from tpdwarp.settings import Settings
+from tpdwarp.targeting import settled
+
+SCENES = Path(__file__).resolve().parents[2] / "usd_scenes"
+WIDTH = 128
+WANTED = (0.1, 0.05, 0.02)
+FRAMES = (6.0, 18.0)
+# The truth of each case has so many photons in each of so many instants.
+TRUTH = {"estimator": "accumulation", "photons": 1 << 16, "accumulation_times": 32}
+CASES: dict[str, tuple[str, dict[str, Any]]] = {
+    "wave": ("wave", {}),
+    "wave, exposure 0": ("wave", {"exposure": 0.0}),
+    "wave, exposure 3": ("wave", {"exposure": 3.0}),
+    "wave, from above": ("wave", {"camera": "TopOrtho"}),
+    "wave, cubic motion": ("wave", {"motion": "cubic"}),
+    "cylinder": ("cylinder", {}),
+    "cylinder, exposure 0": ("cylinder", {"exposure": 0.0}),
+    "cylinder, from above": ("cylinder", {"camera": "TopOrtho"}),
+    "cylinder, exposure 2": ("cylinder", {"camera": "TopOrtho", "exposure": 2.0}),
+    "mirror": ("mirror", {}),
+    "mirror, exposure 0": ("mirror", {"exposure": 0.0}),
+    "mirror, from above": ("mirror", {"camera": "TopOrtho"}),
+    "mirror, exposure 3": ("mirror", {"exposure": 3.0}),
+    "sea": ("sea", {}),
+    "sea, exposure 0": ("sea", {"exposure": 0.0}),
+    "sea, exposure 3": ("sea", {"exposure": 3.0}),
+}
+
+
+def run() -> list[dict[str, object]]:
+    """For each case and wanted error: what was chosen, the error expected, and the true one at the same samples."""
+    print(f"relative RMSE at {WIDTH} pixels across, frames {', '.join(map(str, FRAMES))}")
+    print(f"  {'case':22s} {'wanted':>7s} {'photons':>9s} {'K':>3s} {'expected':>9s} {'true':>7s} {'true/wanted':>12s}")
+    results = []
+    for name, (scene, changes) in CASES.items():
+        base = Settings(image_width=WIDTH, aovs=("caustic",), **{"exposure": 1.0, **changes})
+        source = open_scene(SCENES / f"{scene}.usdc", base, False)
+        size = source.resolution()
+        stills = [shutter_of(source, still.middle, base) for still in source.reference_shutters()]
+        shutters = [shutter_of(source, frame, base) for frame in FRAMES]
+        truth = _light(source, shutters, Settings.of(base, **TRUTH), size)
+        for wanted in WANTED:
+            chosen, target = settled(source, Settings.of(base, target_error=wanted), stills, *size)
+            error = np.sqrt(np.mean((_light(source, shutters, chosen, size) - truth) ** 2)) / truth.mean()
+            row = (target.photons, target.segments, target.expected, error, error / wanted)
+            print(
+                f"  {name:22s} {wanted:7.2f} {row[0]:9d} {row[1]:3d} {row[2]:9.4f} {row[3]:7.4f} {row[4]:12.2f}",
+                flush=True,
+            )
+            keys = ("case", "wanted", "photons", "segments", "expected", "true", "ratio")
+            results.append(dict(zip(keys, (name, wanted, *map(float, row)), strict=True)))
+    ratios = np.array([row["ratio"] for row in results])
+    within = np.mean((ratios > 0.5) & (ratios < 2))
+    print(f"  true/wanted from {ratios.min():.2f} to {ratios.max():.2f}; {within:.0%} in 0.5 … 2")
+    return results
+
+
+def _light(source, shutters: list[Shutter], settings: Settings, size: tuple[int, int]) -> np.ndarray:
+    frames = [render_frame(source, shutter, settings, *size).channels for shutter in shutters]
+    return np.stack([np.stack([frame[f"caustic.{c}"] for c in "RGB"]) for frame in frames]).astype(np.float64)

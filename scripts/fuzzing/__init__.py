@@ -1,0 +1,1 @@
+"""Fuzzing: mutated USD layers through the command line, and a judge of what comes out."""

@@ -1,0 +1,129 @@
+"""Laws of choosing photons and segments for a wanted error, and how near to it the true error comes."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+
+import numpy as np
+import pytest
+
+import tpdwarp
+from tests.oracle import Wave, irradiance_average
+from tests.small_stage import write_stage
+from tests.view.scenes import wave_source
+from tpdwarp import targeting
+from tpdwarp.errors import InputError
+from tpdwarp.frame import render_frame
+from tpdwarp.images import read_stored
+from tpdwarp.scene.description import Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.targeting import chosen, settled
+
+FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
+OPEN = Shutter(0, 0, 1)
+
+
+class Made:
+    """Pictures with errors of known size: space·m^−slope, new for each m, and time·K^−2, always of the same shape."""
+
+    def __init__(self, space: float, slope: float, time: float = 0.0) -> None:
+        self.space, self.slope, self.time = space, slope, time
+        self.most = 0
+
+    def __call__(self, photons: int, segments: int) -> np.ndarray:
+        self.most = max(self.most, photons * segments)
+        random = np.random.default_rng(photons)
+        noise = self.space * photons**-self.slope * random.standard_normal((4000, 3))
+        return 1.0 + noise + self.time * segments**-2 * np.random.default_rng(1).standard_normal((4000, 3))
+
+    def error(self, photons: int, segments: int) -> float:
+        return math.hypot(self.space * photons**-self.slope, self.time * segments**-2)
+
+
+@pytest.mark.parametrize("wanted", [0.1, 0.05, 0.02, 0.01])
+@pytest.mark.parametrize("slope", [0.5, 0.75, 1.0])
+@pytest.mark.parametrize("time", [0.0, 0.02, 0.2])
+def test_the_choice_errs_as_wanted_where_errors_follow_power_laws(wanted, slope, time):
+    made = Made(4.0, slope, time)
+    choice = chosen(made, wanted, 64)
+    assert 0.5 * wanted < made.error(choice.photons, choice.segments) < 1.5 * wanted
+    assert choice.error <= wanted
+    # The pilot costs no more than a few frames would, of a few pixels.
+    assert made.most <= max(4096, 16 * choice.photons * choice.segments)
+
+
+def test_the_cheaper_of_photons_and_segments_is_raised():
+    assert chosen(Made(8.0, 1.0, 0.0), 0.01, 64).segments == 1
+    assert chosen(Made(8.0, 1.0, 0.5), 0.01, 64).segments >= 4
+    assert chosen(Made(8.0, 1.0, 0.5), 0.4, 64).segments == 1
+    assert chosen(Made(8.0, 1.0, 0.5), 0.01, 1).segments == 1
+
+
+def test_smaller_errors_cost_more():
+    costs = [(c := chosen(Made(8.0, 0.75, 0.05), wanted, 64)).photons * c.segments for wanted in (0.2, 0.1, 0.03, 0.01)]
+    assert costs == sorted(costs) and costs[0] < costs[-1]
+
+
+def test_no_light_needs_few_photons():
+    choice = chosen(lambda photons, segments: np.zeros((10, 3)), 0.02, 64)
+    assert (choice.photons, choice.segments, choice.error) == (targeting.FIRST_PHOTONS, 1, 0.0)
+
+
+@pytest.mark.parametrize(("wave", "exposure"), [(Wave(), 0), (Wave(), 1), (Wave(), 3), (FOLDED, 1), (FOLDED, 2)])
+@pytest.mark.parametrize("wanted", [0.1, 0.05, 0.02])
+def test_the_true_error_is_within_a_factor_of_two_of_what_was_asked(wave, exposure, wanted):
+    source, shutter = wave_source(wave), Shutter(0, 0, exposure)
+    truth = irradiance_average(np.linspace(-1, 1, 257), wave, 0, exposure, 1 + 255 * (exposure > 0), "smooth")
+    settings = Settings(target_error=wanted, aovs=("irradiance",))
+    resolved, target = settled(source, settings, [shutter], 256, 32)
+    assert resolved.target_error is None and target.photons == resolved.photons
+    found = render_frame(source, shutter, resolved, 256, 32).channels["irradiance.R"].astype(float)
+    error = np.sqrt(np.mean((found - truth) ** 2)) / truth.mean()
+    assert 0.5 * wanted < error < 2 * wanted
+    assert target.expected <= wanted
+
+
+def test_what_cannot_be_reached_is_said(caplog, monkeypatch):
+    monkeypatch.setattr(targeting, "MOST_PHOTONS", 4096)
+    with caplog.at_level(logging.WARNING):
+        _, target = settled(wave_source(FOLDED), Settings(target_error=0.001), [OPEN], 64, 8)
+    assert "out of reach" in caplog.text and target.expected > 0.001
+
+
+def test_frames_say_what_was_wanted_and_what_is_expected(tmp_path):
+    stage = write_stage(tmp_path / "small.usda")
+    result = tpdwarp.render(stage, tmp_path / "f.####.exr", frames=2, target_error=0.1, stats=tmp_path / "s.json")
+    metadata = read_stored(str(tmp_path / "f.0002.exr")).metadata
+    used = json.loads(metadata["tpdwarp:settings"])
+    assert metadata["tpdwarp:targetError"] == pytest.approx(0.1)
+    assert metadata["tpdwarp:expectedError"] == pytest.approx(result.target.expected, rel=1e-6)
+    assert (used["photons"], used["segments"]) == (result.target.photons, result.target.segments)
+    assert json.loads((tmp_path / "s.json").read_text())["target_error"]["wanted"] == 0.1
+    # Rendered with what was chosen, the same pixels come out.
+    again = tpdwarp.render(stage, tmp_path / "g.####.exr", frames=2, **{n: used[n] for n in ("photons", "segments")})
+    assert again.ok
+    first, second = (read_stored(str(tmp_path / f"{name}.0002.exr")).pixels for name in "fg")
+    np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"target_error": 0.0}, "must lie in"),
+        ({"target_error": 2.0}, "must lie in"),
+        ({"target_error": math.nan}, "must lie in"),
+        ({"target_error": 0.1, "photons": 64}, "leave --photons out"),
+        ({"target_error": 0.1, "segments": 2}, "leave --segments out"),
+        ({"target_error": 0.1, "estimator": "pd"}, "leave --estimator"),
+        ({"target_error": 0.1, "kernel": "cone"}, "leave --estimator"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(changes, words):
+    with pytest.raises(InputError, match=words):
+        Settings.of(**changes)
+
+
+def test_presets_leave_photons_to_the_wanted_error():
+    assert Settings.of(preset="final", target_error=0.1).samples == Settings.of(preset="final").samples

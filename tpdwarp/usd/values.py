@@ -1,0 +1,100 @@
+"""Values of attributes, of the kind they are read as: anything else that a layer may hold is refused, by attribute."""
+
+from __future__ import annotations
+
+import numpy as np
+from pxr import Usd
+
+from tpdwarp.errors import InputError
+
+Shape = tuple[int | None, ...]
+ROWS: Shape = (None, 3)
+LIST: Shape = (None,)
+NUMBER: Shape = ()
+
+
+def raw_at(attribute: Usd.Attribute, time: float | None) -> object | None:
+    """An attribute's value at a time code (None: its default); its schema's fallback where it is blocked, or None."""
+    value = attribute.Get(Usd.TimeCode.Default() if time is None else time)
+    if value is None and attribute:
+        return attribute.GetPrim().GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
+    return value
+
+
+def value_at(attribute: Usd.Attribute, time: float | None, shape: Shape | None = None) -> np.ndarray | None:
+    """An attribute's value as float64 at a time code (None: its default); None where it has no value.
+
+    Args:
+        attribute: A numeric attribute.
+        time: The time code.
+        shape: The shape that is read, None for any size along an axis; None for any shape.
+
+    Raises:
+        InputError: Something else than numbers, or numbers of another shape.
+    """
+    value = raw_at(attribute, time)
+    return None if value is None else numbers(value, attribute, shape)
+
+
+def number_at(attribute: Usd.Attribute, time: float | None, default: float = 0.0) -> float:
+    """A number at a time code; ``default`` where there is no value.
+
+    Raises:
+        InputError: Something else than a number.
+    """
+    value = value_at(attribute, time, NUMBER)
+    return default if value is None else float(value)
+
+
+def indices_at(attribute: Usd.Attribute, time: float | None) -> np.ndarray:
+    """A list of whole numbers at a time code, shape [n] int64; empty where there is no value.
+
+    Raises:
+        InputError: Something else than a list of whole numbers.
+    """
+    value = raw_at(attribute, time)
+    if value is None:
+        return np.zeros(0, np.int64)
+    found = np.array(value)
+    if found.ndim != 1 or (found.size and found.dtype.kind not in "iu"):
+        raise _refusal(value, attribute)
+    return found.astype(np.int64)
+
+
+def numbers(value: object, attribute: Usd.Attribute, shape: Shape | None = None) -> np.ndarray:
+    """A value as float64; ``attribute`` is what it comes from.
+
+    Raises:
+        InputError: Something else than numbers, or numbers of another shape.
+    """
+    found = np.array(value)
+    fits = shape is None or (
+        found.ndim == len(shape) and all(want in (None, have) for want, have in zip(shape, found.shape, strict=True))
+    )
+    if found.dtype.kind not in "biuf" or not fits:
+        raise _refusal(value, attribute)
+    return found.astype(np.float64)
+
+
+def text_at(attribute: Usd.Attribute, time: float | None = None) -> str:
+    """A token or string at a time code (by default, its default); empty where it is something else."""
+    value = raw_at(attribute, time)
+    return value if isinstance(value, str) else ""
+
+
+def texts_at(attribute: Usd.Attribute, time: float | None = None) -> tuple[str, ...]:
+    """A list of tokens or strings; empty where it is something else."""
+    value = raw_at(attribute, time)
+    try:
+        found = tuple(value or ())
+    except TypeError:
+        return ()
+    return found if all(isinstance(entry, str) for entry in found) else ()
+
+
+def _refusal(value: object, attribute: Usd.Attribute) -> InputError:
+    kind = attribute.GetTypeName()
+    return InputError(
+        f"holds a value of type {type(value).__name__}, which cannot be read (author {kind})",
+        prim=str(attribute.GetPath()),
+    )
