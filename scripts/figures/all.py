@@ -25,7 +25,7 @@ FIGURES = {
 def main() -> None:
     """Makes the figures that the command line asks for."""
     parser = argparse.ArgumentParser(description="Makes the figures of the paper.")
-    parser.add_argument("figure", nargs="*", type=int, choices=FIGURES, help="which (default: all)")
+    parser.add_argument("figure", nargs="*", type=int, metavar="|".join(map(str, FIGURES)), help="which (default: all)")
     parser.add_argument("--out", type=Path, default=DOCS, metavar="FOLDER", help="where to (default: docs/figures)")
     options = parser.parse_args()
     for number in options.figure or FIGURES:

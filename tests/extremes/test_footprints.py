@@ -169,16 +169,16 @@ def test_footprints_much_longer_than_the_receiver_leave_their_share(direction, f
 
 
 @pytest.mark.parametrize("motion", ["deforming", "rigid"])
-def test_motion_over_hundreds_of_millions_of_scenes_leaves_nothing_behind(motion):
+def test_motion_beyond_all_measure_leaves_nothing_behind(motion):
     frame = render(passing_by(1e9, motion), most_lost=1.0)
     assert frame.channels["irradiance.R"].max() < 1e-6
 
 
-@pytest.mark.parametrize("way", [1e11, 1e20, 1e30])
+@pytest.mark.parametrize("way", [1e20, 1e30])
 @pytest.mark.parametrize("motion", ["deforming", "rigid"])
-def test_motion_beyond_what_single_precision_holds_is_refused_by_prim(motion, way):
-    with pytest.raises(InputError, match="/water: reaches"):
-        render(passing_by(way, motion))
+def test_motion_beyond_single_precision_is_refused(motion, way):
+    with pytest.raises(InputError, match="times its size"):
+        render(passing_by(way, motion), most_lost=1.0)
 
 
 @pytest.mark.parametrize("speed", [1e-6, 1.0, 1e3, 1e6])

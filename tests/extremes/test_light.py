@@ -121,7 +121,10 @@ REFUSED = {
     "infinity": (("float inputs:intensity = inf",), "/World/Sun.inputs:intensity: holds inf"),
     "a negative colour": (("color3f inputs:color = (0, -1, 0)",), "/World/Sun.inputs:color: holds (0.0, -1.0, 0.0)"),
     "an infinite exposure": (("float inputs:exposure = inf",), "/World/Sun.inputs:exposure: holds inf"),
-    "an exposure of 2000": (("float inputs:exposure = 2000",), "its intensity, exposure and colour come to inf"),
+    "an exposure of 2000": (
+        ("float inputs:exposure = 2000",),
+        "/World/Sun: its intensity, exposure and colour come to inf",
+    ),
     "both beyond measure": (
         ("float inputs:intensity = 1e38", "float inputs:exposure = 300"),
         "/World/Sun: its intensity, exposure and colour come to 2.03704e+128",

@@ -68,7 +68,7 @@ def without_meshes(layer: Sdf.Layer) -> None:
 def far_vertex(time: float) -> Callable[[Sdf.Layer], None]:
     def change(layer: Sdf.Layer) -> None:
         points = [Gf.Vec3f(*point) for point in layer.QueryTimeSample(Sdf.Path("/World/Pane.points"), 1)]
-        points[0] = Gf.Vec3f(0, 1e30, 0)
+        points[0] = Gf.Vec3f(0, 1e38, 0)
         layer.SetTimeSample(Sdf.Path("/World/Pane.points"), time, Vt.Vec3fArray(points))
 
     return change
@@ -117,7 +117,7 @@ REFUSED = {
             value("/World.xformOp:scale", "double3", Gf.Vec3d(1e30))(layer),
             value("/World.xformOpOrder", "token[]", ["xformOp:scale"])(layer),
         ),
-        "/World/Sun",
+        "/World/",
     ),
 }
 

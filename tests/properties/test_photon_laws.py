@@ -25,6 +25,8 @@ def photons_of(scene, **more):
 @law
 @given(scenes(suns()), rotations(), vectors(-3, 3), st.sampled_from(("surface", "light")))
 def test_photons_turn_and_shift_with_the_scene(scene, turn, shift, anchor):
+    # Where a turning sun emits from is nowhere in particular, so what is fixed there has no motion of its own.
+    assume(anchor == "surface" or not any(light.axes_motion.any() for light in scene.lights))
     one = photons_of(scene, anchor=anchor)
     other = traced(placed(scene, turn, shift), PHOTONS, anchor=anchor)
     assert_same_photons(one, other, turn, shift)

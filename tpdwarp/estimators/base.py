@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from tpdwarp.errors import InputError
 from tpdwarp.estimators.segmenting import segment_count
 from tpdwarp.footprints.footprint import FootprintMap, PixelSize
 from tpdwarp.footprints.gather import GatherForm, Irradiance, QueryArrays, gather
@@ -66,7 +67,7 @@ class Animation:
     def __init__(self, source: SceneSource, settings: Settings) -> None:
         self.source, self.settings = source, settings
         self.launcher = Launcher(settings.device, settings.threads)
-        self.normalization = Normalization.of(*reference_scenes(source))
+        self.normalization = _normalization(reference_scenes(source), source.file)
         self._plans: dict[int, EmissionPlan] = {}
         self._segment_counts: dict[tuple[float, float], int] = {}
 
@@ -128,6 +129,20 @@ class Animation:
             with (clock or Clock()).stage("plan"):
                 self._plans[photons] = plan_emission(self.source, photons, self.normalization)
         return self._plans[photons]
+
+
+def _normalization(stills: list[SceneAtShutter], file: str) -> Normalization:
+    """What suits all ``stills``, but for those in which something has gone astray: they must not make others vanish."""
+    shown = [still for still in stills if still.meshes]
+    if not shown:
+        return Normalization.of(*stills)
+    smallest = max((Normalization.of(still) for still in shown), key=lambda found: found.scale)
+    usable = []
+    for still in shown:
+        with suppress(InputError):
+            require_reach(still, smallest, file)
+            usable.append(still)
+    return Normalization.of(*usable)
 
 
 class IrradianceField(Protocol):
