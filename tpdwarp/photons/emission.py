@@ -31,6 +31,8 @@ from tpdwarp.scene.reach import require_reach
 FINEST_ANGLE = 0.1
 WIDEST_SINGLE_PATCH = math.radians(60.0)
 CUBE_FACE = math.pi / 4
+# How many times the cells that the stills foresaw a frame may emit; a rod that turns takes some times as many.
+MOST_GROWTH = 16
 # Lattice coordinates are single precision: beyond this cell they no longer resolve a quarter of one.
 FARTHEST_CELL = 2**22
 
@@ -205,11 +207,14 @@ class EmissionPlan:
         ]
 
     def _holds(self, light: LightAtShutter, corners: np.ndarray, lattice: Lattice, bounds: _Bounds | None) -> bool:
-        """Whether ``lattice`` suits what ``light`` sees: nothing outside of it, and no cells whose ids would repeat."""
+        """Whether ``lattice`` suits what ``light`` sees: nothing outside of it, and not far more than was foreseen."""
         if bounds is not None:
-            for (first, count), wrap in zip(_cells(lattice, bounds), lattice.wrap, strict=True):
-                if count > wrap or max(abs(first), abs(first + count)) > FARTHEST_CELL:
-                    return False
+            cells = _cells(lattice, bounds)
+            foreseen = lattice.wrap[0] * lattice.wrap[1] // 4
+            if math.prod(count for _, count in cells) > MOST_GROWTH * foreseen:
+                return False
+            if any(max(abs(first), abs(first + count)) > FARTHEST_CELL for first, count in cells):
+                return False
         if lattice.limit != WIDEST_SINGLE_PATCH:
             return True
         return _spread(light, corners, lattice.axes[2], self.normalization) <= WIDEST_SINGLE_PATCH
