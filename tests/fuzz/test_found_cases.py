@@ -60,6 +60,16 @@ def instancer_of_itself(layer: Sdf.Layer) -> None:
     instancer.CreatePositionsAttr([Gf.Vec3f(0)])
 
 
+def unknown_op_in_a_prototype(layer: Sdf.Layer) -> None:
+    stage = Usd.Stage.Open(layer)
+    instancer = UsdGeom.PointInstancer.Define(stage, "/World/Drops")
+    UsdGeom.Mesh.Define(stage, "/World/Drops/Chip")
+    instancer.GetPrototypesRel().SetTargets(["/World/Drops/Chip"])
+    instancer.CreateProtoIndicesAttr([0])
+    instancer.CreatePositionsAttr([Gf.Vec3f(0)])
+    value("/World/Drops/Chip.xformOpOrder", "token[]", ["vertex"])(layer)
+
+
 def without_meshes(layer: Sdf.Layer) -> None:
     for path in ("/World/Pane", "/World/Floor"):
         samples(f"{path}.visibility", "token", {1: "invisible", 2: "inherited"})(layer)
@@ -143,6 +153,7 @@ def test_it_is_refused_in_one_line_that_says_where(name, tmp_path, capfd):
 RENDERED = {
     "a mirror that would give more than it gets": (tinted_mirror, "limited to 1"),
     "an instancer that is its own prototype": (instancer_of_itself, "holds itself"),
+    "an instance with an op that is none": (unknown_op_in_a_prototype, "xformOp 'vertex'"),
     "a frame without a mesh": (without_meshes, "no surface that reflects"),
     "a pane that leaves for infinity in a later frame": (far_vertex(3), ""),
     "a subdivision scheme that is blocked": (
