@@ -153,7 +153,6 @@ def test_it_is_refused_in_one_line_that_says_where(name, tmp_path, capfd):
 RENDERED = {
     "a mirror that would give more than it gets": (tinted_mirror, "limited to 1"),
     "an instancer that is its own prototype": (instancer_of_itself, "holds itself"),
-    "an instance with an op that is none": (unknown_op_in_a_prototype, "xformOp 'vertex'"),
     "a frame without a mesh": (without_meshes, "no surface that reflects"),
     "a pane that leaves for infinity in a later frame": (far_vertex(3), ""),
     "a subdivision scheme that is blocked": (
@@ -173,6 +172,16 @@ def test_it_is_rendered_and_what_was_made_of_it_is_said(name, tmp_path, capfd):
     lines = capfd.readouterr().err.splitlines()
     assert all(line.startswith("warning: ") for line in lines)
     assert said in " ".join(lines)
+
+
+def test_what_usd_says_of_prototypes_is_a_warning_of_ours(tmp_path, capfd):
+    file = changed(tmp_path, unknown_op_in_a_prototype)
+    capfd.readouterr()
+    # At the default time nothing varies, so that the prototypes are looked at before any frame is read.
+    assert main(["photons", file, str(tmp_path / "a.usda"), "-d", "--photons", "64"]) == 0
+    lines = capfd.readouterr().err.splitlines()
+    assert any("xformOp 'vertex'" in line for line in lines)
+    assert all(line.startswith("warning: ") for line in lines)
 
 
 def test_errors_of_usd_come_without_its_innards(tmp_path, capfd):
