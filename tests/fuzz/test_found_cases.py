@@ -60,6 +60,16 @@ def instancer_of_itself(layer: Sdf.Layer) -> None:
     instancer.CreatePositionsAttr([Gf.Vec3f(0)])
 
 
+def unknown_op_in_a_prototype(layer: Sdf.Layer) -> None:
+    stage = Usd.Stage.Open(layer)
+    instancer = UsdGeom.PointInstancer.Define(stage, "/World/Drops")
+    UsdGeom.Mesh.Define(stage, "/World/Drops/Chip")
+    instancer.GetPrototypesRel().SetTargets(["/World/Drops/Chip"])
+    instancer.CreateProtoIndicesAttr([0])
+    instancer.CreatePositionsAttr([Gf.Vec3f(0)])
+    value("/World/Drops/Chip.xformOpOrder", "token[]", ["vertex"])(layer)
+
+
 def without_meshes(layer: Sdf.Layer) -> None:
     for path in ("/World/Pane", "/World/Floor"):
         samples(f"{path}.visibility", "token", {1: "invisible", 2: "inherited"})(layer)
@@ -162,6 +172,16 @@ def test_it_is_rendered_and_what_was_made_of_it_is_said(name, tmp_path, capfd):
     lines = capfd.readouterr().err.splitlines()
     assert all(line.startswith("warning: ") for line in lines)
     assert said in " ".join(lines)
+
+
+def test_what_usd_says_of_prototypes_is_a_warning_of_ours(tmp_path, capfd):
+    file = changed(tmp_path, unknown_op_in_a_prototype)
+    capfd.readouterr()
+    # At the default time nothing varies, so that the prototypes are looked at before any frame is read.
+    assert main(["photons", file, str(tmp_path / "a.usda"), "-d", "--photons", "64"]) == 0
+    lines = capfd.readouterr().err.splitlines()
+    assert any("xformOp 'vertex'" in line for line in lines)
+    assert all(line.startswith("warning: ") for line in lines)
 
 
 def test_errors_of_usd_come_without_its_innards(tmp_path, capfd):

@@ -176,8 +176,6 @@ def bspline_path(y: wp.vec2, v: wp.vec2, bend: wp.vec2) -> float:
     speed = wp.max(wp.abs(v[0]) + 0.5 * wp.abs(bend[0]), wp.abs(v[1]) + 0.5 * wp.abs(bend[1]))
     if speed == 0.0:
         return bspline_static(y)
-    if speed == 0.0:
-        return bspline_static(y)
     panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
     total = float(0.0)
     for k in range(int(wp.floor((low + 0.5) * panels)), int(wp.ceil((high + 0.5) * panels))):

@@ -88,10 +88,6 @@ def _mesh(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> wp.M
     )
 
 
-# A BVH needs a triangle; no ray hits one without area.
-NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
-
-
 def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
     filled = [a for a in arrays if len(a)]
     if not filled:

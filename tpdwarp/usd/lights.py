@@ -82,7 +82,8 @@ class Light:
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
         scale *= self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._sphere_factor(frame)
-        power = scale * color
+        with np.errstate(over="ignore", invalid="ignore"):
+            power = scale * color
         if not power.max() <= LARGEST:
             raise InputError(
                 f"its intensity, exposure and colour come to {power.max():g} together (author less than {LARGEST:g})",

@@ -124,8 +124,9 @@ class StageScene:
 
     def reference_shutters(self) -> list[Shutter]:
         """Up to nine stills spread evenly over the animation, the first at its start; one where nothing moves."""
-        if self.end <= self.start or not self._changes():
-            return [Shutter.still(self.start)]
+        with usd_diagnostics(self.warnings):
+            if self.end <= self.start or not self._changes():
+                return [Shutter.still(self.start)]
         step = (self.end - self.start) / (REFERENCE_COUNT - 1)
         return [Shutter.still(self.start + step * k) for k in range(REFERENCE_COUNT)]
 
