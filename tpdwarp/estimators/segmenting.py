@@ -38,7 +38,7 @@ MOMENT = 0.125
 # Beyond this quantile D_tt x belongs to light that appears and vanishes at edges, which no segments help.
 LARGEST = 0.95
 # The mean of τ sees little of folds, where light errs the most: fitted to waves with and without them.
-GAIN = 1.5
+GAIN = 1.25
 # Fractions above this are worth another segment; below it they do not pay for another scene.
 ROUND_UP = 0.75
 STIFFNESS = 1.0e-3
