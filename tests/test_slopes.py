@@ -10,6 +10,7 @@ import pytest
 from tests.estimators.frames import irradiance, rendered
 from tests.oracle import Wave, irradiance_average
 from tests.view.scenes import wave_source
+from tpdwarp.photons import emission
 from tpdwarp.scene.description import Shutter
 
 WAVE = Wave()
@@ -31,12 +32,24 @@ def slope(steps: Sequence[float], errors: Sequence[float]) -> float:
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
-def test_the_error_in_space_falls_as_one_over_the_photons():
+@pytest.fixture
+def square_cells(monkeypatch):
+    """Lattices that do not care in which direction light varies."""
+    monkeypatch.setattr(emission, "elongation", lambda views: 1.0)
+
+
+def test_the_error_in_space_falls_as_one_over_the_photons(square_cells):
     photons = (1024, 4096, 16384)
     assert slope(photons, [error(0.0, photons=n) for n in photons]) == pytest.approx(-1, abs=0.2)
 
 
-def test_in_motion_it_falls_as_fast_until_the_error_in_time_is_reached():
+def test_where_light_varies_in_one_direction_all_photons_go_there():
+    # Up to 1 024 of them in eight rows.
+    photons = (256, 512, 1024)
+    assert slope(photons, [error(0.0, photons=n) for n in photons]) == pytest.approx(-2, abs=0.4)
+
+
+def test_in_motion_it_falls_as_fast_until_the_error_in_time_is_reached(square_cells):
     photons = (256, 1024, 4096)
     assert slope(photons, [error(1.0, photons=n) for n in photons]) == pytest.approx(-1, abs=0.25)
     straight = [error(1.0, photons=n, path="straight") for n in (16384, 65536)]

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tpdwarp.estimators.base import Animation
 
 PILOT_PHOTONS = 4096
-FEWEST_PHOTONS = 256
+FEWEST_PHOTONS = 512
 MOST_SEGMENTS = 64
 MOST_STILLS = 4
 # Part of the shutter over which D_t x is taken at its opening, middle and closing.
@@ -109,19 +109,25 @@ def _errors(
         plan: Their lattices.
         share: Cell area of the full number of photons by that of the pilot's.
     """
-    width = np.maximum(np.linalg.norm(middle.dxdu, axis=1), np.linalg.norm(middle.dxdv, axis=1))
-    typical = math.sqrt(share) * float(np.median(width))
-    if not typical > 0:
+    widths = [np.linalg.norm(column, axis=1) for column in (middle.dxdu, middle.dxdv)]
+    typical = [math.sqrt(share) * float(np.median(width)) for width in widths]
+    if not max(typical) > 0:
         return 0.0, 0.0
     neighbours = _neighbours(middle, plan)
     bend = _velocity(closing) - _velocity(opening) + _advection(middle, fixed, neighbours)
     bends = np.linalg.norm(bend, axis=1)
     bends = np.minimum(bends, np.quantile(bends, LARGEST))
     # Areas vanish at folds; no footprint is finer than the typical one.
-    area = np.hypot(np.linalg.norm(np.cross(middle.dxdu, middle.dxdv), axis=1), typical * width)
-    change = np.minimum(_slope(np.log(area), middle.position, neighbours, 0.3 * typical), 1.0 / typical)
+    least = np.maximum(typical[0] * widths[1], typical[1] * widths[0])
+    logs = np.log(np.hypot(np.linalg.norm(np.cross(middle.dxdu, middle.dxdv), axis=1), least))
+    # Cells are longer where light varies less, so each direction counts with its own.
+    changes = [
+        np.minimum(_slope(logs, middle.position, pairs, 0.3 * size), 1.0 / max(size, np.finfo(float).tiny))
+        for pairs, size in zip(neighbours, typical, strict=True)
+    ]
+    blur = np.max([size * change for size, change in zip(typical, changes, strict=True)], axis=0)
     flux = middle.flux.sum(axis=1)
-    return float(np.sum(flux * bends * change) / 24.0), float(np.sum(flux * (typical * change) ** 2) / 8.0)
+    return float(np.sum(flux * bends * np.max(changes, axis=0)) / 24.0), float(np.sum(flux * blur**2) / 8.0)
 
 
 def _velocity(photons: PhotonMap) -> np.ndarray:
@@ -158,10 +164,10 @@ def _neighbours(photons: PhotonMap, plan: EmissionPlan) -> tuple[Pairs, Pairs]:
     return pairs[0], pairs[1]
 
 
-def _slope(values: np.ndarray, positions: np.ndarray, neighbours: tuple[Pairs, Pairs], closest: float) -> np.ndarray:
-    """How fast ``values`` change on the receiver, shape [n]; distances count as no less than ``closest``."""
+def _slope(values: np.ndarray, positions: np.ndarray, pairs: Pairs, closest: float) -> np.ndarray:
+    """How fast ``values`` change from photon to photon, shape [n]; distances count as no less than ``closest``."""
     slope = np.zeros(len(values))
-    for a, b in neighbours:
-        distance = np.maximum(np.linalg.norm(positions[b] - positions[a], axis=1), closest)
-        np.maximum.at(slope, a, np.abs(values[b] - values[a]) / distance)
+    a, b = pairs
+    distance = np.maximum(np.linalg.norm(positions[b] - positions[a], axis=1), max(closest, np.finfo(float).tiny))
+    np.maximum.at(slope, a, np.abs(values[b] - values[a]) / distance)
     return slope

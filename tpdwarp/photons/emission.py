@@ -16,8 +16,8 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
+from tpdwarp.photons.elongation import elongation, specular_faces
 from tpdwarp.scene.description import (
-    Interaction,
     LightAtShutter,
     LightKind,
     MeshAtShutter,
@@ -28,6 +28,7 @@ from tpdwarp.scene.description import (
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.reach import require_reach
 
+FEWEST_ROWS = 8
 FINEST_ANGLE = 0.1
 WIDEST_SINGLE_PATCH = math.radians(60.0)
 CUBE_FACE = math.pi / 4
@@ -117,10 +118,7 @@ def cell_flux(patch: Patch, coordinates: wp.vec2) -> wp.vec3:
 
 def specular_triangles(mesh: MeshAtShutter) -> np.ndarray:
     """Vertex indices [k, 3] of the triangles that reflect or refract."""
-    special = np.array([m.interaction != Interaction.DIFFUSE for m in mesh.materials])
-    if mesh.triangle_materials is None:
-        return mesh.triangles if special[0] else mesh.triangles[:0]
-    return mesh.triangles[special[mesh.triangle_materials]]
+    return mesh.triangles[specular_faces(mesh)]
 
 
 def specular_corners(scene: SceneAtShutter, normalization: Normalization) -> np.ndarray:
@@ -234,7 +232,11 @@ def plan_emission(source: SceneSource, photons: int, normalization: Normalizatio
             if light.path == path and len(there)
         ]
         if views:
-            candidates += _candidates(path, views, normalization)
+            found = _candidates(path, views, normalization)
+            if views[0][0].kind == LightKind.DISTANT:
+                longer = elongation((light, scene) for scene in stills for light in scene.lights if light.path == path)
+                found = [replace(candidate, elongation=longer) for candidate in found]
+            candidates += found
     lattices = _lattices(candidates, photons, 0)
     used = max((lattice.first_id + lattice.wrap[0] * lattice.wrap[1] for lattice in lattices), default=0)
     return EmissionPlan(tuple(lattices), used, photons, normalization)
@@ -247,8 +249,13 @@ def _lattices(candidates: list[_Candidate], photons: int, first_id: int) -> list
     for candidate in candidates:
         count = max(1.0, photons * candidate.power / total)
         width, height = candidate.size
-        # What light grazes is a strip: cells are square until one side has but one row of them.
-        across = max(1, round(min(math.sqrt(count * width / height), count)))
+        # What light grazes is a strip: cells keep their shape until one side has but one row of them.
+        longer = candidate.elongation
+        for axis, size in ((longer, height / width), (1.0 / longer, width / height)):
+            if axis > 1.0:
+                # Long cells are wide where light ends, too: some rows of them are kept.
+                longer = longer ** min(1.0, math.log(max(1.0, count * size / FEWEST_ROWS**2)) / math.log(axis))
+        across = max(1, round(min(math.sqrt(count * longer * width / height), count)))
         down = max(1, round(count / across))
         origin, step = candidate.origin, (width / across, height / down)
         if candidate.limit == CUBE_FACE:
@@ -278,6 +285,7 @@ class _Candidate:
     size: tuple[float, float]
     power: float
     spare: bool = False
+    elongation: float = 1.0
 
 
 def _candidates(
