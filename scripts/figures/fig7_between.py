@@ -35,11 +35,10 @@ RMSE of radiance against an accumulation of 32 instants of 65 536 photons, whose
 REMARKS = """
 With one trace of 1 000 photons (a) the light is smooth and lies where it belongs. Photon mapping without in-between
 frames (b, d) shows the wave as it stood when the shutter opened, and more photons only draw the wrong picture sharper.
-Two in-between frames leave three bands side by side, plain to see in the folds (e, bottom); ten nearly close them. In
-error, neither 480 000 photons with two in-between frames nor 1 000 with ten reach the single trace; 40 000 with ten
-come a little nearer to the truth than it does, since first order motion is then what limits a single trace: 64 000
-photons in eight segments are about five times nearer. The last lines are the paper's method to the letter, whose
-random emission leaves noise that the lattice does not have."""
+Two in-between frames leave three bands side by side, plain to see in the folds (e, bottom); ten nearly close them. On
+the wave none of these comes near the single trace. The folds move by 3/8 λ at the bottom, more than one trace can
+follow well: there it is level with forty times as many photons in ten in-between frames, and segments are what helps.
+The last lines are the paper's method to the letter, whose random emission leaves noise that the lattice has not."""
 
 
 def make() -> Figure:

@@ -15,19 +15,20 @@ from tpdwarp.settings import Settings
 
 def test_without_in_between_frames_all_photons_are_those_of_shutter_open():
     source = wave_source(Wave())
-    opening = traced(source, Shutter(0, 0, 0), estimator="pd").photons
-    np.testing.assert_array_equal(traced(source, estimator="tdpm", tdpm_between=0).photons.positions, opening.positions)
+    opening = traced(source, Shutter(0, 0, 0), estimator="pd", emission="jittered").photons
+    np.testing.assert_array_equal(traced(source, estimator="tdpm", emission="jittered", tdpm_between=0).photons.positions, opening.positions)
 
 
 def test_in_between_frames_share_photons_and_flux_equally():
     source, between = wave_source(Wave()), 3
-    result = traced(source, estimator="tdpm", tdpm_between=between)
+    result = traced(source, estimator="tdpm", tdpm_between=between, emission="jittered")
     assert result.energy.counts["emitted"] == SETTINGS.photons
-    np.testing.assert_allclose(result.energy.sent, traced(source, estimator="pd").energy.sent, rtol=1e-6)
+    alone = traced(source, estimator="pd", emission="jittered")
+    np.testing.assert_allclose(result.energy.sent, alone.energy.sent, rtol=1e-6)
     quarter = SETTINGS.photons // (between + 1)
     for j in range(between + 1):
         at = Shutter(0, j / (between + 1), j / (between + 1))
-        alone = traced(source, at, estimator="pd").photons
+        alone = traced(source, at, estimator="pd", emission="jittered").photons
         there = {tuple(cell): place for cell, place in zip(alone.emission, alone.positions, strict=True)}
         cells = result.photons.emission[j * quarter : (j + 1) * quarter]
         mine = result.photons.positions[j * quarter : (j + 1) * quarter]
@@ -36,7 +37,7 @@ def test_in_between_frames_share_photons_and_flux_equally():
 
 def test_without_a_number_of_frames_photons_have_the_times_of_distribution():
     source = wave_source(Wave())
-    dealt, found = traced(source, estimator="distribution"), traced(source, estimator="tdpm")
+    dealt, found = (traced(source, estimator=name, emission="jittered") for name in ("distribution", "tdpm"))
     np.testing.assert_array_equal(found.photons.positions, dealt.photons.positions)
 
 

@@ -127,7 +127,9 @@ class Animation:
         """Emission lattices for ``photons`` photons a shutter; made once for the whole animation."""
         if photons not in self._plans:
             with (clock or Clock()).stage("plan"):
-                self._plans[photons] = plan_emission(self.source, photons, self.normalization)
+                # What knows no footprints gains nothing from long cells, and dice are thrown as the paper throws them.
+                square = self.settings.estimator == "tdpm" or self.settings.emission == "jittered"
+                self._plans[photons] = plan_emission(self.source, photons, self.normalization, square=square)
         return self._plans[photons]
 
 

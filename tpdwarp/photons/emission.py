@@ -218,8 +218,14 @@ class EmissionPlan:
         return _spread(light, corners, lattice.axes[2], self.normalization) <= WIDEST_SINGLE_PATCH
 
 
-def plan_emission(source: SceneSource, photons: int, normalization: Normalization) -> EmissionPlan:
-    """Lays out the lattices for ``photons`` photons a frame, shared between lights by the power they send."""
+def plan_emission(
+    source: SceneSource, photons: int, normalization: Normalization, *, square: bool = False
+) -> EmissionPlan:
+    """Lays out the lattices for ``photons`` photons a frame, shared between lights by the power they send.
+
+    Args:
+        square: Whether cells are square also where light varies in one direction alone.
+    """
     stills = reference_scenes(source, lambda scene: require_reach(scene, normalization, source.file))
     corners = [specular_corners(scene, normalization) for scene in stills]
     paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
@@ -233,7 +239,7 @@ def plan_emission(source: SceneSource, photons: int, normalization: Normalizatio
         ]
         if views:
             found = _candidates(path, views, normalization)
-            if views[0][0].kind == LightKind.DISTANT:
+            if views[0][0].kind == LightKind.DISTANT and not square:
                 longer = elongation((light, scene) for scene in stills for light in scene.lights if light.path == path)
                 found = [replace(candidate, elongation=longer) for candidate in found]
             candidates += found
