@@ -16,7 +16,8 @@ from tpdwarp.settings import Settings
 def test_without_in_between_frames_all_photons_are_those_of_shutter_open():
     source = wave_source(Wave())
     opening = traced(source, Shutter(0, 0, 0), estimator="pd", emission="jittered").photons
-    np.testing.assert_array_equal(traced(source, estimator="tdpm", emission="jittered", tdpm_between=0).photons.positions, opening.positions)
+    found = traced(source, estimator="tdpm", emission="jittered", tdpm_between=0).photons
+    np.testing.assert_array_equal(found.positions, opening.positions)
 
 
 def test_in_between_frames_share_photons_and_flux_equally():
