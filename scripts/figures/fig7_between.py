@@ -37,7 +37,7 @@ With one trace of 1 000 photons (a) the light is smooth and lies where it belong
 frames (b, d) shows the wave as it stood when the shutter opened, and more photons only draw the wrong picture sharper.
 Two in-between frames leave three bands side by side, plain to see in the folds (e, bottom); ten nearly close them. On
 the wave none of these comes near the single trace. The folds move by 3/8 λ at the bottom, more than one trace can
-follow well: there it is level with forty times as many photons in ten in-between frames, and segments are what helps.
+follow well: there 40 000 photons in ten in-between frames come a little nearer, and segments are what helps.
 The last lines are the paper's method to the letter, whose random emission leaves noise that the lattice has not."""
 
 

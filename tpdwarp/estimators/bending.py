@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 MOMENT = 0.125
 FEWEST_GUIDES = 1024
 PHOTONS_PER_GUIDE = 16
-# Photons whose D_t x differs from the mean of their guides' by more than what these have lie beside an edge, and go
-# straight; up to there the way that guides tell is the better one.
-LARGEST_DISAGREEMENT = 1.0
+# Photons whose D_t x differs by more than this part from the mean of their guides' go straight: they lie beside an edge
+# (or the shutter is too long for one segment).
+LARGEST_DISAGREEMENT = 0.25
 
 Key = tuple[int, int]
 

@@ -20,7 +20,7 @@ GROUP = wp.constant(128)
 # How much the motions of queries that are gathered together may differ, as a part of the motion itself.
 LARGEST_DEVIATION = wp.constant(0.25)
 # A footprint is a parabola on runs that reach so far from their middle, in cells; steps for its differences.
-LARGEST_STEP = wp.constant(0.25)
+LARGEST_STEP = wp.constant(0.125)
 SMALLEST_STEP = wp.constant(0.05)
 FEWEST_FOR_PARABOLA = wp.constant(8)
 # Normals of a run within this cosine of its first one all face a footprint, or none does, if the first one does so.

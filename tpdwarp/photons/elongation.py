@@ -52,12 +52,15 @@ def elongation(views: Iterable[tuple[LightAtShutter, SceneAtShutter]]) -> float:
 
 
 def _is_sheet(meshes: list[MeshAtShutter], axes: np.ndarray) -> bool:
-    """Whether the specular faces fill a rectangle in the plane of a light with ``axes``, once."""
+    """Whether the specular faces fill a rectangle in the plane of a light with ``axes`` and face one way."""
     corners = np.concatenate([mesh.points[mesh.triangles[specular_faces(mesh)]] for mesh in meshes]) @ axes[:2].T
     (u1, v1), (u2, v2) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    filled = 0.5 * float(np.abs(u1 * v2 - u2 * v1).sum())
-    whole = float(np.ptp(corners.reshape(-1, 2), axis=0).prod())
-    return abs(filled - whole) <= SHEET * whole
+    areas = 0.5 * (u1 * v2 - u2 * v1)
+    filled, whole = float(np.abs(areas).sum()), float(np.ptp(corners.reshape(-1, 2), axis=0).prod())
+    # Faces may be there more than once, but all look the same way: so a body, with a near and a far side, is no sheet.
+    layers = max(1, round(filled / whole)) if whole > 0.0 else 1
+    limit = SHEET * layers * whole
+    return filled - abs(float(areas.sum())) <= limit and abs(filled - layers * whole) <= limit
 
 
 def _turning(mesh: MeshAtShutter, axes: np.ndarray) -> tuple[float, float]:
