@@ -66,6 +66,13 @@ def test_smaller_errors_cost_more():
     assert costs == sorted(costs) and costs[0] < costs[-1]
 
 
+@pytest.mark.parametrize("wanted", [1e-2, 1e-3, 1e-4])
+def test_no_choice_takes_more_photons_than_there_may_be(wanted, monkeypatch):
+    monkeypatch.setattr(targeting, "MOST_PHOTONS", 1 << 16)
+    choice = chosen(Made(40.0, 0.5), wanted, 1)
+    assert choice.photons * choice.segments <= 1 << 16 and choice.error > wanted
+
+
 def test_no_light_needs_few_photons():
     choice = chosen(lambda photons, segments: np.zeros((10, 3)), 0.02, 64)
     assert (choice.photons, choice.segments, choice.error) == (targeting.FIRST_PHOTONS, 1, 0.0)

@@ -145,7 +145,8 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
     while True:
         now = errors(photons, segments)
         if 4 * photons >= FEWEST_SEEN:
-            if now.with_photons(FARTHEST) <= wanted:
+            room = math.log(MOST_PHOTONS / (photons * segments)) / math.log(4)
+            if now.with_photons(min(FARTHEST, room)) <= wanted:
                 quadruplings = now.quadruplings(wanted)
                 return Choice(math.ceil(photons * 4.0**quadruplings), segments, now.with_photons(quadruplings))
             if 4 * photons * segments >= MOST_PHOTONS:
