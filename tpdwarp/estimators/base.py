@@ -127,10 +127,15 @@ class Animation:
         """Emission lattices for ``photons`` photons a shutter; made once for the whole animation."""
         if photons not in self._plans:
             with (clock or Clock()).stage("plan"):
-                # What knows no footprints gains nothing from long cells, and dice are thrown as the paper throws them.
-                square = self.settings.estimator == "tdpm" or self.settings.emission == "jittered"
-                self._plans[photons] = plan_emission(self.source, photons, self.normalization, square=square)
+                self._plans[photons] = self._planned(photons)
         return self._plans[photons]
+
+    def _planned(self, photons: int) -> EmissionPlan:
+        if self._plans:
+            return next(iter(self._plans.values())).with_photons(photons)
+        # What knows no footprints gains nothing from long cells, and dice are thrown as the paper throws them.
+        square = self.settings.estimator == "tdpm" or self.settings.emission == "jittered"
+        return plan_emission(self.source, photons, self.normalization, square=square)
 
 
 def _normalization(stills: list[SceneAtShutter], file: str) -> Normalization:

@@ -133,9 +133,8 @@ def _bends(
 
 def _rows_by_path(photons: PhotonMap, plan: EmissionPlan) -> list[tuple[Key, np.ndarray]]:
     """Rows of the photons of each lattice of ``plan`` on each path, by (lattice, mask)."""
-    mask, number = np.divmod(photons.ids, plan.id_count)
-    lattice = np.searchsorted([entry.first_id for entry in plan.lattices], number, side="right") - 1
-    planned = np.flatnonzero(number < plan.planned_ids)
+    mask, lattice, foreseen = plan.paths_of(photons.ids)
+    planned = np.flatnonzero(foreseen)
     order = planned[np.lexsort((lattice[planned], mask[planned]))]
     if not len(order):
         return []

@@ -151,8 +151,7 @@ def _advection(riding: PhotonMap, fixed: PhotonMap, neighbours: tuple[Pairs, Pai
 
 def _neighbours(photons: PhotonMap, plan: EmissionPlan) -> tuple[Pairs, Pairs]:
     """Rows of photons and of those one cell on in u, and likewise in v, on the same path and receiver."""
-    mask, number = np.divmod(photons.ids, plan.id_count)
-    lattice = np.searchsorted([entry.first_id for entry in plan.lattices], number, side="right")
+    mask, lattice, _ = plan.paths_of(photons.ids)
     cell = np.floor(photons.emission).astype(np.int64)
     pairs = []
     for axis in (0, 1):

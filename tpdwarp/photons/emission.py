@@ -161,12 +161,24 @@ class EmissionPlan:
         planned_ids: Ids that these lattices use together.
         photons: Photons a frame.
         normalization: The tracer's units.
+        candidates: What the stills showed, from which lattices for any number of photons are laid out.
     """
 
     lattices: tuple[Lattice, ...]
     planned_ids: int
     photons: int
     normalization: Normalization
+    candidates: tuple[_Candidate, ...] = ()
+
+    def with_photons(self, photons: int) -> EmissionPlan:
+        """The lattices of another number of photons over the same stills, which are not read again."""
+        return _planned(self.candidates, photons, self.normalization)
+
+    def paths_of(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Path mask of each photon, index of its lattice in ``lattices``, and whether that one was planned."""
+        mask, number = np.divmod(ids, self.id_count)
+        lattice = np.searchsorted([entry.first_id for entry in self.lattices], number, side="right") - 1
+        return mask, lattice, number < self.planned_ids
 
     @property
     def id_count(self) -> int:
@@ -243,12 +255,16 @@ def plan_emission(
                 longer = elongation((light, scene) for scene in stills for light in scene.lights if light.path == path)
                 found = [replace(candidate, elongation=longer) for candidate in found]
             candidates += found
+    return _planned(tuple(candidates), photons, normalization)
+
+
+def _planned(candidates: tuple[_Candidate, ...], photons: int, normalization: Normalization) -> EmissionPlan:
     lattices = _lattices(candidates, photons, 0)
     used = max((lattice.first_id + lattice.wrap[0] * lattice.wrap[1] for lattice in lattices), default=0)
-    return EmissionPlan(tuple(lattices), used, photons, normalization)
+    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates)
 
 
-def _lattices(candidates: list[_Candidate], photons: int, first_id: int) -> list[Lattice]:
+def _lattices(candidates: Sequence[_Candidate], photons: int, first_id: int) -> list[Lattice]:
     """Lattices with cells for ``photons`` photons, shared between candidates by power; spare ones are not counted."""
     total = sum(candidate.power for candidate in candidates if not candidate.spare)
     lattices = []
