@@ -249,6 +249,13 @@ def some(photons: PhotonMap, kept: np.ndarray) -> PhotonMap:
     return replace(photons, **rows)
 
 
+def displaced(photons: PhotonMap, part: float) -> PhotonMap:
+    """Photons that lie a part of a typical footprint's size aside, along their D_u x (long cells are thin there)."""
+    size = np.sqrt(np.median(np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1)))
+    along = photons.dxdu / np.linalg.norm(photons.dxdu, axis=1, keepdims=True)
+    return replace(photons, position=photons.position + np.float32(part * size) * along)
+
+
 def flickering(channels: Channels, number: int) -> Channels:
     factor = np.float32(1.015 if number % 2 else 0.985)
     return {name: plane * factor if name[-1] in "RGB" else plane for name, plane in channels.items()}
@@ -272,7 +279,7 @@ FRAME_FAULTS: dict[str, Fault] = {
     "D_t x twice as long": rendered(photons=lambda p: replace(p, dxdt=2 * p.dxdt)),
     "kernel unnormalised (1/π missing)": rendered(photons=lambda p: replace(p, flux=p.flux / np.float32(np.pi))),
     "footprints three times as wide": rendered(smoothing=3.0),
-    "photons half a cell off": rendered(photons=lambda p: replace(p, position=p.position + 0.5 * p.dxdu)),
+    "photons half a footprint off": rendered(photons=lambda p: displaced(p, 0.5)),
     "one photon in fifty lost": rendered(photons=lambda p: some(p, p.ids % 50 != 0)),
     "index of refraction wrong by 1 %": rendered(over(*SURFACE, opinion="float inputs:ior = 1.3433")),
     "light 1 % dimmer": rendered(over("World", "Sun", opinion="float inputs:intensity = 0.99")),
@@ -309,7 +316,7 @@ LAYER_FAULTS: dict[str, Fault] = {
     "stale ids": traced(lambda p: replace(p, ids=np.roll(p.ids, 1))),
     "one photon in fifty lost (layer)": traced(lambda p: some(p, p.ids % 50 != 0)),
     "photons 2 % dimmer": traced(lambda p: replace(p, flux=np.float32(0.98) * p.flux)),
-    "photons a tenth of a footprint off": traced(lambda p: replace(p, position=p.position + 0.1 * p.dxdu)),
+    "photons a tenth of a footprint off": traced(lambda p: displaced(p, 0.1)),
 }
 
 # What makes faults, without one: a check that found something here would catch faults for a wrong reason.

@@ -60,9 +60,8 @@ def trace_frame(source: SceneSource, shutter: Shutter, settings: Settings) -> Tr
     maps = []
     for part in ESTIMATORS[settings.estimator]().parts(animation, shutter, scenes, None, clock):
         energy.add(part.energy)
-        maps += part.maps
-        plan = part.plan
-    return Traced(record_of(maps, plan, scenes[0].geometry.paths), energy, clock.seconds)
+        maps += [(photons, part.plan) for photons in part.maps]
+    return Traced(record_of(maps, scenes[0].geometry.paths), energy, clock.seconds)
 
 
 def render_frame(
@@ -107,7 +106,6 @@ def expose(
                 )
                 film.add_caustic(sight.pixels, sight.weights, sight.first, light)
         energy.add(part.energy)
-        maps += part.maps
-        plan = part.plan
-    record = record_of(maps, plan, scenes[0].geometry.paths)
+        maps += [(photons, part.plan) for photons in part.maps]
+    record = record_of(maps, scenes[0].geometry.paths)
     return Frame(record, energy, clock.seconds, film.channels(), middle)

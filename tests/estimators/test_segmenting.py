@@ -20,7 +20,8 @@ FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
 
 def chosen(source, exposure: float = 1.0, frame: float = 0.0, **changes) -> int:
     settings = Settings.of(SETTINGS, segments="auto", **changes)
-    return Animation(source, settings).segment_count(Shutter(frame, frame, frame + exposure), Clock())
+    (level,) = Animation(source, settings).levels(Shutter(frame, frame, frame + exposure), Clock())
+    return level.segments
 
 
 def test_more_photons_are_worth_more_segments():
@@ -98,8 +99,8 @@ def test_other_words_are_refused(changes):
 
 def test_choosing_counts_as_planning_and_is_done_once():
     animation, clock = Animation(wave_source(Wave()), Settings.of(SETTINGS, segments="auto")), Clock()
-    animation.segment_count(OPEN, clock)
+    animation.levels(OPEN, clock)
     assert set(clock.seconds) == {"plan"} and clock.seconds["plan"] > 0
     again = Clock()
-    animation.segment_count(Shutter(3, 3, 4), again)
+    animation.levels(Shutter(3, 3, 4), again)
     assert again.seconds == {}

@@ -38,6 +38,7 @@ def photon_map(
         emission=rows(0, width=2),
         shift=rows(0, width=2),
         receiver=rows(receiver, np.int32, 0),
+        entry=whole,
         bounces=whole,
         time=time,
         duration=duration,

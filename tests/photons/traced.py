@@ -106,7 +106,7 @@ def traced(
         seed=seed,
         smallest_branch=smallest_branch,
     )
-    return Traced(here, record_of([photon_map], plan, geometry.paths), energy, plan)
+    return Traced(here, record_of([(photon_map, plan)], geometry.paths), energy, plan)
 
 
 def scene_of(

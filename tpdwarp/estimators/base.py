@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from tpdwarp.errors import InputError
-from tpdwarp.estimators.segmenting import segment_count
+from tpdwarp.estimators.segmenting import Level, levels
 from tpdwarp.footprints.footprint import FootprintMap, PixelSize
 from tpdwarp.footprints.gather import GatherForm, Irradiance, QueryArrays, gather
 from tpdwarp.launch import Launcher
@@ -69,7 +69,7 @@ class Animation:
         self.launcher = Launcher(settings.device, settings.threads)
         self.normalization = _normalization(reference_scenes(source), source.file)
         self._plans: dict[int, EmissionPlan] = {}
-        self._segment_counts: dict[tuple[float, float], int] = {}
+        self._levels: dict[tuple[float, float], tuple[Level, ...]] = {}
 
     def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
         """The scene over ``shutter``, on the device; what only plans needs no clock of its own."""
@@ -92,22 +92,26 @@ class Animation:
             geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=with_motions)
         return LoadedScene(scene, geometry, needs)
 
-    def load_segments(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
-        """The scenes of the segments of ``shutter``; one where nothing moves."""
-        scenes = [self.load(part, clock) for part in shutter.segments(self.segment_count(shutter, clock))]
+    def load_segments(self, shutter: Shutter, clock: Clock, level: Level | None = None) -> list[LoadedScene]:
+        """The scenes of the segments of ``shutter``, of its first level or another; one where nothing moves."""
+        level = level or self.levels(shutter, clock)[0]
+        scenes = [self.load(part, clock) for part in shutter.segments(level.segments)]
         return scenes if any(scene.moves for scene in scenes) else scenes[:1]
 
-    def segment_count(self, shutter: Shutter, clock: Clock) -> int:
-        """Segments of shutters like this one; ``auto`` is decided once for the whole animation."""
+    def levels(self, shutter: Shutter, clock: Clock) -> tuple[Level, ...]:
+        """Into how many segments shutters like this one are cut, and for which meshes; that of the most first.
+
+        ``auto`` is decided once for the whole animation.
+        """
         if self.settings.segments != "auto":
-            return self.settings.segments
+            return (Level(self.settings.segments),)
         if self.settings.estimator != "tpd":
-            return 1
+            return (Level(1),)
         key = (round(shutter.open - shutter.frame, 6), round(shutter.close - shutter.frame, 6))
-        if key not in self._segment_counts:
+        if key not in self._levels:
             with clock.stage("plan"):
-                self._segment_counts[key] = segment_count(self, shutter)
-        return self._segment_counts[key]
+                self._levels[key] = levels(self, shutter)
+        return self._levels[key]
 
     def trace(
         self, loaded: LoadedScene, plan: EmissionPlan, clock: Clock, **options: Any
@@ -227,8 +231,8 @@ class Estimator(Protocol):
     def parts(
         self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
     ) -> Iterator[Part]:
-        """Traces photons through ``scenes`` (one a segment) and shapes footprints for pixels of the given size.
+        """Traces photons through ``scenes`` and shapes footprints for pixels of the given size.
 
-        Without ``pixel`` photons are only traced.
+        There is one scene a segment of the first level. Without ``pixel`` photons are only traced.
         """
         ...

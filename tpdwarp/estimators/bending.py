@@ -11,6 +11,7 @@ Beyond the paper, whose footprints go straight.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -35,7 +36,12 @@ Key = tuple[int, int]
 
 
 def bent(
-    photons: PhotonMap, plan: EmissionPlan, animation: Animation, shutter: Shutter, clock: Clock
+    photons: PhotonMap,
+    plan: EmissionPlan,
+    animation: Animation,
+    shutter: Shutter,
+    clock: Clock,
+    taken: Callable[[str], bool] | None = None,
 ) -> tuple[PhotonMap, int]:
     """``photons`` with the bend of their ways.
 
@@ -45,6 +51,7 @@ def bent(
         animation: Where guides are traced.
         shutter: The (sub-)shutter that ``photons.dxdt`` spans.
         clock: Where the time goes.
+        taken: Tells which meshes they met first; None where that was any.
 
     Returns:
         The photons, and the number of guides emitted.
@@ -59,7 +66,7 @@ def bent(
     for end in ends:
         loaded = animation.load(end, clock)
         riding = animation.settings.anchor == "surface"
-        guides, account = animation.trace(loaded, sparse, clock, riding=riding, jittered=False)
+        guides, account = animation.trace(loaded, sparse, clock, riding=riding, jittered=False, taken=taken)
         count += account.counts.get("emitted", 0)
         with clock.stage("trace"):
             fields.append(_Field(guides, sparse))

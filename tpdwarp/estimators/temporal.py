@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from tpdwarp.estimators.base import Animation, Clock, FootprintField, LoadedScene, Part
 from tpdwarp.estimators.bending import bent
+from tpdwarp.estimators.segmenting import Level
 from tpdwarp.footprints.footprint import PixelSize, shape_footprints
 from tpdwarp.footprints.gather import GatherForm
 from tpdwarp.photons.emission import EmissionPlan
@@ -21,6 +22,15 @@ class Temporal:
     def parts(
         self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
     ) -> Iterator[Part]:
+        first, *others = animation.levels(shutter, clock)
+        yield self._part(animation, first, scenes, pixel, clock)
+        for level in others:
+            yield self._part(animation, level, animation.load_segments(shutter, clock, level), pixel, clock)
+
+    def _part(
+        self, animation: Animation, level: Level, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
+    ) -> Part:
+        """The photons of one level."""
         settings, count = animation.settings, len(scenes)
         plan = animation.plan(max(1, settings.photons // count), clock)
         maps: list[PhotonMap] = []
@@ -29,17 +39,19 @@ class Temporal:
             opening = settings.trace_at == "open" and seen.requirements.photon_motion
             loaded = animation.load_opening(seen.scene.shutter, clock) if opening else seen
             riding, seed = settings.anchor == "surface", settings.seed + number
-            photons, account = animation.trace(loaded, plan, clock, riding=riding, seed=seed, weight=1.0 / count)
+            photons, account = animation.trace(
+                loaded, plan, clock, riding=riding, seed=seed, weight=1.0 / count, taken=level.taken
+            )
             curved = settings.path == "curved" and settings.kernel == "bspline" and seen.requirements.photon_motion
             if curved and pixel is not None and not opening:
-                photons, guides = bent(photons, plan, animation, seen.scene.shutter, clock)
+                photons, guides = bent(photons, plan, animation, seen.scene.shutter, clock, level.taken)
                 account.counts["guides"] = guides
             if opening:
                 # Footprints stand at mid shutter and sweep to both sides: the same way, told from its middle.
                 photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)
             maps.append(replace(photons, time=(number + 0.5) / count - 0.5, duration=1.0 / count))
             energy.add(account)
-        yield shaped(maps, energy, plan, any(s.requirements.photon_motion for s in scenes), animation, pixel, clock)
+        return shaped(maps, energy, plan, any(s.requirements.photon_motion for s in scenes), animation, pixel, clock)
 
 
 def shaped(

@@ -8,7 +8,7 @@ something specular during its shutter.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -121,9 +121,15 @@ def specular_triangles(mesh: MeshAtShutter) -> np.ndarray:
     return mesh.triangles[specular_faces(mesh)]
 
 
-def specular_corners(scene: SceneAtShutter, normalization: Normalization) -> np.ndarray:
-    """Corners [k, 3, 3] of the specular triangles in the tracer's units, at mid shutter: that is where photons go."""
-    meshes = [mesh for mesh in scene.meshes if mesh.specular]
+def specular_corners(
+    scene: SceneAtShutter, normalization: Normalization, taken: Callable[[str], bool] | None = None
+) -> np.ndarray:
+    """Corners [k, 3, 3] of the specular triangles in the tracer's units, at mid shutter: that is where photons go.
+
+    Args:
+        taken: Tells by a mesh's path whether it counts; None for all.
+    """
+    meshes = [mesh for mesh in scene.meshes if mesh.specular and (taken is None or taken(mesh.path))]
     corners = [normalization.points(mesh.points)[specular_triangles(mesh)] for mesh in meshes]
     return np.concatenate(corners).astype(np.float64) if corners else np.zeros((0, 3, 3))
 
@@ -185,8 +191,10 @@ class EmissionPlan:
         """Ids in all: room is kept for lattices of lights that no still shows."""
         return self.planned_ids + 8 * self.photons + 64
 
-    def patches(self, scene: SceneAtShutter) -> list[tuple[Lattice, Patch]]:
-        """The cells of each lattice that this shutter emits.
+    def patches(
+        self, scene: SceneAtShutter, taken: Callable[[str], bool] | None = None
+    ) -> list[tuple[Lattice, Patch]]:
+        """The cells of each lattice that this shutter emits, towards all specular meshes or those that are ``taken``.
 
         Lights that the stills show otherwise (a flash between two of them, a body that leaves the patch or turns a
         broader side to the light) get lattices of this shutter's own, and as many photons as all others together;
@@ -208,6 +216,9 @@ class EmissionPlan:
             else:
                 unforeseen += [c for c in _candidates(light.path, [(light, corners)], norm) if not c.spare]
         made = _lattices(unforeseen, self.photons, self.planned_ids)
+        if taken is not None:
+            corners = specular_corners(scene, norm, taken)
+            foreseen = [(one, _bounds(lights[one.light], one.axes, one.limit, corners, norm)) for one, _ in foreseen]
         found = [_bounds(lights[lattice.light], lattice.axes, lattice.limit, corners, norm) for lattice in made]
         behind = 2.0 * _farthest(scene, norm) + 1.0
         return [

@@ -59,6 +59,7 @@ class PhotonArrays:
     emission: wp.array(dtype=wp.vec2)
     shift: wp.array(dtype=wp.vec2)
     receiver: wp.array(dtype=wp.int32)
+    entry: wp.array(dtype=wp.int32)
     bounces: wp.array(dtype=wp.int32)
     fate: wp.array(dtype=wp.int32)
     branches: wp.array(dtype=wp.int32)
@@ -74,13 +75,14 @@ class TracingVariant:
     reflection: bool
     riding: bool
     jittered: bool
+    choosy: bool
 
 
 @cache
 def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     """The kernel that traces one path of one photon, specialised by what the scene requires."""
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
-    both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
+    both, riding, choosy = variant.refraction and variant.reflection, variant.riding and variant.moves, variant.choosy
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -91,6 +93,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         # In
         cells: wp.array(dtype=wp.int32),
         masks: wp.array(dtype=wp.int32),
+        taken: wp.array(dtype=wp.int32),
         bounces: int,
         smallest_branch: float,
         seed: int,
@@ -146,8 +149,14 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 break
             if bounce == bounces:
                 break
-            if wp.static(riding):
-                if count == 0:
+            if count == 0:
+                entry = surfaces.object_of[hit.triangle]
+                out.entry[i] = entry
+                if wp.static(choosy):
+                    if taken[entry] == 0:
+                        fate = 0
+                        break
+                if wp.static(riding):
                     shift = riding_shift(beam.dxdu, beam.dxdv, hit.n_g, hit.motion - beam.dxdt)
                     beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
                     beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
@@ -206,7 +215,8 @@ class PhotonMap:
 
     ``dxdt`` [n, 3] is the world displacement over ``duration`` of the shutter, centred at ``time`` (−½ … ½); ``shift``
     [n, 2] the lattice steps by which a photon that rides on its surface moves over it on the light; ``bend`` [n, 3] the
-    change of its displacement from opening to closing, None where that is not known.
+    change of its displacement from opening to closing, None where that is not known; ``entry`` and ``receiver`` [n]
+    number the objects that it met first and last.
     """
 
     ids: np.ndarray
@@ -220,6 +230,7 @@ class PhotonMap:
     emission: np.ndarray
     shift: np.ndarray
     receiver: np.ndarray
+    entry: np.ndarray
     bounces: np.ndarray
     bend: np.ndarray | None = None
     time: float = 0.0
@@ -231,7 +242,7 @@ class PhotonMap:
 
 _FIELDS = (
     "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver",
-    "bounces",
+    "entry", "bounces",
 )  # fmt: skip
 
 
@@ -248,6 +259,7 @@ def trace_photons(
     weight: float = 1.0,
     smallest_branch: float = SMALLEST_BRANCH,
     chosen: Callable[[Patch], np.ndarray] | None = None,
+    taken: Callable[[str], bool] | None = None,
 ) -> tuple[PhotonMap, EnergyAccount]:
     """Traces the lattice photons of ``plan`` through ``geometry``.
 
@@ -257,6 +269,8 @@ def trace_photons(
         weight: Part of the frame's exposure that these photons stand for; scales all flux.
         smallest_branch: Reflected branches below this fraction of the emitted flux are given up and accounted lost.
         chosen: Gives the cells of a patch to emit (u + count_u · v from its first cell); None emits all.
+        taken: Tells by its path whether photons that meet a mesh first are wanted; None wants all. Those that are not
+            wanted are not counted as sent.
 
     Returns:
         The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
@@ -265,10 +279,17 @@ def trace_photons(
     landed: list[dict[str, np.ndarray]] = []
     kernel = tracing_kernel(
         TracingVariant(
-            requirements.photon_motion, requirements.refraction, requirements.reflection, riding, jittered
+            requirements.photon_motion,
+            requirements.refraction,
+            requirements.reflection,
+            riding,
+            jittered,
+            choosy=taken is not None,
         )
     )
-    for lattice, patch in plan.patches(scene):
+    wanted = np.array([taken is None or taken(path) for path in geometry.paths], np.int32)
+    wanted = launcher.array(wanted if taken else wanted[:0], wp.int32)
+    for lattice, patch in plan.patches(scene, taken):
         patch.power = weight * patch.power
         cells = chosen(patch) if chosen else np.arange(patch.count_u * patch.count_v)
         cells = cells.astype(np.int32)
@@ -277,7 +298,7 @@ def trace_photons(
         while len(cells):
             out = launcher.rows(PhotonArrays, len(cells))
             inputs = [geometry.surfaces, patch, launcher.array(cells, wp.int32), launcher.array(masks, wp.int32)]
-            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
+            launcher(kernel, len(cells), [*inputs, wanted, requirements.bounces, smallest_branch, seed, out])
             fate, branches = out.fate.numpy(), out.branches.numpy()
             _tally(account, out, fate, masks, plan.normalization.power)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
@@ -338,19 +359,26 @@ def next_paths(cells: np.ndarray, masks: np.ndarray, branches: np.ndarray) -> tu
 def _empty() -> PhotonMap:
     three, two = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
     whole = np.zeros(0, np.int32)
-    return PhotonMap(np.zeros(0, np.int64), three, three, three, three, three, three, three, two, two, whole, whole)
+    threes, wholes = [three] * 7, [whole] * 3
+    return PhotonMap(np.zeros(0, np.int64), *threes, two, two, *wholes)
 
 
-def record_of(maps: list[PhotonMap], plan: EmissionPlan, paths: tuple[str, ...]) -> PhotonRecord:
-    """The photons of a whole shutter in scene units; ids of later segments follow those of earlier ones."""
-    norm = plan.normalization
+def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]) -> PhotonRecord:
+    """The photons of a whole shutter in scene units; ids of later maps follow those of earlier ones.
+
+    Args:
+        maps: At least one, with the lattices that it comes from.
+        paths: Prim paths of the objects.
+    """
+    norm = maps[0][1].normalization
+    ids = sum(plan.id_count for _, plan in maps)
+    first = 0
     rows: dict[str, list[np.ndarray]] = {}
-    for segment, photons in enumerate(maps):
-        stride = plan.id_count
-        mask, cell = np.divmod(photons.ids, stride)
+    for photons, plan in maps:
+        mask, cell = np.divmod(photons.ids, plan.id_count)
         relative = (photons.dxdt - photons.receiver_motion) / photons.duration
         values = {
-            "ids": (mask * len(maps) + segment) * stride + cell,
+            "ids": mask * ids + first + cell,
             "positions": norm.world_points(photons.position),
             "normals": photons.normal.astype(np.float64),
             "dxdu": norm.world_vectors(photons.dxdu),
@@ -363,4 +391,5 @@ def record_of(maps: list[PhotonMap], plan: EmissionPlan, paths: tuple[str, ...])
         }
         for name, value in values.items():
             rows.setdefault(name, []).append(value)
+        first += plan.id_count
     return PhotonRecord(**{name: joined(parts) for name, parts in rows.items()}, receiver_paths=paths)
