@@ -110,7 +110,7 @@ class Animation:
         key = (round(shutter.open - shutter.frame, 6), round(shutter.close - shutter.frame, 6))
         if key not in self._levels:
             with clock.stage("plan"):
-                self._levels[key] = levels(self, shutter)
+                self._levels[key] = levels(self, shutter, Clock())
         return self._levels[key]
 
     def trace(
