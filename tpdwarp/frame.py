@@ -85,7 +85,7 @@ def expose(
     scenes = animation.load_segments(shutter, clock)
     middle = scenes[len(scenes) // 2].scene.camera
     norm = animation.normalization
-    pixel = pixel_size(camera_of(middle, width, height, norm))
+    pixel = pixel_size(camera_of(middle, width, height, norm), settings.samples)
     film = Film(width, height, settings.samples, norm, middle.exposure_scale, settings.aovs)
     with_motion = bool({"motion", "photons"} & set(settings.aovs))
     view = View(animation, scenes, width, height, clock, settings.estimator == "accumulation", pixels)

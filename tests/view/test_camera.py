@@ -82,22 +82,23 @@ def test_the_first_pixel_is_the_upper_left_one():
     np.testing.assert_allclose(origins[:, :2], [[-1, 0.5], [1, -0.5]])
 
 
+@pytest.mark.parametrize(("samples", "part"), [(1, 1 / 4), (4, 1 / 4), (16, 1 / 8)])
 @pytest.mark.parametrize("distance", [1.0, 3.0])
-def test_footprints_are_widened_by_a_quarter_of_the_distance_between_neighbouring_rays(distance):
+def test_footprints_are_widened_by_a_quarter_of_a_pixel_or_half_the_distance_of_samples(distance, samples, part):
     scale = NORMALIZATION.scale
     for orthographic in (False, True):
         description = replace(camera(orthographic, moving=False), window=(-1, 1, -0.5, 0.5))
-        size = pixel_size(camera_of(description, WIDTH, HEIGHT, NORMALIZATION))
+        size = pixel_size(camera_of(description, WIDTH, HEIGHT, NORMALIZATION), samples)
         middle = np.array([[WIDTH / 2, HEIGHT / 2], [WIDTH / 2 + 1, HEIGHT / 2]])
         origins, directions = view_rays(description, WIDTH, HEIGHT, middle, 0.0)
         along = distance / (directions @ -description.axes[2])
         seen = origins + along[:, None] * directions
-        expected = 0.25 * np.linalg.norm(seen[1] - seen[0]) * scale
+        expected = part * np.linalg.norm(seen[1] - seen[0]) * scale
         assert size.base + size.slope * distance * scale == pytest.approx(expected, rel=1e-5)
 
 
 def test_without_a_camera_footprints_are_not_widened():
-    size = pixel_size(None)
+    size = pixel_size(None, 1)
     assert size.base == 0 and size.slope == 0
 
 

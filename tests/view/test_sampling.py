@@ -48,9 +48,22 @@ def test_film_positions_lie_inside_their_pixel(samples, seed):
     films = film_positions(pixels, numbers, WIDTH, samples, seed)
     within = films - np.stack([pixels % WIDTH, pixels // WIDTH], axis=1)
     assert within.min() >= 0 and within.max() < 1
-    if samples > 1:
-        # One sample of the mean of a unit interval: deviation 1/√12, of as many as there are.
-        np.testing.assert_allclose(within.mean(axis=0), 0.5, atol=4 / np.sqrt(12 * COUNT))
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 4, 8, 16, 61])
+def test_the_mean_of_a_pixel_s_samples_is_exact_where_light_varies_linearly(samples):
+    pixels, numbers = np.repeat(np.arange(COUNT), samples), np.tile(np.arange(samples), COUNT)
+    within = film_positions(pixels, numbers, WIDTH, samples, 3) % 1
+    np.testing.assert_allclose(within.reshape(COUNT, samples, 2).mean(axis=1), 0.5, atol=1e-12)
+
+
+@pytest.mark.parametrize("samples", [2, 4, 16])
+def test_where_a_sample_lies_says_nothing_of_when_it_looks(samples):
+    """Samples of a number look at one part of the shutter; over the image they lie everywhere in their pixels."""
+    pixels = np.arange(20 * COUNT)
+    for number in range(samples):
+        within = film_positions(pixels, np.full(len(pixels), number), WIDTH, samples, 3) % 1 - 0.5
+        np.testing.assert_allclose(within.mean(axis=0), 0.0, atol=4 / np.sqrt(12 * len(pixels)))
 
 
 def test_a_single_sample_takes_the_centre():

@@ -46,15 +46,17 @@ def camera_of(camera: CameraAtShutter, width: int, height: int, normalization: N
     return out
 
 
-def pixel_size(camera: Camera | None) -> PixelSize:
+def pixel_size(camera: Camera | None, samples: int) -> PixelSize:
     """How far footprints are widened, as a function of the distance from the eye; zero where nothing looks.
 
-    ε is a quarter of a pixel. Half of one costs the wave with folds a relative RMSE of 0.022 at 10⁶ photons, where a
-    quarter leaves 0.013; fewer photons hardly notice.
+    ε is a quarter of a pixel, and no more than half the distance between its samples. A point into which all light is
+    focused is then seen as bright as it is to within 12 % with four samples or more (a quarter of the distance: 66 %);
+    light at folds is blurred less the more samples there are. With 65 536 photons and 16 samples the wave with folds
+    errs by 0.0040 so, by 0.0068 with a quarter of a pixel.
     """
     size = PixelSize()
     if camera is not None:
-        epsilon = 0.25 * abs(camera.pixel[0] * camera.pixel[1]) ** 0.5
+        epsilon = min(0.25, 0.5 * samples**-0.5) * abs(camera.pixel[0] * camera.pixel[1]) ** 0.5
         size.eye = camera.position
         size.base, size.slope = (epsilon, 0.0) if camera.orthographic else (0.0, epsilon)
     return size

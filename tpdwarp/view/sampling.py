@@ -6,19 +6,25 @@ import math
 
 import numpy as np
 
-# The two-dimensional generalisation of the golden ratio sequence (M. Roberts, 2018).
-R2 = (0.7548776662466927, 0.5698402909980532)
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 LEAST_TIMES = 16
 BLOCK = 8
 
 
 def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: int, seed: int) -> np.ndarray:
-    """Film coordinates [n, 2] in pixels of the given samples of the given pixels; one sample takes the centre."""
-    within = np.full((len(pixels), 2), 0.5)
-    if samples > 1:
-        start = np.stack([_uniform(pixels, seed), _uniform(pixels, seed + 1)], axis=1)
-        within = (start + sample[:, None] * np.array(R2)) % 1.0
-    return np.stack([pixels % width, pixels // width], axis=1) + within
+    """Film coordinates [n, 2] in pixels of the given samples of the given pixels.
+
+    Samples of a pixel are a golden-ratio lattice that is symmetric about the centre: their mean is exact where light
+    varies linearly, as that of the centre alone is, and scattered positions' is not. Mirrored and ordered at random, it
+    differs from pixel to pixel.
+    """
+    order = (sample + (_uniform(pixels, seed) * samples).astype(np.int64)) % samples
+    t = order - 0.5 * (samples - 1)
+    aside = np.stack([t / samples, (GOLDEN * t + 0.5) % 1.0 - 0.5], axis=1)
+    mirrored = (_uniform(pixels, seed + 1) * 8).astype(np.int64)
+    aside = np.where((mirrored & 4)[:, None] > 0, aside[:, ::-1], aside)
+    signs = 1.0 - 2.0 * (mirrored[:, None] >> np.array([0, 1]) & 1)
+    return np.stack([pixels % width, pixels // width], axis=1) + 0.5 + signs * aside
 
 
 def time_count(samples: int) -> int:
