@@ -1,7 +1,9 @@
 """Temporal photon differentials beside accumulation and time dependent photon mapping, both tuned against the truth.
 
 For three scenes whose irradiance is known exactly: how many photons and what CPU time the others need for the error of
-one trace with the default settings.
+one trace with the default settings. All look once at each pixel. Accumulation is measured twice: with the lattices and
+footprints of this program at every instant, and with what it had to add up without them, photons from random places of
+their cells with the paper's kernel.
 """
 
 from __future__ import annotations
@@ -26,6 +28,11 @@ from tests.test_accuracy import rod
 from tpdwarp.frame import render_frame
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
+
+BRUTE: dict[str, dict[str, Any]] = {
+    "accumulation": {"estimator": "accumulation"},
+    "plain accumulation": {"estimator": "accumulation", "emission": "jittered", "kernel": "epanechnikov"},
+}
 
 OPEN = Shutter(0.0, 0.0, 1.0)
 PHOTONS = (1000, 4000, 16_000, 64_000)
@@ -69,7 +76,7 @@ def scenes() -> Iterator[Scene]:
 
 def measured(scene: Scene, what: str, **settings: Any) -> Point:
     """Renders once with kernels compiled; CPU seconds of all threads."""
-    chosen = Settings(aovs=("irradiance",), **settings)
+    chosen = Settings.of(Settings(aovs=("irradiance",), samples=1), **settings)
     start = time.process_time()
     frame = render_frame(scene.source, OPEN, chosen, scene.width, scene.height)
     seconds = time.process_time() - start
@@ -91,7 +98,7 @@ def mapping(scene: Scene) -> list[Point]:
             for k in NEIGHBOURS:
                 if k >= photons:
                     break
-                settings = {"estimator": "tdpm", "emission": "jittered", "samples": 1, "accumulation_times": 32}
+                settings = {"estimator": "tdpm", "emission": "jittered", "accumulation_times": 32}
                 name = f"k {k}, {'random times' if between is None else f'B {between}'}"
                 point = measured(scene, name, photons=photons, tdpm_neighbours=k, tdpm_between=between, **settings)
                 found.append(point)
@@ -105,16 +112,16 @@ def mapping(scene: Scene) -> list[Point]:
     return best
 
 
-def accumulation(scene: Scene) -> list[Point]:
+def accumulation(scene: Scene, name: str, **settings: Any) -> list[Point]:
     """Accumulations on the front of error against CPU time."""
     points = [
-        measured(scene, f"{times} × {photons}", estimator="accumulation", photons=photons, accumulation_times=times)
+        measured(scene, f"{times} × {photons}", photons=photons, accumulation_times=times, **settings)
         for photons in INSTANT_PHOTONS
         for times in INSTANTS
     ]
     front = front_of(points)
     for point in front:
-        print(f"  accumulation {point.what}: {point.error:.4f}, {point.seconds:.2f} s", flush=True)
+        print(f"  {name} {point.what}: {point.error:.4f}, {point.seconds:.2f} s", flush=True)
     return front
 
 
@@ -151,11 +158,14 @@ def run() -> list[dict[str, object]]:
         ours = [measured(scene, "tpd", photons=photons) for photons in PHOTONS]
         for point in ours:
             print(f"  tpd {point.photons} photons: {point.error:.4f}, {point.seconds:.2f} s", flush=True)
-        measured(scene, "warm", estimator="tdpm", photons=64, tdpm_neighbours=8, emission="jittered", samples=1)
-        measured(scene, "warm", estimator="accumulation", photons=64, accumulation_times=1)
-        mapped, accumulated = mapping(scene), accumulation(scene)
+        measured(scene, "warm", estimator="tdpm", photons=64, tdpm_neighbours=8, emission="jittered")
+        measured(scene, "warm", photons=64, accumulation_times=1, **BRUTE["accumulation"])
+        measured(scene, "warm", photons=64, accumulation_times=1, **BRUTE["plain accumulation"])
+        others = {"tdpm": mapping(scene)}
+        for name, settings in BRUTE.items():
+            others[name] = accumulation(scene, name, **settings)
         for point in ours:
-            for method, points in (("tdpm", mapped), ("accumulation", accumulated)):
+            for method, points in others.items():
                 row: dict[str, object] = {"scene": scene.name, "photons": point.photons, "method": method}
                 for cost in ("photons", "seconds"):
                     needed, row[f"{cost}_reached"] = cost_of(point.error, points, cost)

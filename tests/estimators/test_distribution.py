@@ -41,3 +41,9 @@ def test_its_error_is_noise_that_averages_out_over_seeds():
 
     # A third, if seeds are independent; half leaves room for what does not average out.
     assert error(np.mean(found, axis=0)) < 0.5 * np.mean([error(image) for image in found])
+
+
+def test_dice_are_thrown_anew_for_every_instant_of_an_accumulation():
+    photons = traced(estimator="accumulation", emission="jittered", accumulation_times=4, photons=256).photons
+    within = photons.emission.reshape(4, -1, 2) % 1
+    assert all(np.abs(within[k] - within[0]).mean() > 0.2 for k in (1, 2, 3))

@@ -21,4 +21,4 @@ class Accumulation:
             where = (number + 0.5) / times
             instant = shutter.open + where * shutter.exposure
             still = Shutter(shutter.frame, instant, instant)
-            yield still_part(animation, still, 1.0 / times, where - 0.5, pixel, clock)
+            yield still_part(animation, still, 1.0 / times, where - 0.5, pixel, clock, number)

@@ -21,11 +21,20 @@ class Static:
 
 
 def still_part(
-    animation: Animation, still: Shutter, weight: float, time: float, pixel: PixelSize | None, clock: Clock
+    animation: Animation,
+    still: Shutter,
+    weight: float,
+    time: float,
+    pixel: PixelSize | None,
+    clock: Clock,
+    number: int = 0,
 ) -> Part:
-    """Photons of one instant, standing for ``weight`` of the exposure at ``time`` (−½ … ½) in it."""
+    """Photons of one instant, standing for ``weight`` of the exposure at ``time`` (−½ … ½) in it.
+
+    Instants of other ``number`` throw other dice.
+    """
     settings = animation.settings
     loaded = animation.load(still, clock)
     plan = animation.plan(settings.photons, clock)
-    photons, energy = animation.trace(loaded, plan, clock, seed=settings.seed, weight=weight)
+    photons, energy = animation.trace(loaded, plan, clock, seed=settings.seed + number, weight=weight)
     return shaped([replace(photons, time=time, duration=weight)], energy, plan, False, animation, pixel, clock)
