@@ -20,7 +20,9 @@ from tpdwarp.photons.tracing import PhotonMap, joined
 
 LONGEST_AXIS = wp.constant(1.0)
 LARGEST_ASPECT = wp.constant(1000.0)
+# A part of the coordinates where the footprint lies, ten or so units in their last place; and a part of the scene.
 SMALLEST_AXIS = wp.constant(1.0e-6)
+SMALLEST_OF_ALL = wp.constant(1.0e-9)
 # How far a query may lie off the footprint's plane, as a part of the footprint's own reach.
 SLACK = wp.constant(0.25)
 MOST_PIECES = 32
@@ -126,7 +128,7 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
             t1 = LONGEST_AXIS
             t2 = wp.min(t2, LONGEST_AXIS)
             clamped = 1
-        smallest = wp.max(t1 / LARGEST_ASPECT, SMALLEST_AXIS)
+        smallest = wp.max(t1 / LARGEST_ASPECT, wp.max(SMALLEST_AXIS * wp.length(x), SMALLEST_OF_ALL))
         if t2 < smallest:
             t2 = smallest
             clamped = 1

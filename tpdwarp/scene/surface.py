@@ -51,6 +51,12 @@ class ShadingNormal:
 
 
 @wp.func
+def along(x: wp.vec3, w: wp.vec3, distance: float) -> wp.vec3:
+    """x + λω in double precision, for ways that are long beside where they lead."""
+    return wp.vec3(wp.vec3d(x) + wp.float64(distance) * wp.vec3d(w))
+
+
+@wp.func
 def closest_hit(
     surfaces: Surfaces,
     x: wp.vec3,
@@ -78,7 +84,7 @@ def closest_hit(
         shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5)
         shift = SHIFT * wp.cw_mul(shift, grain)
         shift = shift - wp.dot(shift, off) * off
-        query = wp.mesh_query_ray(surfaces.mesh, x + start * w + farther * lift + shift, w, end - start)
+        query = wp.mesh_query_ray(surfaces.mesh, along(x, w, start) + farther * lift + shift, w, end - start)
         if not query.result:
             missed += 1
         else:
@@ -90,31 +96,33 @@ def closest_hit(
             e1 = wp.vec3d(q1) - origin
             e2 = wp.vec3d(q2) - origin
             area = wp.cross(e1, e2)
-            inverse = wp.float64(1.0) / wp.dot(area, area)
-            n = area * wp.sqrt(inverse)
+            square = wp.dot(area, area)
             offset = wp.vec3d(x) - origin
-            height = wp.dot(n, offset)
-            cosine = wp.dot(n, wp.vec3d(w))
-            hit.n_g = wp.vec3(n)
+            # Both times the area; the plane's normal itself need not be known in double precision.
+            height = wp.dot(area, offset)
+            cosine = wp.dot(area, wp.vec3d(w))
+            length = wp.sqrt(square)
+            inverse = wp.float64(1.0) / square
+            hit.n_g = wp.vec3(area * (length * inverse))
             hit.grain = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
             edges = wp.abs(q1 - q0) + wp.abs(q2 - q0)
             size = edges[0] + edges[1] + edges[2]
             hit.lift = LIFT * wp.dot(wp.abs(hit.n_g), hit.grain) + SMALLEST_LIFT * size
             hit.grain = hit.grain + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
-            if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(float(height)) < hit.lift:
+            if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(height) < length * wp.float64(hit.lift):
                 farther *= 8.0
             elif wp.isfinite(inverse):
-                along = wp.float64(start + query.t)
-                if wp.abs(cosine) > wp.float64(GRAZING):
-                    along = -height / cosine
-                offset = offset + along * wp.vec3d(w)
+                distance = wp.float64(start + query.t)
+                if wp.abs(cosine) > wp.float64(GRAZING) * length:
+                    distance = -height / cosine
+                offset = offset + distance * wp.vec3d(w)
                 g1 = wp.cross(e2, area) * inverse
                 g2 = wp.cross(area, e1) * inverse
                 b1 = wp.dot(g1, offset)
                 b2 = wp.dot(g2, offset)
                 hit.triangle = query.face
                 hit.retried = missed
-                hit.distance = float(along)
+                hit.distance = float(distance)
                 hit.position = wp.vec3(origin + offset)
                 hit.g1 = wp.vec3(g1)
                 hit.g2 = wp.vec3(g2)
