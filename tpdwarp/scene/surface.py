@@ -3,18 +3,18 @@
 import warp as wp
 
 from tpdwarp.scene.geometry import Surfaces
+from tpdwarp.scene.lift import lift_off
 
-# Parts of the coordinates of the triangle at hand (about 64 and 16 units in the last place), so that a thin layer is
-# as good as a thick one. A ray starts a little off the surface it leaves, on the side it leaves to, and is shifted
-# sideways by less than that, because rays that pass exactly through vertices and edges can slip between triangles;
-# the hit is then found by intersecting the true ray with the triangle's plane.
-LIFT = wp.constant(4.0e-6)
+# A ray starts a little off the surface it leaves, on the side it leaves to, and is shifted sideways by less than that
+# (a part of the coordinates of the triangle at hand, some 16 units in their last place), because rays that pass exactly
+# through vertices and edges can slip between triangles; the hit is then found by intersecting the true ray with the
+# triangle's plane.
 SHIFT = wp.constant(1.0e-6)
-# The least lift, as a part of the triangle's size: for triangles in the plane x = 0.
-SMALLEST_LIFT = wp.constant(4.0e-9)
 # Below this cosine a plane is too nearly along the ray to say where they meet.
 GRAZING = wp.constant(1.0e-7)
 COPLANAR = wp.constant(0.999999)
+# What lies in the plane left is so many lifts of its own off it at most: four half units in the last place.
+OWN_PLANE = wp.constant(0.06)
 MOST_ATTEMPTS = wp.constant(8)
 
 
@@ -76,6 +76,7 @@ def closest_hit(
     hit = Hit()
     hit.triangle = -1
     off = wp.normalize(lift)
+    lifted = wp.length(lift)
     farther = float(1.0)
     missed = int(0)
     attempt = int(0)
@@ -107,9 +108,10 @@ def closest_hit(
             hit.grain = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
             edges = wp.abs(q1 - q0) + wp.abs(q2 - q0)
             size = edges[0] + edges[1] + edges[2]
-            hit.lift = LIFT * wp.dot(wp.abs(hit.n_g), hit.grain) + SMALLEST_LIFT * size
+            hit.lift = lift_off(hit.n_g, hit.grain, size)
             hit.grain = hit.grain + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
-            if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(height) < length * wp.float64(hit.lift):
+            own = wp.max(lifted, OWN_PLANE * hit.lift)
+            if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(height) < length * wp.float64(own):
                 farther *= 8.0
             elif wp.isfinite(inverse):
                 distance = wp.float64(start + query.t)
