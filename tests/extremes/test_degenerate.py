@@ -326,6 +326,10 @@ REFUSED = {
         lambda t: t.replace("translate = (0, 0, 10)", "translate = (0, nan, 10)"),
         "/World/Camera: its transform holds NaN",
     ),
+    "a camera out of range": (
+        lambda t: t.replace("translate = (0, 0, 10)", "translate = (0, 1e40, 10)"),
+        "/World/Camera: its transform holds numbers beyond 1e+30",
+    ),
 }
 
 
