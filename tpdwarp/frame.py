@@ -109,5 +109,7 @@ def expose(
         energy.add(part.energy)
         maps += part.maps
         plan = part.plan
+        # Before photons are told in scene units: ten million footprints take more memory than their photons.
+        del part
     record = record_of(maps, plan, scenes[0].geometry.paths)
     return Frame(record, energy, clock.seconds, film.channels(), middle)

@@ -290,6 +290,8 @@ def trace_photons(
                 rows["ids"] = _ids(rows["emission"], masks[keep], lattice, plan.id_count)
                 landed.append(rows)
             cells, masks = next_paths(cells, masks, branches)
+            # Before the next pass makes its own.
+            del out, inputs, fate, branches
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return _empty(), account
