@@ -316,6 +316,10 @@ REFUSED = {
         on_floor("normal3f[] normals = [(0, 0, 1), (nan, 0, 1), (0, 0, 1), (0, 0, 1)]"),
         "/World/Floor.normals: holds NaN",
     ),
+    "infinity in normals": (
+        on_floor("normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, -inf, 1), (0, 0, 1)]"),
+        "/World/Floor.normals: holds NaN or infinity",
+    ),
     "NaN in velocities": (velocities("(nan, 0, 1)"), "/World/Floor.velocities: holds NaN or infinity at time code 1"),
     "infinity in velocities": (velocities("(0, -inf, 1)"), "/World/Floor.velocities: holds NaN"),
     "NaN in a transform": (xform("(nan, 0, 0)"), "/World/Floor: its transform holds NaN"),
