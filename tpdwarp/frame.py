@@ -107,5 +107,7 @@ def expose(
                 film.add_caustic(sight.pixels, sight.weights, sight.first, light)
         energy.add(part.energy)
         maps += [(photons, part.plan) for photons in part.maps]
+        # Before photons are told in scene units: ten million footprints take more memory than their photons.
+        del part
     record = record_of(maps, scenes[0].geometry.paths)
     return Frame(record, energy, clock.seconds, film.channels(), middle)

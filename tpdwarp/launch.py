@@ -88,9 +88,10 @@ class Launcher:
     def zeros(self, count: int, dtype: Any) -> wp.array:
         return wp.zeros(count, dtype=dtype, device=self.device)
 
-    def rows(self, struct: Any, count: int) -> Any:
-        """An instance of a Warp struct of arrays, every array with ``count`` zeroed rows."""
+    def rows(self, struct: Any, count: int, but: Sequence[str] = ()) -> Any:
+        """An instance of a Warp struct of arrays, every array with ``count`` zeroed rows ``but`` those named."""
         instance = struct()
         for name, variable in struct.vars.items():
-            setattr(instance, name, self.zeros(count, variable.type.dtype))
+            if name not in but:
+                setattr(instance, name, self.zeros(count, variable.type.dtype))
         return instance

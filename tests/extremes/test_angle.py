@@ -102,6 +102,22 @@ def test_about_the_critical_angle_light_passes_as_fresnel_has_it(beyond, motion)
         assert passed == 0
 
 
+@pytest.mark.parametrize("short", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5])
+def test_dxdt_grows_without_bound_as_light_leaves_along_the_surface(short):
+    n = 1.5
+    angle = math.asin(1 / n) - short
+    bent = snell(angle, n, 1.0)
+    inside = moving(upside_down(quad("/glass", (0, 0, 1), (1, 0, 0), (0, 1, 0), glass(n))), MOTIONS["rigid"])
+    photons = render(scene([inside, floor(half=3 * math.tan(bent) + 3)], sun(towards(angle)))).photons
+    assert len(photons) > 900
+    expected = 0.05 + 0.03 * math.tan(bent)
+    # The square of the cosine, a difference of numbers of order one, is known to a few roundings.
+    slack = 1e-5 + 8 * EPS * n**2 / math.cos(bent) ** 2
+    np.testing.assert_allclose(photons.dxdt[:, 0], expected, rtol=slack)
+    np.testing.assert_allclose(photons.dxdt[:, 1], 0.02, atol=slack * expected)
+    assert short > 1e-4 or expected > 1
+
+
 @pytest.mark.parametrize("beyond", [1e-3, 1e-7, 0.0, -1e-7, -1e-3])
 def test_waves_seen_from_inside_straddle_the_critical_angle_without_harm(beyond):
     water = upside_down(ripples(GRID, GRID, 1.0, 0.04, glass(1.5), True))

@@ -41,7 +41,7 @@ def test_ten_million_photons_are_traced_and_gathered_in_little_memory():
     assert frame.energy.deposited == pytest.approx(12 * passing, rel=1e-5)
     assert frame.channels["irradiance.R"] == pytest.approx(passing, rel=0.02)
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    assert used < 8 * 2**20
+    assert used < 6 * 2**20
 
 
 @pytest.mark.parametrize("size", [(1, 1), (8192, 1), (1, 8192)])

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracle.closed_forms import fresnel_reflectance
-from photons.shapes import ball, box, field, floor, glass, mesh, moving, ripples, upside_down
+from photons.shapes import MIRROR, ball, box, field, floor, glass, mesh, moving, quad, ripples, upside_down
 from photons.traced import sun
 
 import tpdwarp
 from tests.small_stage import write_stage
+from tests.view.scenes import looking_down
 from tpdwarp.energy_watch import EnergyWatch
 from tpdwarp.errors import InputError
 from tpdwarp.images import read_image
@@ -110,16 +111,89 @@ def test_solids_of_no_sense_do_no_harm_and_what_is_lost_in_them_is_said(shape, c
     assert energy.lost_total < (0.7 if shape == "in pieces that cross" else MOST_LOST) * energy.sent + 1e-12
 
 
+PASSING = (1 - fresnel_reflectance(0, 1.0, 1.5)) ** 2
+"""Of light that passes through a plate of glass without inner reflections."""
+GAPS = [1e-2, 1e-4, 1e-5, 1e-6, 1e-7, 0.0, -1e-7]
+
+
+def on_table(gap: float, motion: str, place=(0, 0, 0)) -> SceneAtShutter:
+    """A glass box that stands ``gap`` above a table, or stands and heaves its top."""
+    body = moving(box("/box", (-0.5, -0.5, gap), (0.5, 0.5, 0.5), glass()), (0.1, 0, 0))
+    if motion == "deforming":
+        body = replace(body, motions=body.motions * (body.points[:, 2:] > 0.3))
+    meshes = (replace(one, points=one.points + place) for one in (body, floor(half=1.5)))
+    return scene(meshes, sun(), eye=looking_down((-0.2, 0.2, -0.2, 0.2), height=1.0 + place[2]))
+
+
+@pytest.mark.parametrize("place", [(0, 0, 0), (0, 0, 1e3)])
 @pytest.mark.parametrize("motion", ["deforming", "rigid"])
-def test_glass_on_a_table_lights_the_table_through_a_gap(motion):
-    passing = (1 - fresnel_reflectance(0, 1.0, 1.5)) ** 2
-    for gap in (1e-2, 1e-4, 1e-5):
-        body = moving(box("/box", (-0.5, -0.5, gap), (0.5, 0.5, 0.5), glass()), (0.1, 0, 0))
-        if motion == "deforming":
-            body = replace(body, motions=body.motions * (body.points[:, 2:] > 0.3))
-        photons = render(scene([body, floor(half=1.5)], sun())).photons
-        straight = photons.bounces == 2
-        assert photons.flux[straight].sum() == pytest.approx(3 * passing, rel=1e-3)
+@pytest.mark.parametrize("gap", GAPS)
+def test_glass_that_touches_a_table_lights_it_as_over_a_gap(gap, motion, place):
+    frame = render(on_table(gap, motion, place), photons=4096)
+    straight = frame.photons.bounces == 2
+    assert frame.photons.flux[straight].sum() == pytest.approx(3 * PASSING, rel=1e-4)
+    assert (frame.photons.bounces > 1).all()
+    # The eye looks through the glass as well; inner reflections bring a little more light to it and to the table.
+    seen = frame.channels["caustic.R"]
+    assert seen.min() > 0.99 * PASSING**2 * 0.5 / math.pi and seen.max() < 1.01 * PASSING * 0.5 / math.pi
+
+
+@pytest.mark.parametrize("direction", [(0, 0, -1), (0.3, 0.2, -1)])
+def test_glass_in_a_corner_touches_the_floor_and_both_walls(direction):
+    walls = [
+        floor(half=1.0),
+        quad("/x", (1, 0, 0.5), (0, 1, 0), (0, 0, -0.5), floor().materials[0]),
+        quad("/y", (0, 1, 0.5), (1, 0, 0), (0, 0, 0.5), floor().materials[0]),
+    ]
+    energies = [
+        render(scene([moving(box("/box", (0.4, 0.4, gap), (1 - gap, 1 - gap, 0.6), glass()), (0, 0, 0.0)), *walls],
+                     sun(direction)), photons=4096).energy
+        for gap in (1e-4, 0.0)
+    ]
+    for part in ("sent", "deposited", "escaped", "lost_total"):
+        apart, touching = (getattr(energy, part) for energy in energies)
+        assert touching == pytest.approx(apart, rel=2e-3, abs=1e-3 * energies[0].sent), part
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+@pytest.mark.parametrize("gap", [1e-4, 0.0])
+def test_two_plates_of_glass_that_touch_are_two_plates(gap, tilt):
+    axes = np.array([[math.cos(tilt), 0, -math.sin(tilt)], [0, 1, 0], [math.sin(tilt), 0, math.cos(tilt)]])
+    plates = [
+        box("/low", (-0.5, -0.5, 0.2), (0.5, 0.5, 0.5), glass()),
+        box("/high", (-0.3, -0.3, 0.5 + gap), (0.3, 0.3, 0.7), glass()),
+    ]
+    plates = [replace(one, points=one.points @ axes) for one in plates]
+    frame = render(scene([*plates, floor(half=3.0)], sun(-axes[2])), photons=4096)
+    # Photons that go straight down through both, not through their sides.
+    entry = np.abs(frame.photons.positions @ axes[:2].T).max(axis=1)
+    straight = (frame.photons.bounces == 4) & (entry < 0.29)
+    assert straight.sum() > 300
+    carried = frame.photons.flux[straight].sum(axis=1)
+    each = frame.energy.sent / frame.energy.counts["emitted"]
+    assert np.median(carried) / each == pytest.approx(PASSING**2, rel=0.05)
+
+
+@pytest.mark.parametrize("gap", [1e-4, 0.0])
+def test_a_mirror_in_the_plane_of_a_floor_reflects_all_light_that_falls_on_it(gap):
+    mirror = moving(quad("/mirror", (0, 0, gap), (0.5, 0, 0), (0, 0.5, 0), MIRROR), (0.05, 0, 0))
+    roof = quad("/roof", (4, 0, 2), (0, 3, 0), (3, 0, 0), floor().materials[0])
+    energy = render(scene([mirror, floor(half=1.5), roof], sun((1.5, 0, -1)))).energy
+    assert energy.sent == pytest.approx(3 / math.hypot(1, 1.5), rel=0.02)
+    assert energy.deposited == pytest.approx(energy.sent, rel=1e-5)
+
+
+def test_a_tiny_plate_of_glass_on_a_huge_tilted_floor_stays_what_it_is():
+    axes = np.array([[math.cos(0.3), 0, -math.sin(0.3)], [0, 1, 0], [math.sin(0.3), 0, math.cos(0.3)]])
+    found = []
+    for half in (3.0, 1e4):
+        plate = box("/plate", (-0.5, -0.5, 0.0), (0.5, 0.5, 0.2), glass())
+        meshes = [replace(one, points=one.points @ axes) for one in (plate, floor(half=half))]
+        found.append(render(scene([moving(meshes[0], (0, 0, 0)), meshes[1]], sun(-axes[2]))).energy)
+    for part in ("sent", "deposited", "lost_total"):
+        small, huge = (getattr(energy, part) / energy.sent for energy in found)
+        assert huge == pytest.approx(small, abs=2e-3), part
+    assert found[1].deposited == pytest.approx(PASSING * found[1].sent, rel=1e-4)
 
 
 def flat_water(count: int) -> SceneAtShutter:
@@ -242,6 +316,10 @@ REFUSED = {
         on_floor("normal3f[] normals = [(0, 0, 1), (nan, 0, 1), (0, 0, 1), (0, 0, 1)]"),
         "/World/Floor.normals: holds NaN",
     ),
+    "infinity in normals": (
+        on_floor("normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, -inf, 1), (0, 0, 1)]"),
+        "/World/Floor.normals: holds NaN or infinity",
+    ),
     "NaN in velocities": (velocities("(nan, 0, 1)"), "/World/Floor.velocities: holds NaN or infinity at time code 1"),
     "infinity in velocities": (velocities("(0, -inf, 1)"), "/World/Floor.velocities: holds NaN"),
     "NaN in a transform": (xform("(nan, 0, 0)"), "/World/Floor: its transform holds NaN"),
@@ -251,6 +329,10 @@ REFUSED = {
     "a camera that is nowhere": (
         lambda t: t.replace("translate = (0, 0, 10)", "translate = (0, nan, 10)"),
         "/World/Camera: its transform holds NaN",
+    ),
+    "a camera out of range": (
+        lambda t: t.replace("translate = (0, 0, 10)", "translate = (0, 1e40, 10)"),
+        "/World/Camera: its transform holds numbers beyond 1e+30",
     ),
 }
 

@@ -9,7 +9,14 @@ import pytest
 
 from tests.footprints.photons import ONE_THREAD, first_channel, grid, irradiance, photon_map, queries, shaped
 from tests.oracle import footprint_weight, static_kernel
-from tpdwarp.footprints.footprint import LARGEST_ASPECT, LONGEST_AXIS, SMALLEST_AXIS, PixelSize, shape_footprints
+from tpdwarp.footprints.footprint import (
+    LARGEST_ASPECT,
+    LONGEST_AXIS,
+    SMALLEST_AXIS,
+    SMALLEST_OF_ALL,
+    PixelSize,
+    shape_footprints,
+)
 from tpdwarp.footprints.gather import GatherForm
 from tpdwarp.footprints.kernels import SUPPORT
 
@@ -165,17 +172,21 @@ def test_check_17_footprints_keep_their_flux_however_they_are_widened(name, dxdt
         assert total == pytest.approx(2.0, rel=(1 / 20) ** 2), (name, form.kernel)
 
 
-def test_limited_footprints_are_counted():
+@pytest.mark.parametrize("away", [0.0, 1e-5, 0.5])
+def test_limited_footprints_are_counted(away):
     dxdu = [(0.1, 0, 0), (5.0, 0, 0), (0.3, 0, 0), (0, 0, 0), (0.5, 0, 0)]
     dxdv = [(0, 0.1, 0), (0, 5.0, 0), (0, 1e-5, 0), (0, 0, 0), (0, 0.001, 0)]
-    photons = photon_map(np.zeros((5, 3)), dxdu, dxdv)
+    photons = photon_map(np.tile([away, 0, 0], (5, 1)), dxdu, dxdv)
     found = shaped(photons)
     np.testing.assert_array_equal(found.arrays.clamped.numpy(), [0, 1, 1, 1, 0])
     assert found.clamped == 3
     axes = np.sort(1 / np.linalg.norm([found.arrays.row_u.numpy(), found.arrays.row_v.numpy()], axis=2), axis=0)
     longest, thinnest = axes[1], axes[0]
     assert np.all(longest <= float(LONGEST_AXIS) * (1 + 1e-5))
-    assert np.all(thinnest >= np.maximum(longest / float(LARGEST_ASPECT), float(SMALLEST_AXIS)) * (1 - 1e-5))
+    smallest = max(float(SMALLEST_AXIS) * away, float(SMALLEST_OF_ALL))
+    assert np.all(thinnest >= np.maximum(longest / float(LARGEST_ASPECT), smallest) * (1 - 1e-5))
+    # The one that has collapsed is as small as single precision tells points apart where it lies.
+    assert thinnest[3] == pytest.approx(smallest, rel=1e-5)
     assert shaped(photons, half_pixel=0.01).clamped == 1
 
 

@@ -26,7 +26,7 @@ def striped() -> MeshAtShutter:
     """Two triangles: a blue one with display colours over it, and a mirroring one."""
     materials = (RED, MIRROR, BLUE)
     return replace(
-        floor(0.0, 1.0, path="/striped"),
+        floor(0.5, 1.0, path="/striped"),
         materials=materials,
         triangle_materials=np.array([2, 1], np.int32),
         colors=np.array([[0.2, 0.3, 0.4], [0.6, 0.5, 0.4]]),

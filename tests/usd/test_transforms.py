@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Ts, Usd, UsdGeom
 
+from tpdwarp.errors import InputError
 from tpdwarp.usd.transforms import Transforms, union
 
 ROTATIONS = ("X", "Y", "Z", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
@@ -99,3 +100,23 @@ def test_union_of_spans_holds_both():
     assert union(None, None) is None
     assert union((1, 2), None) == (1, 2)
     assert union((1, 2), (0, 1.5)) == (0, 2)
+
+
+@pytest.mark.parametrize("cubic", [False, True])
+@pytest.mark.parametrize(
+    "parent, child, what",
+    [
+        ((float("nan"), 0, 0), (0, 0, 0), "NaN or infinity"),
+        ((0, 0, 0), (0, float("inf"), 0), "NaN or infinity"),
+        ((2e30, 0, 0), (0, 0, 0), "numbers beyond 1e+30"),
+        ((0, 0, -0.6e30), (0, 0, -0.6e30), "numbers beyond 1e+30"),
+    ],
+)
+def test_transforms_that_no_geometry_survives_are_refused_in_the_same_words(cubic, parent, child, what):
+    stage = Usd.Stage.CreateInMemory()
+    for path, value in (("/Parent", parent), ("/Parent/Child", child)):
+        UsdGeom.Xform.Define(stage, path).AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*value))
+    with pytest.raises(InputError) as caught:
+        Transforms(cubic).world(stage.GetPrimAtPath("/Parent/Child"), 3.0)
+    assert caught.value.prim in ("/Parent", "/Parent/Child")
+    assert caught.value.message == f"its transform holds {what} at time code 3 (author finite xformOps)"

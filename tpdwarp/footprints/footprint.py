@@ -20,7 +20,9 @@ from tpdwarp.photons.tracing import PhotonMap, joined
 
 LONGEST_AXIS = wp.constant(1.0)
 LARGEST_ASPECT = wp.constant(1000.0)
+# A part of the coordinates where the footprint lies, ten or so units in their last place; and a part of the scene.
 SMALLEST_AXIS = wp.constant(1.0e-6)
+SMALLEST_OF_ALL = wp.constant(1.0e-9)
 # How far a query may lie off the footprint's plane, as a part of the footprint's own reach.
 SLACK = wp.constant(0.25)
 MOST_PIECES = 32
@@ -81,22 +83,20 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
     def shape_footprints(
         base: int,
         # In
-        position: wp.array(dtype=wp.vec3),
-        normal: wp.array(dtype=wp.vec3),
         dxdu: wp.array(dtype=wp.vec3),
         dxdv: wp.array(dtype=wp.vec3),
-        dxdt: wp.array(dtype=wp.vec3),
-        bend: wp.array(dtype=wp.vec3),
         receiver_motion: wp.array(dtype=wp.vec3),
         flux: wp.array(dtype=wp.vec3),
         smoothing: float,
         pixel: PixelSize,
-        # Out
+        # In (center, normal, dxdt, bend) and out (all else)
         out: FootprintArrays,
     ):
         i = base + wp.tid()
-        n = normal[i]
-        x = position[i]
+        n = out.normal[i]
+        x = out.center[i]
+        dxdt = out.dxdt[i]
+        bend = out.bend[i]
         e1 = wp.vec3(0.0, -n[2], n[1])
         if wp.abs(n[0]) > 0.5:
             e1 = wp.vec3(n[2], 0.0, -n[0])
@@ -126,7 +126,7 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
             t1 = LONGEST_AXIS
             t2 = wp.min(t2, LONGEST_AXIS)
             clamped = 1
-        smallest = wp.max(t1 / LARGEST_ASPECT, SMALLEST_AXIS)
+        smallest = wp.max(t1 / LARGEST_ASPECT, wp.max(SMALLEST_AXIS * wp.length(x), SMALLEST_OF_ALL))
         if t2 < smallest:
             t2 = smallest
             clamped = 1
@@ -144,13 +144,9 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         row_u = (cr / t1) * left1 - (sign * sr / t2) * left2
         row_v = (sr / t1) * left1 + (sign * cr / t2) * left2
 
-        out.center[i] = x
         out.row_u[i] = wp.static(scale) * row_u
         out.row_v[i] = wp.static(scale) * row_v
-        out.normal[i] = n
-        out.dxdt[i] = dxdt[i]
-        out.bend[i] = bend[i]
-        out.relative[i] = dxdt[i] - receiver_motion[i]
+        out.relative[i] = dxdt - receiver_motion[i]
         out.density[i] = flux[i] * (wp.static(scale * scale) / (t1 * t2))
         out.clamped[i] = clamped
         along = wp.static(support) * t1
@@ -161,9 +157,9 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         else:
             along *= wp.abs(cr) + wp.abs(sr)
             across *= wp.abs(cr) + wp.abs(sr)
-        out.slack[i] = SLACK * (along + across + 0.5 * wp.length(out.relative[i]) + 0.125 * wp.length(bend[i]))
-        along += 0.5 * wp.abs(wp.dot(left1, dxdt[i])) + 0.125 * wp.abs(wp.dot(left1, bend[i]))
-        across += 0.5 * wp.abs(wp.dot(left2, dxdt[i])) + 0.125 * wp.abs(wp.dot(left2, bend[i]))
+        out.slack[i] = SLACK * (along + across + 0.5 * wp.length(out.relative[i]) + 0.125 * wp.length(bend))
+        along += 0.5 * wp.abs(wp.dot(left1, dxdt)) + 0.125 * wp.abs(wp.dot(left1, bend))
+        across += 0.5 * wp.abs(wp.dot(left2, dxdt)) + 0.125 * wp.abs(wp.dot(left2, bend))
         if along >= across:
             out.long_axis[i] = left1
             out.reach[i] = wp.vec2(along, across)
@@ -231,12 +227,19 @@ def shape_footprints(
 ) -> FootprintMap:
     """Shapes the footprints of all photons in ``maps`` (equal durations) and builds the BVH over their bounds."""
     count = sum(len(photons) for photons in maps)
-    out = launcher.rows(FootprintArrays, count)
     duration = maps[0].duration if maps else 1.0
     if not count:
-        return FootprintMap(out, PieceArrays(), None, duration, moves, 0.0, 0, 0)
-    names = ("position", "normal", "dxdu", "dxdv", "dxdt", "bend", "receiver_motion", "flux")
-    columns = [launcher.array(joined([_column(m, name) for m in maps]), wp.vec3) for name in names]
+        return FootprintMap(launcher.rows(FootprintArrays, 0), PieceArrays(), None, duration, moves, 0.0, 0, 0)
+
+    def column(name: str) -> wp.array:
+        return launcher.array(joined([_column(photons, name) for photons in maps]), wp.vec3)
+
+    # Columns that footprints share with photons are not copied: ten million of either fill memory.
+    shared = {"center": "position", "normal": "normal", "dxdt": "dxdt", "bend": "bend"}
+    out = launcher.rows(FootprintArrays, count, but=(*shared, "receiver", "time"))
+    for name, source in shared.items():
+        setattr(out, name, column(source))
+    columns = [column(name) for name in ("dxdu", "dxdv", "receiver_motion", "flux")]
     out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
     times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
     out.time = launcher.array(times, wp.float32)

@@ -34,6 +34,8 @@ WIDEST_SINGLE_PATCH = math.radians(60.0)
 CUBE_FACE = math.pi / 4
 # How many times the cells that the stills foresaw a frame may emit; a rod that turns takes some times as many.
 MOST_GROWTH = 16
+# What is specular is met from nearby where it is smaller than this part of the way from the light.
+NEARBY = 1.0e-2
 # Lattice coordinates are single precision: beyond this cell they no longer resolve a quarter of one.
 FARTHEST_CELL = 2**22
 
@@ -54,12 +56,15 @@ class Patch:
     A plane patch emits along axis_w from points u axis_u + v axis_v; a direction patch emits from ``position`` along
     tan(u) axis_u + tan(v) axis_v + axis_w (equal angles, so that cells have nearly equal solid angle).
     ``power`` is flux per unit of plane area, or per steradian. Beams begin ``start`` along their direction: those of a
-    plane through the origin, where coordinates are fine, begin beyond the scene.
+    plane through the origin, where coordinates are fine, begin beyond the scene. ``near`` is where they come near what
+    is specular, ``start`` where that is no way off. ``grain`` is how large the coordinates of what is specular are.
     """
 
     domain: int
     position: wp.vec3
     start: float
+    near: float
+    grain: wp.vec3
     axis_u: wp.vec3
     axis_v: wp.vec3
     axis_w: wp.vec3
@@ -221,8 +226,9 @@ class EmissionPlan:
             foreseen = [(one, _bounds(lights[one.light], one.axes, one.limit, corners, norm)) for one, _ in foreseen]
         found = [_bounds(lights[lattice.light], lattice.axes, lattice.limit, corners, norm) for lattice in made]
         behind = 2.0 * _farthest(scene, norm) + 1.0
+        grain = np.abs(corners).max(axis=(0, 1))
         return [
-            (lattice, _patch(lattice, lights[lattice.light], bounds, behind, norm))
+            (lattice, _patch(lattice, lights[lattice.light], bounds, behind, grain, norm))
             for lattice, bounds in (*foreseen, *zip(made, found, strict=True))
             if bounds is not None
         ]
@@ -455,10 +461,15 @@ def _patch(
     light: LightAtShutter,
     bounds: _Bounds,
     behind: float,
+    grain: np.ndarray,
     normalization: Normalization,
 ) -> Patch:
-    """The cells of ``lattice`` that cover ``bounds``; light from afar starts ``behind`` before the origin."""
+    """The cells of ``lattice`` that cover ``bounds``; light from afar starts ``behind`` before the origin.
+
+    ``grain`` [3] is how large the coordinates of what is specular are.
+    """
     patch = Patch()
+    patch.grain = wp.vec3(*(grain + 1e-3 * grain.max()))
     (patch.first_u, patch.count_u), (patch.first_v, patch.count_v) = _cells(lattice, bounds)
     patch.origin, patch.step = wp.vec2(*lattice.origin), wp.vec2(*lattice.step)
     if light.kind == LightKind.DISTANT:
@@ -467,12 +478,15 @@ def _patch(
         patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*-axes[2])
         patch.axis_u_motion, patch.axis_v_motion = wp.vec3(*motions[0]), wp.vec3(*motions[1])
         patch.axis_w_motion = wp.vec3(*-motions[2])
-        patch.start = -behind
+        patch.start, distance = -behind, behind
     else:
         axes = lattice.axes
         patch.domain = int(Domain.DIRECTIONS)
         patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*axes[2])
         patch.position = wp.vec3(*normalization.points(light.position[None])[0].astype(float))
         patch.position_motion = wp.vec3(*(light.position_motion * normalization.scale))
+        patch.start, distance = 0.0, float(np.linalg.norm(patch.position))
+    reach = 2.0 * float(np.linalg.norm(grain))
+    patch.near = patch.start + (distance - reach if reach < NEARBY * distance else 0.0)
     patch.power = wp.vec3(*normalization.light_power(light))
     return patch

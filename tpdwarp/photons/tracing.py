@@ -25,7 +25,7 @@ from tpdwarp.photons.record import EnergyAccount, PhotonRecord
 from tpdwarp.scene.description import SceneAtShutter
 from tpdwarp.scene.geometry import Geometry, Surfaces
 from tpdwarp.scene.requirements import Requirements
-from tpdwarp.scene.surface import closest_hit
+from tpdwarp.scene.surface import along, closest_hit, occluded
 
 SMALLEST_BRANCH = 2.0e-3
 DIELECTRIC = wp.constant(1)
@@ -125,7 +125,11 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             newest += 1
 
         start = patch.start
-        beam.grain = surfaces.grain
+        if patch.near > start:
+            # What is tiny is met from nearby, unless something stands before it: rays from afar round like their way.
+            if not occluded(surfaces, along(beam.x, beam.w, start), beam.w, beam.lift, patch.near - start):
+                start = patch.near
+        beam.grain = patch.grain
 
         for bounce in range(bounces + 1):
             hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, beam.grain, start, FAR, wp.static(moves), stream)
@@ -307,6 +311,8 @@ def trace_photons(
                 rows["ids"] = _ids(rows["emission"], masks[keep], lattice, plan.id_count)
                 landed.append(rows)
             cells, masks = next_paths(cells, masks, branches)
+            # Before the next pass makes its own.
+            del out, inputs, fate, branches
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return _empty(), account

@@ -8,7 +8,8 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.launch import Launcher
-from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.contact import parted
+from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.normalization import Normalization
 
 
@@ -136,6 +137,14 @@ def geometry_of(
 
     corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
     mesh = _mesh(vertices, corners, launcher)
+    owners, materials_of = np.concatenate(object_of), np.concatenate(material_of)
+    table = list(materials)
+    diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
+    boxes = np.array([(placed.min(axis=0), placed.max(axis=0)) for placed in points])
+    apart = parted(mesh, corners, owners, diffuse, boxes, launcher)
+    if apart is not None:
+        mesh.points.assign(apart)
+        mesh.refit()
     surfaces = Surfaces()
     extent = np.abs(vertices).max(axis=0).astype(float)
     surfaces.grain = wp.vec3(*(extent + 1e-3 * extent.max()))
@@ -147,9 +156,8 @@ def geometry_of(
     surfaces.normal_indices = launcher.array(np.concatenate(normal_indices), wp.vec3i)
     surfaces.colors = launcher.array(_stack(colors, 3, np.float32), wp.vec3)
     surfaces.color_indices = launcher.array(np.concatenate(color_indices), wp.vec3i)
-    surfaces.material_of = launcher.array(np.concatenate(material_of), wp.int32)
-    surfaces.object_of = launcher.array(np.concatenate(object_of), wp.int32)
-    table = list(materials)
+    surfaces.material_of = launcher.array(materials_of, wp.int32)
+    surfaces.object_of = launcher.array(owners, wp.int32)
     surfaces.interaction = launcher.array(np.array([int(m.interaction) for m in table], np.int32), wp.int32)
     surfaces.tint = launcher.array(np.array([m.color for m in table], np.float32), wp.vec3)
     surfaces.ior = launcher.array(np.array([m.ior for m in table], np.float32), wp.float32)

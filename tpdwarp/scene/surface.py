@@ -3,18 +3,18 @@
 import warp as wp
 
 from tpdwarp.scene.geometry import Surfaces
+from tpdwarp.scene.lift import lift_off
 
-# Parts of the coordinates of the triangle at hand (about 64 and 16 units in the last place), so that a thin layer is
-# as good as a thick one. A ray starts a little off the surface it leaves, on the side it leaves to, and is shifted
-# sideways by less than that, because rays that pass exactly through vertices and edges can slip between triangles;
-# the hit is then found by intersecting the true ray with the triangle's plane.
-LIFT = wp.constant(4.0e-6)
+# A ray starts a little off the surface it leaves, on the side it leaves to, and is shifted sideways by less than that
+# (a part of the coordinates of the triangle at hand, some 16 units in their last place), because rays that pass exactly
+# through vertices and edges can slip between triangles; the hit is then found by intersecting the true ray with the
+# triangle's plane.
 SHIFT = wp.constant(1.0e-6)
-# The least lift, as a part of the triangle's size: for triangles in the plane x = 0.
-SMALLEST_LIFT = wp.constant(4.0e-9)
 # Below this cosine a plane is too nearly along the ray to say where they meet.
 GRAZING = wp.constant(1.0e-7)
 COPLANAR = wp.constant(0.999999)
+# What lies in the plane left is so many lifts of its own off it at most: four half units in the last place.
+OWN_PLANE = wp.constant(0.06)
 MOST_ATTEMPTS = wp.constant(8)
 
 
@@ -51,6 +51,12 @@ class ShadingNormal:
 
 
 @wp.func
+def along(x: wp.vec3, w: wp.vec3, distance: float) -> wp.vec3:
+    """x + λω in double precision, for ways that are long beside where they lead."""
+    return wp.vec3(wp.vec3d(x) + wp.float64(distance) * wp.vec3d(w))
+
+
+@wp.func
 def closest_hit(
     surfaces: Surfaces,
     x: wp.vec3,
@@ -70,6 +76,7 @@ def closest_hit(
     hit = Hit()
     hit.triangle = -1
     off = wp.normalize(lift)
+    lifted = wp.length(lift)
     farther = float(1.0)
     missed = int(0)
     attempt = int(0)
@@ -78,7 +85,7 @@ def closest_hit(
         shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5)
         shift = SHIFT * wp.cw_mul(shift, grain)
         shift = shift - wp.dot(shift, off) * off
-        query = wp.mesh_query_ray(surfaces.mesh, x + start * w + farther * lift + shift, w, end - start)
+        query = wp.mesh_query_ray(surfaces.mesh, along(x, w, start) + farther * lift + shift, w, end - start)
         if not query.result:
             missed += 1
         else:
@@ -90,31 +97,34 @@ def closest_hit(
             e1 = wp.vec3d(q1) - origin
             e2 = wp.vec3d(q2) - origin
             area = wp.cross(e1, e2)
-            inverse = wp.float64(1.0) / wp.dot(area, area)
-            n = area * wp.sqrt(inverse)
+            square = wp.dot(area, area)
             offset = wp.vec3d(x) - origin
-            height = wp.dot(n, offset)
-            cosine = wp.dot(n, wp.vec3d(w))
-            hit.n_g = wp.vec3(n)
+            # Both times the area; the plane's normal itself need not be known in double precision.
+            height = wp.dot(area, offset)
+            cosine = wp.dot(area, wp.vec3d(w))
+            length = wp.sqrt(square)
+            inverse = wp.float64(1.0) / square
+            hit.n_g = wp.vec3(area * (length * inverse))
             hit.grain = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
             edges = wp.abs(q1 - q0) + wp.abs(q2 - q0)
             size = edges[0] + edges[1] + edges[2]
-            hit.lift = LIFT * wp.dot(wp.abs(hit.n_g), hit.grain) + SMALLEST_LIFT * size
+            hit.lift = lift_off(hit.n_g, hit.grain, size)
             hit.grain = hit.grain + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
-            if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(float(height)) < hit.lift:
+            own = wp.max(lifted, OWN_PLANE * hit.lift)
+            if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(height) < length * wp.float64(own):
                 farther *= 8.0
             elif wp.isfinite(inverse):
-                along = wp.float64(start + query.t)
-                if wp.abs(cosine) > wp.float64(GRAZING):
-                    along = -height / cosine
-                offset = offset + along * wp.vec3d(w)
+                distance = wp.float64(start + query.t)
+                if wp.abs(cosine) > wp.float64(GRAZING) * length:
+                    distance = -height / cosine
+                offset = offset + distance * wp.vec3d(w)
                 g1 = wp.cross(e2, area) * inverse
                 g2 = wp.cross(area, e1) * inverse
                 b1 = wp.dot(g1, offset)
                 b2 = wp.dot(g2, offset)
                 hit.triangle = query.face
                 hit.retried = missed
-                hit.distance = float(along)
+                hit.distance = float(distance)
                 hit.position = wp.vec3(origin + offset)
                 hit.g1 = wp.vec3(g1)
                 hit.g2 = wp.vec3(g2)

@@ -26,6 +26,7 @@ from tpdwarp.errors import FrameError, InputError
 from tpdwarp.files import check_writable, complete_or_absent
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.single import single
+from tpdwarp.usd.far_scenes import own_origin
 
 EXTENSIONS = (".usdc", ".usda", ".usd")
 OUTLINE_POINTS = 16
@@ -143,6 +144,9 @@ class DebugLayerWriter:
     where the photons come from, under ``tpdwarp``: ``scene``, ``frameRange``, ``exposure`` (frames), ``settings``
     (JSON), ``version`` and ``fastestColor`` (scene units over the exposure).
 
+    Where photons lie so far from the origin that single precision loses what they show, all prims have a translation
+    in double precision, the same in every frame, and points relative to it.
+
     Args:
         path: The layer, ``.usdc``, ``.usd`` (crate as well) or ``.usda``; missing folders are made.
         source_file: Root layer of the scene.
@@ -189,6 +193,7 @@ class DebugLayerWriter:
         self._receivers: dict[str, int] = {}
         self._speeds: dict[float, np.ndarray] = {}
         self._diameter: float | None = None
+        self._origin: np.ndarray | None = None
 
         self._files = ExitStack()
         self._temporary_view = self._files.enter_context(complete_or_absent(self.view_path))
@@ -248,6 +253,9 @@ class DebugLayerWriter:
         if len(record) and self._diameter is None:
             self._diameter = typical_diameter(record, smoothing)
             self._author_curve_widths(self._diameter)
+            self._author_origin(own_origin(record))
+        if self._origin is not None:
+            record = replace(record, positions=record.positions - self._origin)
         ends = record.positions[:, None] + np.array([-0.5, 0.5])[:, None] * record.dxdt[:, None]
         self._author_curves(self._differentials, ends, time)
         self._author_curves(self._footprints, footprint_outlines(record, smoothing), time)
@@ -323,6 +331,12 @@ class DebugLayerWriter:
     def _author_curve_widths(self, diameter: float) -> None:
         for curves in (self._differentials, self._footprints, self._swept):
             curves.GetWidthsAttr().Set([CURVE_WIDTH * diameter])
+
+    def _author_origin(self, origin: np.ndarray | None) -> None:
+        self._origin = origin
+        if origin is not None:
+            for prim in self._prims():
+                prim.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*origin.tolist()))
 
     def _author_curves(self, curves: UsdGeom.BasisCurves, points: np.ndarray, time: float) -> None:
         count, size, _ = points.shape

@@ -63,7 +63,7 @@ class DebugLayerReader:
         Raises:
             InputError: A column is missing, or not one value a photon.
         """
-        positions = self._array(self._points.GetPointsAttr(), frame, "points", 3)
+        positions = self._placed(self._points, self._array(self._points.GetPointsAttr(), frame, "points", 3), frame)
         count = len(positions)
         columns = {
             name: self._array(self._primvars.GetPrimvar(name).GetAttr(), frame, name, width)
@@ -112,7 +112,12 @@ class DebugLayerReader:
         if len(points) != 2 * len(counts) or np.any(counts != 2) or len(colors) != len(counts):
             message = f"frame {frame:g} has {len(points)} points and {len(colors)} colours for {len(counts)} curves"
             raise InputError(message, file=self.path, prim=_DIFFERENTIALS)
-        return points.reshape(-1, 2, 3), colors
+        return self._placed(curves, points, frame).reshape(-1, 2, 3), colors
+
+    def _placed(self, prim: UsdGeom.PointBased, points: np.ndarray, frame: float) -> np.ndarray:
+        """Points of a prim, shape [n, 3], in the world: layers of scenes far from the origin have one of their own."""
+        matrix = np.array(prim.ComputeLocalToWorldTransform(frame))
+        return points @ matrix[:3, :3] + matrix[3, :3]
 
     def _array(
         self, attribute: Usd.Attribute, frame: float, name: str, width: int, prim: str = _POINTS

@@ -8,7 +8,7 @@ from pxr import Usd
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.motion import blur_scale, blur_scaled, over_shutter
-from tpdwarp.usd.transforms import Transforms, require_usable, union
+from tpdwarp.usd.transforms import Transforms, union
 
 
 def frame_over(
@@ -24,7 +24,6 @@ def frame_over(
 
     def state(time: float) -> tuple[np.ndarray, ...]:
         matrix = transforms.world(prim, time)
-        require_usable(matrix, time, file, str(prim.GetPath()))
         return matrix[3, :3], _axes(matrix[:3, :3], prim, file)
 
     shutter = blur_scaled(shutter, blur_scale(prim, shutter.frame))

@@ -11,7 +11,7 @@ from pxr import Usd, UsdGeom
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.usd.meshes import PlacedMesh, Placement
 from tpdwarp.usd.samples import sample_times
-from tpdwarp.usd.transforms import Transforms, finite, union
+from tpdwarp.usd.transforms import Transforms, union, usable
 from tpdwarp.usd.values import ROWS, indices_at, value_at
 
 MATRICES_KEPT = 12
@@ -103,7 +103,7 @@ class Instancer:
                 f"{self.path}.positions",
             )
         for index in np.flatnonzero(~np.isfinite(matrices).all(axis=(1, 2))):
-            finite(matrices[index], time, f"{self.path}[{index}]")
+            usable(matrices[index], time, f"{self.path}[{index}]")
         if time != frame:
             self._warn_held(time, frame)
         return matrices

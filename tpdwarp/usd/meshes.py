@@ -16,7 +16,7 @@ from tpdwarp.usd.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.normals import transform_normals, unit
 from tpdwarp.usd.shapes import Shape
 from tpdwarp.usd.topology import Topology
-from tpdwarp.usd.transforms import Transforms, require_usable, union
+from tpdwarp.usd.transforms import Transforms, union, usable
 
 
 class Placement(Protocol):
@@ -150,9 +150,7 @@ class PlacedMesh:
         return _Geometry(mesh, topology, shape.point_count)
 
     def _world(self, time: float, frame: float) -> np.ndarray:
-        matrix = self.placement.world(time, frame)
-        require_usable(matrix, time, self._warnings.file, self.label)
-        return matrix
+        return usable(self.placement.world(time, frame), time, self.label, self._warnings.file)
 
 
 @dataclass(frozen=True, eq=False)

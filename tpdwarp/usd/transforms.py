@@ -34,13 +34,13 @@ class Transforms:
         """Local-to-world matrix, shape [4, 4].
 
         Raises:
-            InputError: It is not finite.
+            InputError: It is not usable.
         """
         if self.cubic:
             return self._composed(prim, time, None)
         with errors_at(prim.GetPath()):
             found = self._cache(time).GetLocalToWorldTransform(prim)
-        return finite(np.array(found), time, prim.GetPath())
+        return usable(np.array(found), time, prim.GetPath())
 
     def below(self, prim: Usd.Prim, ancestor: Usd.Prim, time: float) -> np.ndarray:
         """Matrix from ``prim`` to ``ancestor``'s own space, shape [4, 4]; identity for the ancestor itself."""
@@ -49,13 +49,13 @@ class Transforms:
         if not self.cubic:
             with errors_at(prim.GetPath()):
                 found = self._cache(time).ComputeRelativeTransform(prim, ancestor)[0]
-            return finite(np.array(found), time, prim.GetPath())
+            return usable(np.array(found), time, prim.GetPath())
         return self._composed(prim, time, ancestor)
 
     def own(self, prim: Usd.Prim, time: float) -> np.ndarray:
         """The prim's own local matrix, shape [4, 4]."""
         with errors_at(prim.GetPath()):
-            return finite(self._local(prim).at(time), time, prim.GetPath())
+            return usable(self._local(prim).at(time), time, prim.GetPath())
 
     def own_span(self, prim: Usd.Prim) -> tuple[float, float] | None:
         """First and last sample time of the prim's own local matrix; None where it cannot vary."""
@@ -83,15 +83,15 @@ class Transforms:
         return self._caches[time]
 
     def _composed(self, prim: Usd.Prim, time: float, ancestor: Usd.Prim | None) -> np.ndarray:
-        matrix = np.eye(4)
+        matrix, path = np.eye(4), prim.GetPath()
         while prim and not prim.IsPseudoRoot() and not (ancestor is not None and prim == ancestor):
             local = self._local(prim)
             with errors_at(prim.GetPath()):
-                matrix = matrix @ finite(local.at(time), time, prim.GetPath())
+                matrix = matrix @ usable(local.at(time), time, prim.GetPath())
             if local.resets:
                 break
             prim = prim.GetParent()
-        return matrix
+        return usable(matrix, time, path)
 
     def _local(self, prim: Usd.Prim) -> _LocalTransform:
         key = str(prim.GetPath())
@@ -101,15 +101,16 @@ class Transforms:
         return self._locals[key]
 
 
-def require_usable(matrix: np.ndarray, time: float, file: str, prim: str) -> None:
-    """Refuses a local-to-world matrix [4, 4] that no geometry survives.
+def usable(matrix: np.ndarray, time: float, prim: Sdf.Path | str, file: str = "") -> np.ndarray:
+    """A transform [4, 4] of ``prim`` as it is.
 
     Raises:
-        InputError: It holds NaN, infinity or a number beyond ``LARGEST``.
+        InputError: No geometry survives it: it holds NaN, infinity or a number beyond ``LARGEST``.
     """
     if not np.abs(matrix).max() <= LARGEST:
         what = "NaN or infinity" if not np.isfinite(matrix).all() else f"numbers beyond {LARGEST:g}"
-        raise InputError(f"its transform holds {what} at time code {time:g} (author finite xformOps)", file, prim)
+        raise InputError(f"its transform holds {what} at time code {time:g} (author finite xformOps)", file, str(prim))
+    return matrix
 
 
 def union(first: tuple[float, float] | None, second: tuple[float, float] | None) -> tuple[float, float] | None:
@@ -117,19 +118,6 @@ def union(first: tuple[float, float] | None, second: tuple[float, float] | None)
     if first is None or second is None:
         return first or second
     return min(first[0], second[0]), max(first[1], second[1])
-
-
-def finite(matrix: np.ndarray, time: float, path: Sdf.Path | str) -> np.ndarray:
-    """A transform of the prim at ``path``, as it is.
-
-    Raises:
-        InputError: It is not finite.
-    """
-    if not np.isfinite(matrix).all():
-        raise InputError(
-            f"its transform holds NaN or infinity at time code {time:g} (author finite xformOps)", prim=str(path)
-        )
-    return matrix
 
 
 class _LocalTransform:

@@ -132,7 +132,9 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
         stream = wp.rand_init(7919, item)
         beam = camera_ray(camera, films[item], surfaces.time)
         depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
-        beam.grain = surfaces.grain
+        # An eye close to something tiny, which the origin is close to as well, sees nothing but that sharply.
+        closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
+        beam.grain = wp.min(surfaces.grain, wp.vec3(closeness, closeness, closeness))
         start = camera.near / depth_scale
         end = camera.far / depth_scale
         throughput = wp.vec3(1.0, 1.0, 1.0)
