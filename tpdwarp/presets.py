@@ -7,7 +7,7 @@ from typing import Any
 PRESETS: dict[str, dict[str, Any]] = {
     "draft": {"photons": 1 << 14, "segments": "auto", "samples": 2},
     "standard": {"photons": 1 << 16, "segments": "auto", "samples": 4},
-    "final": {"photons": 1 << 20, "segments": "auto", "samples": 16},
+    "final": {"photons": 1 << 18, "segments": "auto", "samples": 16},
     # Emission jittered and fixed on the light, derivative and trace at shutter open, Eq. 7 with Epanechnikov's kernel.
     "paper": {
         "segments": 1,

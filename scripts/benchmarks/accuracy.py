@@ -33,6 +33,7 @@ CASES: dict[str, dict[str, Any]] = {
     "4 096 photons": {"photons": 4096},
     "16 384 photons": {"photons": 16384},
     "65 536 photons, 4 segments": {"photons": 65536, "segments": 4},
+    "262 144 photons, 4 segments": {"photons": 262144, "segments": 4},
     "--preset draft": PRESETS["draft"],
     "--preset standard": PRESETS["standard"],
     "--preset final": PRESETS["final"],
