@@ -51,6 +51,7 @@ class Temporal:
                 photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)
             maps.append(replace(photons, time=(number + 0.5) / count - 0.5, duration=1.0 / count))
             energy.add(account)
+        energy.counts["segments traced"] = count
         return shaped(maps, energy, plan, any(s.requirements.photon_motion for s in scenes), animation, pixel, clock)
 
 
