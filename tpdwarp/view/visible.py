@@ -132,7 +132,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
         stream = wp.rand_init(7919, item)
         beam = camera_ray(camera, films[item], surfaces.time)
         depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
-        # An eye close to something tiny, which the origin is close to as well, sees nothing but that sharply.
+        # The origin lies in what is specular: an eye close to it looks at what may be tiny beside the scene.
         closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
         beam.grain = wp.min(surfaces.grain, wp.vec3(closeness, closeness, closeness))
         start = camera.near / depth_scale
