@@ -31,7 +31,7 @@ class Settings:
     Attributes:
         photons: Photons emitted towards specular geometry, a frame.
         samples: Camera samples a pixel.
-        segments: Parts of the shutter traced one by one; ``auto``: as many as pay, by mesh.
+        segments: Parts of the shutter traced apart; ``auto``: what pays, by mesh.
         target_error: Wanted relative RMSE of caustics; chooses photons and segments.
         exposure: Exposure in frames, opening at the frame; None takes the camera's ``shutter:open/close``.
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
