@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,9 +19,11 @@ from tpdwarp.errors import InputError
 from tpdwarp.frame import render_frame
 from tpdwarp.images import read_stored
 from tpdwarp.scene.description import Shutter
+from tpdwarp.sequence import open_scene, shutter_of, spread_shutters
 from tpdwarp.settings import Settings
 from tpdwarp.targeting import chosen, settled
 
+SCENES = Path(__file__).resolve().parents[1] / "usd_scenes"
 FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
 OPEN = Shutter(0, 0, 1)
 
@@ -35,8 +38,8 @@ class Made:
     def __call__(self, photons: int, segments: int) -> np.ndarray:
         self.most = max(self.most, photons * segments)
         random = np.random.default_rng(photons)
-        noise = self.space * photons**-self.slope * random.standard_normal((4000, 3))
-        return 1.0 + noise + self.time * segments**-2 * np.random.default_rng(1).standard_normal((4000, 3))
+        noise = self.space * photons**-self.slope * random.standard_normal((1, 4000, 3))
+        return 1.0 + noise + self.time * segments**-2 * np.random.default_rng(1).standard_normal((1, 4000, 3))
 
     def error(self, photons: int, segments: int) -> float:
         return math.hypot(self.space * photons**-self.slope, self.time * segments**-2)
@@ -50,8 +53,8 @@ def test_the_choice_errs_as_wanted_where_errors_follow_power_laws(wanted, slope,
     choice = chosen(made, wanted, 64)
     assert 0.5 * wanted < made.error(choice.photons, choice.segments) < 1.5 * wanted
     assert choice.error <= wanted
-    # The pilot costs no more than a few frames would, of a few pixels.
-    assert made.most <= max(4096, 16 * choice.photons * choice.segments)
+    # The pilot costs no more than a few frames would, of a few pixels, or than what it must see.
+    assert made.most <= choice.segments * max(targeting.FEWEST_SEEN, 16 * choice.photons)
 
 
 def test_the_cheaper_of_photons_and_segments_is_raised():
@@ -74,8 +77,8 @@ def test_no_choice_takes_more_photons_than_there_may_be(wanted, monkeypatch):
 
 
 def test_no_light_needs_few_photons():
-    choice = chosen(lambda photons, segments: np.zeros((10, 3)), 0.02, 64)
-    assert (choice.photons, choice.segments, choice.error) == (targeting.FIRST_PHOTONS, 1, 0.0)
+    choice = chosen(lambda photons, segments: np.zeros((1, 10, 3)), 0.02, 64)
+    assert (choice.photons, choice.segments) == (targeting.FIRST_PHOTONS, 1) and choice.error < 1e-9
 
 
 @pytest.mark.parametrize(("wave", "exposure"), [(Wave(), 0), (Wave(), 1), (Wave(), 3), (FOLDED, 1), (FOLDED, 2)])
@@ -90,6 +93,48 @@ def test_the_true_error_is_within_a_factor_of_two_of_what_was_asked(wave, exposu
     error = np.sqrt(np.mean((found - truth) ** 2)) / truth.mean()
     assert 0.5 * wanted < error < 2 * wanted
     assert target.expected <= wanted
+
+
+@pytest.mark.parametrize(
+    ("scene", "exposure", "photons", "instants"), [("sea", 1.0, 1 << 16, 16), ("mirror", 0.0, 1 << 20, 1)]
+)
+def test_shipped_scenes_err_as_wanted_in_frames_that_the_pilot_does_not_see(scene, exposure, photons, instants):
+    wanted, frame = 0.05, 9.0
+    base = Settings(image_width=48, exposure=exposure, aovs=("caustic",))
+    source = open_scene(SCENES / f"{scene}.usdc", base, False)
+    shutter, size = shutter_of(source, frame, base), source.resolution()
+
+    def light(settings: Settings) -> np.ndarray:
+        channels = render_frame(source, shutter, settings, *size).channels
+        return np.stack([channels[f"caustic.{c}"] for c in "RGB"]).astype(float)
+
+    def error(found: np.ndarray, truth: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((found - truth) ** 2)) / truth.mean())
+
+    exact = Settings.of(base, estimator="accumulation")
+    truth = light(Settings.of(exact, photons=photons, accumulation_times=instants))
+    coarse = light(Settings.of(exact, photons=photons // 4, accumulation_times=max(1, instants // 2)))
+    # Its own error falls by half or more from one to the other, so it is no larger than their difference.
+    assert error(coarse, truth) < 0.5 * wanted
+    seen = spread_shutters(source, base)
+    assert frame not in [pilot.frame for pilot in seen]
+    chosen_settings, _ = settled(source, Settings.of(base, target_error=wanted), seen, *size)
+    assert 0.5 * wanted < error(light(chosen_settings), truth) < 2 * wanted
+
+
+def test_the_pilot_sees_whole_frames():
+    """Between time samples vertices turn corners inside a shutter that a frame's own never sees."""
+    base = Settings(exposure=1.0)
+    source = open_scene(SCENES / "wave.usdc", base, False)
+    assert all(shutter.frame == round(shutter.frame) for shutter in spread_shutters(source, base))
+
+
+def test_a_dark_frame_is_not_made_exact_by_a_bright_one():
+    """Errors are relative to each frame's own light; one that is nearly black does not count for more than a tenth."""
+    lights = np.array([1.0, 0.5, 1e-6])[:, None, None] * np.ones((3, 50, 3))
+    wrong = lights + np.array([0.0, 0.05, 0.0])[:, None, None]
+    assert targeting._change(wrong, lights) == pytest.approx(0.1 / math.sqrt(3))
+    assert targeting._change(lights + 1e-6, lights) < 1e-4
 
 
 def test_what_cannot_be_reached_is_said(caplog, monkeypatch):

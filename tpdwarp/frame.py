@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from tpdwarp.estimators import ESTIMATORS
-from tpdwarp.estimators.base import Animation, Clock
+from tpdwarp.estimators.base import Animation, Clock, LoadedScene
+from tpdwarp.footprints.footprint import PixelSize
+from tpdwarp.photons.emission import EmissionPlan
 from tpdwarp.photons.record import EnergyAccount, PhotonRecord
-from tpdwarp.photons.tracing import record_of
+from tpdwarp.photons.tracing import PhotonMap, record_of
 from tpdwarp.scene.description import CameraAtShutter, SceneSource, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.sights import View
+from tpdwarp.sights import Sight, View
 from tpdwarp.view.camera import camera_of, pixel_size
 from tpdwarp.view.film import Film
 
@@ -77,23 +80,44 @@ def render_frame(
     return expose(_animation(source, settings), shutter, width, height, clock)
 
 
-def expose(
-    animation: Animation, shutter: Shutter, width: int, height: int, clock: Clock, pixels: np.ndarray | None = None
-) -> Frame:
-    """Renders one frame of an animation, or some ``pixels`` of it (others stay black)."""
+def expose(animation: Animation, shutter: Shutter, width: int, height: int, clock: Clock) -> Frame:
+    """Renders one frame of an animation."""
     settings = animation.settings
     scenes = animation.load_segments(shutter, clock)
     middle = scenes[len(scenes) // 2].scene.camera
-    norm = animation.normalization
-    pixel = pixel_size(camera_of(middle, width, height, norm), settings.samples)
-    film = Film(width, height, settings.samples, norm, middle.exposure_scale, settings.aovs)
+    film = Film(width, height, settings.samples, animation.normalization, middle.exposure_scale, settings.aovs)
+    view = View(animation, scenes, width, height, clock, settings.estimator == "accumulation")
+    pixel = pixel_size(camera_of(middle, width, height, animation.normalization), settings.samples)
+    energy, maps = expose_film(film, animation, shutter, scenes, view.sights, pixel, clock)
+    record = record_of(maps, scenes[0].geometry.paths)
+    return Frame(record, energy, clock.seconds, film.channels(), middle)
+
+
+def expose_film(
+    film: Film,
+    animation: Animation,
+    shutter: Shutter,
+    scenes: list[LoadedScene],
+    sights: Callable[[Film | None], Iterable[Sight]],
+    pixel: PixelSize,
+    clock: Clock,
+) -> tuple[EnergyAccount, list[tuple[PhotonMap, EmissionPlan]]]:
+    """Adds to ``film`` what photons leave at the ``sights`` of the scenes of a shutter.
+
+    Args:
+        sights: What the camera sees; it adds direct light to the film, if it is given one.
+        pixel: How far footprints are widened.
+
+    Returns:
+        Where the photons' flux went, and the photons with their lattices.
+    """
+    settings = animation.settings
     with_motion = bool({"motion", "photons"} & set(settings.aovs))
-    view = View(animation, scenes, width, height, clock, settings.estimator == "accumulation", pixels)
     energy = EnergyAccount()
     maps = []
     estimator = ESTIMATORS[settings.estimator]()
     for number, part in enumerate(estimator.parts(animation, shutter, scenes, pixel, clock)):
-        for sight in view.sights(film if number == 0 else None):
+        for sight in sights(film if number == 0 else None):
             if part.light is None:
                 continue
             with clock.stage("gather"):
@@ -109,5 +133,4 @@ def expose(
         maps += [(photons, part.plan) for photons in part.maps]
         # Before photons are told in scene units: ten million footprints take more memory than their photons.
         del part
-    record = record_of(maps, scenes[0].geometry.paths)
-    return Frame(record, energy, clock.seconds, film.channels(), middle)
+    return energy, maps

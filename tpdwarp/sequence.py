@@ -230,8 +230,20 @@ def _settled(source: StageScene, settings: Settings) -> tuple[Settings, ErrorTar
     if settings.target_error is None:
         return settings, None
     source.require_camera()
-    shutters = [shutter_of(source, still.middle, settings) for still in source.reference_shutters()]
-    return settled(source, settings, shutters, *source.resolution())
+    return settled(source, settings, spread_shutters(source, settings), *source.resolution())
+
+
+def spread_shutters(source: StageScene, settings: Settings) -> list[Shutter]:
+    """Shutters of whole frames spread over the animation.
+
+    Between frames they would see corners in the ways of vertices, which frames that open on a time sample do not see.
+
+    Raises:
+        InputError: The camera's shutter cannot be used.
+    """
+    offsets = (round(still.middle - source.start) for still in source.reference_shutters())
+    frames = [min(source.start + offset, source.end) for offset in dict.fromkeys(offsets)]
+    return [shutter_of(source, frame, settings) for frame in frames]
 
 
 def _check_output(path: FilePath | None, source: StageScene) -> None:

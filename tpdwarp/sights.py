@@ -26,7 +26,7 @@ class Sight:
 
     Attributes:
         queries: Where they are.
-        pixels: Pixel of each, shape [n].
+        pixels: Pixel of each, shape [n]: its place in the image, or in the list of pixels looked at.
         weights: Irradiance times this is radiance at the camera, shape [n, 3].
         first: Whether each lies on its sample's first path, shape [n].
         time: When in the shutter (−½ … ½) they stand there.
@@ -93,6 +93,7 @@ class View:
         self._moves = any(s.requirements.view_motion for s in scenes)
         self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
         self._pixels = block_order(width, height) if pixels is None else pixels
+        self._numbers = self._pixels if pixels is None else np.arange(len(pixels))
         self._keep = keep and len(self._pixels) * settings.samples <= KEPT_SAMPLES
         self._kept: list[Sight] = []
 
@@ -109,9 +110,10 @@ class View:
     def _look(self, film: Film | None) -> Iterator[Sight]:
         pixel_count = max(1, BATCH // self._animation.settings.samples)
         for first in range(0, len(self._pixels), pixel_count):
-            yield from self._look_at(self._pixels[first : first + pixel_count], film)
+            batch = slice(first, first + pixel_count)
+            yield from self._look_at(self._pixels[batch], self._numbers[batch], film)
 
-    def _look_at(self, pixels: np.ndarray, film: Film | None) -> Iterator[Sight]:
+    def _look_at(self, pixels: np.ndarray, numbers: np.ndarray, film: Film | None) -> Iterator[Sight]:
         """Sights of some pixels, at all times of the shutter."""
         samples = self._animation.settings.samples
         still = _Rows(moving=False)
@@ -119,7 +121,7 @@ class View:
             where, window = self._time(number)
             places, chosen = samples_at(number, self._times, pixels, samples, self._animation.settings.seed)
             for points in self._visible(number, pixels[places], chosen):
-                seen = pixels[places][points.items]
+                seen = numbers[places][points.items]
                 slots = places[points.items] * samples + chosen[points.items]
                 with self._clock.stage("view"):
                     if film is not None:

@@ -1,18 +1,20 @@
 """Choosing photons and segments for a wanted error, without a reference.
 
-A few pixels of a few frames are rendered with more and more photons m in each of K segments. The change D from m to 4m
-photons tells the error e_m of m photons; if errors fall by a factor r from one to the other,
+A few pixels of a few frames are rendered with more and more photons m in each of K segments. The change D from the last
+picture but one to the last tells the error of the former; if errors fall by a factor r from one to the other, it is
 
-    e_m = D/(1 − r²),
+    e = D/(1 − r²),
 
-halfway between errors that have nothing in common, D/√(1 + r²), and errors of one shape, D/(1 − r). The change
-from K to 2K segments tells the error in time, and a part of that in space, which is taken out. Both add up as squares.
+halfway between errors that have nothing in common, D/√(1 + r²), and errors of one shape, D/(1 − r). Errors of pictures
+with fewer photons are their changes to the last one. The change from K to 2K segments tells the error in time, and a
+part of that in space, which falls as that does with more photons and so is told apart. Both add up as squares.
 Whichever buys more accuracy for its photons, m or K, is raised until the wanted error is within reach of the power law
 that the last changes make.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -20,29 +22,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tpdwarp.errors import logger
-from tpdwarp.estimators.base import Animation, Clock
-from tpdwarp.frame import expose
+from tpdwarp.estimators.bending import FEWEST_GUIDES
+from tpdwarp.pilot import Pilot
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.view.sampling import pixel_grid
 
 MOST_STILLS = 3
-PILOT_PIXELS = 4096
 FIRST_PHOTONS = 64
 # No smaller error is believed before so many photons were seen.
-FEWEST_SEEN = 1024
+FEWEST_SEEN = 4096
 MOST_PHOTONS = 1 << 23
 MOST_SEGMENTS = 64
 # How errors fall from m to 4m photons: what is believed at least and at most, and before two changes are known.
-FALL = (0.15, 0.85)
+FALL = (0.15, 0.7)
 UNKNOWN_FALL = 0.4
-# So many times photons may be quadrupled beyond those of the pilot by the power law, or quartered below them.
-FARTHEST = 2.0
-NEAREST = -1.0
+# So many times photons may be quadrupled by the power law beyond those whose error is told by the next.
+FARTHEST = 1.5
 # From K to 2K segments; footprints follow the light to second order.
 TIME_FALL = 0.25
-# Part of the error in space that changes with the segments, and looks like one in time.
-SHARE_OF_SPACE = 0.5
+# Least part of the change with the segments that is taken for one in time.
+LEAST_IN_TIME = 0.25
+# Frames count as no darker than by this part of the light of all.
+LEAST_LIGHT = 0.1
+TINY = 1e-12
 
 Pictures = Callable[[int, int], np.ndarray]
 
@@ -89,7 +91,9 @@ def settled(
         shutters: Of frames spread over the animation, not of the frames at hand: so all have the same lattices.
         width, height: Pixels of the frames.
     """
-    pictures = pilot(source, settings, shutters[:: math.ceil(len(shutters) / MOST_STILLS)], width, height)
+    # The middles of equal parts of the animation.
+    apart = math.ceil(len(shutters) / MOST_STILLS)
+    pictures = Pilot(source, settings, shutters[(apart - 1) // 2 :: apart], width, height)
     moves = any(shutter.exposure > 0 for shutter in shutters)
     choice = chosen(pictures, settings.target_error, MOST_SEGMENTS if moves else 1)
     if choice.error > 1.05 * settings.target_error:
@@ -102,22 +106,6 @@ def settled(
     return replace(settings, photons=photons, segments=choice.segments, target_error=None), target
 
 
-def pilot(source: SceneSource, settings: Settings, shutters: Sequence[Shutter], width: int, height: int) -> Pictures:
-    """Gives light from photons at some pixels of some frames, for m photons in each of K segments, shape [n, 3]."""
-    pixels = pixel_grid(width, height, PILOT_PIXELS, settings.seed)
-
-    def picture(photons: int, segments: int) -> np.ndarray:
-        tried = replace(settings, photons=photons * segments, segments=segments, target_error=None, aovs=("caustic",))
-        animation = Animation(source, tried)
-        seen = []
-        for shutter in shutters:
-            channels = expose(animation, shutter, width, height, Clock(), pixels).channels
-            seen.append(np.stack([channels[f"caustic.{c}"].ravel()[pixels] for c in "RGB"], axis=1))
-        return np.concatenate(seen).astype(np.float64)
-
-    return picture
-
-
 def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
     """The cheapest choice expected to err by no more than ``wanted`` (relative RMSE), or the best there is."""
     found: dict[tuple[int, int], np.ndarray] = {}
@@ -127,34 +115,39 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
             found[photons, segments] = picture(photons, segments)
         return found[photons, segments]
 
-    def change(a: np.ndarray, b: np.ndarray) -> float:
-        level = float(b.mean())
-        return float(np.sqrt(np.mean((a - b) ** 2))) / level if level > 0 else 0.0
+    def in_space(photons: int, segments: int) -> _ErrorInSpace:
+        counts = [m for m in (4 * photons >> 2 * k for k in range(12)) if m >= FIRST_PHOTONS][::-1]
+        return _ErrorInSpace.of(counts, [at(m, segments) for m in counts])
 
-    def errors(photons: int, segments: int) -> _Errors:
-        here, finer = at(photons, segments), at(4 * photons, segments)
-        coarser = at(photons // 4, segments) if photons > FIRST_PHOTONS else None
-        step = change(here, finer)
-        fall = UNKNOWN_FALL if coarser is None else _ratio(step, change(coarser, here))
-        jump = change(here, at(photons, 2 * segments)) if segments < most_segments else 0.0
-        space = step / (1.0 - fall**2)
-        time = math.sqrt(max(jump**2 - (SHARE_OF_SPACE * space) ** 2, 0.5 * jump**2))
-        return _Errors(space, fall, time / (1.0 - TIME_FALL**2))
+    def in_time(photons: int, segments: int, fall: float) -> float:
+        if segments >= most_segments:
+            return 0.0
+        # With fewer photons than guides are traced for bent ways, these are too few to tell the error in time.
+        enough = min(4 * photons, max(photons, FEWEST_GUIDES))
+        jump, coarse = (_change(at(m, segments), at(m, 2 * segments)) for m in (enough, enough // 4))
+        # Its part in space is as much smaller with more photons as the error in space; that in time stays.
+        apart = (jump**2 - (fall * coarse) ** 2) / (1.0 - fall**2)
+        return math.sqrt(max(apart, (LEAST_IN_TIME * jump) ** 2)) / (1.0 - TIME_FALL**2)
 
     photons, segments = FIRST_PHOTONS, 1
     while True:
-        now = errors(photons, segments)
+        space = in_space(photons, segments)
+        time = in_time(photons, segments, space.fall)
+
+        def error(m: float, space: _ErrorInSpace = space, time: float = time) -> float:
+            return math.hypot(space(m), time)
+
         if 4 * photons >= FEWEST_SEEN:
-            room = math.log(MOST_PHOTONS / (photons * segments)) / math.log(4)
-            if now.with_photons(min(FARTHEST, room)) <= wanted:
-                quadruplings = now.quadruplings(wanted)
-                return Choice(math.ceil(photons * 4.0**quadruplings), segments, now.with_photons(quadruplings))
+            most = min(4.0**FARTHEST * photons, MOST_PHOTONS / segments)
+            if error(most) <= wanted:
+                fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
+                return Choice(fewest, segments, error(fewest))
             if 4 * photons * segments >= MOST_PHOTONS:
-                return Choice(4 * photons, segments, now.with_photons(1.0))
-            by_segments = math.log(now.with_photons(0.0) / now.with_segments()) / math.log(2)
-            if segments < most_segments and by_segments > math.log(
-                now.with_photons(0.0) / now.with_photons(1.0)
-            ) / math.log(4):
+                return Choice(4 * photons, segments, error(4 * photons))
+            by_photons = math.log(error(photons) / error(4 * photons)) / math.log(4)
+            with_segments = max(math.hypot(space(photons), TIME_FALL * time), TINY)
+            by_segments = math.log(error(photons) / with_segments) / math.log(2)
+            if segments < most_segments and by_segments > by_photons:
                 # Errors in space may have been those of photons that went far astray: fewer may do now.
                 photons, segments = max(FIRST_PHOTONS, photons // 16), 2 * segments
                 continue
@@ -162,31 +155,53 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
 
 
 @dataclass(frozen=True)
-class _Errors:
-    """Errors in space and in time of m photons in each of K segments, and how that in space falls from m to 4m."""
+class _ErrorInSpace:
+    """Error by the number of photons in each segment: a power law between those seen, and beyond them.
 
-    space: float
+    Attributes:
+        counts: Numbers of photons, each four times the one before.
+        errors: Of these.
+        fall: How errors fall from one to the next beyond the last.
+    """
+
+    counts: Sequence[int]
+    errors: Sequence[float]
     fall: float
-    time: float
 
-    def with_photons(self, quadruplings: float) -> float:
-        """Error of 4^quadruplings times as many photons in each segment."""
-        return math.hypot(self.space * self.fall**quadruplings, self.time)
+    @classmethod
+    def of(cls, counts: Sequence[int], pictures: Sequence[np.ndarray]) -> _ErrorInSpace:
+        steps = [_change(a, b) for a, b in itertools.pairwise(pictures)][-3:]
+        fall = UNKNOWN_FALL
+        if len(steps) > 1:
+            # One step alone may be small, or large, by chance.
+            fall = (steps[-1] / max(steps[0], TINY)) ** (1.0 / (len(steps) - 1))
+            fall = float(np.clip(fall, *FALL))
+        last = fall * steps[-1] / (1.0 - fall**2)
+        before = [math.hypot(_change(picture, pictures[-1]), last) for picture in pictures[:-2]]
+        return cls(counts, (*before, last / fall, last), fall)
 
-    def with_segments(self) -> float:
-        """Error of twice as many segments."""
-        return max(math.hypot(self.space, TIME_FALL * self.time), 1e-12)
-
-    def quadruplings(self, wanted: float) -> float:
-        """How often photons are to be quadrupled, from ``NEAREST`` to ``FARTHEST``, for the error ``wanted``."""
-        low, high = NEAREST, FARTHEST
-        if self.with_photons(low) <= wanted:
-            return low
-        for _ in range(40):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if self.with_photons(middle) > wanted else (low, middle)
-        return high
+    def __call__(self, photons: float) -> float:
+        errors = np.maximum(self.errors, TINY)
+        beyond = max(0.0, math.log(photons / self.counts[-1]) / math.log(4))
+        between = np.interp(math.log(photons), np.log(self.counts), np.log(errors))
+        return math.exp(between) * self.fall**beyond
 
 
-def _ratio(after: float, before: float) -> float:
-    return float(np.clip(after / before, *FALL)) if before > 0 else FALL[0]
+def _fewest(error: Callable[[float], float], wanted: float, least: int, most: float) -> int:
+    """The fewest photons from ``least`` to ``most`` from which on the error stays within ``wanted``."""
+    steps = least * (most / least) ** np.linspace(1.0, 0.0, 400)
+    fewest = most
+    for photons in steps:
+        if error(photons) > wanted:
+            break
+        fewest = photons
+    return math.ceil(fewest)
+
+
+def _change(a: np.ndarray, b: np.ndarray) -> float:
+    """RMS difference of frames [f, n, 3], each by its own light: what is bright elsewhere makes no frame exact."""
+    levels = b.mean(axis=(1, 2))
+    levels = np.maximum(levels, LEAST_LIGHT * levels.mean())
+    if not levels.all():
+        return 0.0
+    return float(np.sqrt(np.mean(((a - b) / levels[:, None, None]) ** 2)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -70,6 +71,12 @@ class Animation:
         self.normalization = _normalization(reference_scenes(source), source.file)
         self._plans: dict[int, EmissionPlan] = {}
         self._levels: dict[tuple[float, float], tuple[Level, ...]] = {}
+
+    def with_settings(self, settings: Settings) -> Animation:
+        """The same animation with other photons, segments or AOVs; stills are not read again."""
+        other = copy(self)
+        other.settings = settings
+        return other
 
     def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
         """The scene over ``shutter``, on the device; what only plans needs no clock of its own."""

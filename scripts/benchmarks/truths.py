@@ -1,0 +1,110 @@
+"""Converged light from photons with an estimate of its own error, kept in a folder so that it is made but once."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from tpdwarp.frame import render_frame
+from tpdwarp.scene.description import Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.usd.stage import StageScene
+
+FOLDER = Path(tempfile.gettempdir()) / "tpdwarp-truths"
+PACKAGE = Path(__file__).resolve().parents[2] / "tpdwarp"
+# What the light of given settings follows from.
+ROOMS = ("estimators", "footprints", "photons", "scene", "usd", "view")
+FEWEST_PHOTONS = 1 << 14
+FEWEST_SEGMENTS, MOST_SEGMENTS = 2, 16
+# How errors fall from one level to the next: what is believed at least and at most. Where changes fall less, errors
+# are no longer of one shape, and each is smaller than the change.
+FALL = (0.3, 0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Light from photons.
+
+    Attributes:
+        light: Shape [frames, 3, height, width].
+        error: Its own relative RMSE, as the changes of the last levels tell it.
+        photons: Photons of each segment, or instant.
+        segments: Segments of the shutter, or instants.
+    """
+
+    light: np.ndarray
+    error: float
+    photons: int
+    segments: int
+
+
+def truth_of(
+    source: StageScene,
+    shutters: Sequence[Shutter],
+    settings: Settings,
+    size: tuple[int, int],
+    wanted: float,
+    levels: int,
+) -> Truth:
+    """The light of ``settings`` with four times the photons in twice the segments, until it is as exact as wanted.
+
+    Args:
+        source: The scene.
+        shutters: Of the frames.
+        settings: Of the frames, with the estimator that makes the truth: ``tpd`` or ``accumulation``.
+        size: Width and height in pixels.
+        wanted: Relative RMSE.
+        levels: Most levels.
+    """
+    moves = any(shutter.exposure > 0 for shutter in shutters)
+    lights: list[np.ndarray] = []
+    error = np.inf
+    while len(lights) < levels and error > wanted:
+        photons = FEWEST_PHOTONS << 2 * len(lights)
+        segments = min(FEWEST_SEGMENTS << len(lights), MOST_SEGMENTS) if moves else 1
+        lights.append(_kept(source, shutters, _settings(settings, photons, segments), size))
+        changes = [relative_error(a, b) for a, b in itertools.pairwise(lights[-3:])]
+        if len(changes) == 2:
+            fall = np.clip(changes[1] / changes[0], *FALL)
+            error = changes[1] * fall / (1.0 - fall)
+    return Truth(lights[-1], float(error), photons, segments)
+
+
+def relative_error(found: np.ndarray, truth: np.ndarray) -> float:
+    """RMSE of frames [frames, 3, height, width], each by the mean of its own ``truth``."""
+    return float(np.sqrt(np.mean(((found - truth) / truth.mean(axis=(1, 2, 3), keepdims=True)) ** 2)))
+
+
+def light_of(source: StageScene, shutters: Sequence[Shutter], settings: Settings, size: tuple[int, int]) -> np.ndarray:
+    """Light from photons, shape [frames, 3, height, width]."""
+    frames = [render_frame(source, shutter, settings, *size).channels for shutter in shutters]
+    return np.stack([np.stack([frame[f"caustic.{c}"] for c in "RGB"]) for frame in frames]).astype(np.float64)
+
+
+def _settings(settings: Settings, photons: int, segments: int) -> Settings:
+    if settings.estimator == "accumulation":
+        return Settings.of(settings, photons=photons, accumulation_times=4 * segments)
+    return Settings.of(settings, photons=photons * segments, segments=segments)
+
+
+def _kept(source: StageScene, shutters: Sequence[Shutter], settings: Settings, size: tuple[int, int]) -> np.ndarray:
+    digest = hashlib.sha256(Path(source.file).read_bytes())
+    for path in sorted(path for room in ROOMS for path in (PACKAGE / room).glob("*.py")):
+        digest.update(path.read_bytes())
+    digest.update(repr((shutters, settings, size)).encode())
+    path = FOLDER / f"{digest.hexdigest()[:32]}.npy"
+    if path.exists():
+        return np.load(path).astype(np.float64)
+    light = light_of(source, shutters, settings, size)
+    FOLDER.mkdir(exist_ok=True)
+    np.save(path, light.astype(np.float32))
+    return light
