@@ -88,14 +88,20 @@ def measured(scene: Scene, what: str, **settings: Any) -> Point:
     return Point(what, chosen.photons * instants, error, seconds)
 
 
-def mapping(scene: Scene) -> list[Point]:
-    """Photon mapping with the best k for each number of photons, in-between frames or random times."""
-    best = []
+def mapping(scene: Scene, exact: float) -> list[Point]:
+    """Photon mapping with the best k for each number of photons, in-between frames or random times.
+
+    More photons are tried until errors are below ``exact``.
+    """
+    best: list[Point] = []
+    first = 0
     for photons in MAPPED:
+        if best and best[-1].error < exact:
+            break
         found = []
         for between in (None, 10):
             previous = math.inf
-            for k in NEIGHBOURS:
+            for k in NEIGHBOURS[first:]:
                 if k >= photons:
                     break
                 settings = {"estimator": "tdpm", "emission": "jittered", "accumulation_times": 32}
@@ -108,6 +114,8 @@ def mapping(scene: Scene) -> list[Point]:
                 previous = point.error
         best.append(min(found, key=lambda point: point.error))
         shown = best[-1]
+        # With more photons the best k is no smaller.
+        first = NEIGHBOURS.index(int(shown.what.split()[1].rstrip(",")))
         print(f"  tdpm {photons:7d} photons: {shown.error:.4f}, {shown.seconds:.2f} s ({shown.what})", flush=True)
     return best
 
@@ -161,7 +169,7 @@ def run() -> list[dict[str, object]]:
         measured(scene, "warm", estimator="tdpm", photons=64, tdpm_neighbours=8, emission="jittered")
         measured(scene, "warm", photons=64, accumulation_times=1, **BRUTE["accumulation"])
         measured(scene, "warm", photons=64, accumulation_times=1, **BRUTE["plain accumulation"])
-        others = {"tdpm": mapping(scene)}
+        others = {"tdpm": mapping(scene, ours[1].error)}
         for name, settings in BRUTE.items():
             others[name] = accumulation(scene, name, **settings)
         for point in ours:
