@@ -38,8 +38,8 @@ FALL = (0.15, 0.7)
 UNKNOWN_FALL = 0.4
 # So many times photons may be quadrupled by the power law beyond those whose error is told by the next.
 FARTHEST = 1.5
-# From K to 2K segments; footprints follow the light to second order.
-TIME_FALL = 0.25
+# How errors fall from K to 2K segments, at least and at most; footprints follow the light to second order.
+TIME_FALL = (0.25, 0.7)
 # Least part of the change with the segments that is taken for one in time.
 LEAST_IN_TIME = 0.25
 # Frames count as no darker than by this part of the light of all.
@@ -127,7 +127,12 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
         jump, coarse = (_change(at(m, segments), at(m, 2 * segments)) for m in (enough, enough // 4))
         # Its part in space is as much smaller with more photons as the error in space; that in time stays.
         apart = (jump**2 - (fall * coarse) ** 2) / (1.0 - fall**2)
-        return math.sqrt(max(apart, (LEAST_IN_TIME * jump) ** 2)) / (1.0 - TIME_FALL**2)
+        time_fall = TIME_FALL[0]
+        if segments > 1:
+            # Light that folds while the shutter is open gains less from another segment.
+            before = _change(at(enough, segments // 2), at(enough, segments))
+            time_fall = float(np.clip(jump / max(before, TINY), *TIME_FALL))
+        return math.sqrt(max(apart, (LEAST_IN_TIME * jump) ** 2)) / (1.0 - time_fall**2)
 
     photons, segments = FIRST_PHOTONS, 1
     while True:
@@ -145,7 +150,7 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
             if 4 * photons * segments >= MOST_PHOTONS:
                 return Choice(4 * photons, segments, error(4 * photons))
             by_photons = math.log(error(photons) / error(4 * photons)) / math.log(4)
-            with_segments = max(math.hypot(space(photons), TIME_FALL * time), TINY)
+            with_segments = max(math.hypot(space(photons), TIME_FALL[0] * time), TINY)
             by_segments = math.log(error(photons) / with_segments) / math.log(2)
             if segments < most_segments and by_segments > by_photons:
                 # Errors in space may have been those of photons that went far astray: fewer may do now.
