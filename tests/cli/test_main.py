@@ -17,7 +17,7 @@ ROOT = Path(tpdwarp.__file__).parent.parent
 
 # A renderer that never comes to an end after its first frame, for interrupting it.
 SLOW = """
-import sys, time
+import signal, sys, time
 import numpy as np
 from tpdwarp import sequence
 from tpdwarp.cli import main
@@ -36,6 +36,8 @@ def render_frame(source, shutter, settings, width, height):
     return Frame(no_photons(), EnergyAccount(sent=1.0), {}, grey, source.at(shutter).camera)
 
 sequence.render_frame = render_frame
+# Shells start what runs in the background with it ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.exit(main(sys.argv[1:]))
 """
 
