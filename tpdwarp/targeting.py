@@ -7,7 +7,8 @@ picture but one to the last tells the error of the former; if errors fall by a f
 
 halfway between errors that have nothing in common, D/√(1 + r²), and errors of one shape, D/(1 − r). Errors of pictures
 with fewer photons are their changes to the last one. The change from K to 2K segments tells the error in time, and a
-part of that in space, which falls as that does with more photons and so is told apart. Both add up as squares.
+part of that in space, which falls as that does with more photons and so is told apart. Both add up as squares. Of the
+frames looked at, the one that errs most counts.
 Whichever buys more accuracy for its photons, m or K, is raised until the wanted error is within reach of the power law
 that the last changes make.
 """
@@ -204,9 +205,9 @@ def _fewest(error: Callable[[float], float], wanted: float, least: int, most: fl
 
 
 def _change(a: np.ndarray, b: np.ndarray) -> float:
-    """RMS difference of frames [f, n, 3], each by its own light: what is bright elsewhere makes no frame exact."""
+    """RMS difference of the frame [f, n, 3] that differs most, by its own light: no frame is to err by more."""
     levels = b.mean(axis=(1, 2))
     levels = np.maximum(levels, LEAST_LIGHT * levels.mean())
     if not levels.all():
         return 0.0
-    return float(np.sqrt(np.mean(((a - b) / levels[:, None, None]) ** 2)))
+    return float(np.sqrt(np.mean(((a - b) / levels[:, None, None]) ** 2, axis=(1, 2)).max()))
