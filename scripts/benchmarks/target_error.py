@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +48,13 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def run() -> list[dict[str, object]]:
-    """For each case and wanted error: what was chosen, the error expected, and the true one at the same samples."""
+    """For each case and wanted error: what was chosen, the error expected, and the true one at the same samples.
+
+    The pilot's CPU time is given in frames.
+    """
     print(f"relative RMSE at {WIDTH} pixels across, frames {', '.join(map(str, FRAMES))}")
-    print(f"  {'case':22s} {'wanted':>7s} {'photons':>9s} {'K':>3s} {'expected':>9s} {'true':>7s} {'true/wanted':>12s}")
+    titles = f"{'photons':>9s} {'K':>3s} {'expected':>9s} {'true':>7s} {'true/wanted':>12s} {'pilot':>6s}"
+    print(f"  {'case':22s} {'wanted':>7s} {titles}")
     results = []
     for name, (scene, changes) in CASES.items():
         base = Settings(image_width=WIDTH, aovs=("caustic",), **{"exposure": 1.0, **changes})
@@ -62,14 +67,19 @@ def run() -> list[dict[str, object]]:
         truth = truth_of(source, shutters, exact, size, EXACT, LEVELS if base.exposure == 0 else levels)
         print(f"  {name:22s} truth errs by {truth.error:.4f} ({truth.segments} × {truth.photons}, {estimator})")
         for wanted in WANTED:
+            start = time.process_time()
             chosen, target = settled(source, Settings.of(base, target_error=wanted), spread, *size)
+            settling = time.process_time() - start
+            start = time.process_time()
             error = relative_error(light_of(source, shutters, chosen, size), truth.light)
-            row = (target.photons, target.segments, target.expected, error, error / wanted)
+            pilot = settling / (time.process_time() - start) * len(shutters)
+            row = (target.photons, target.segments, target.expected, error, error / wanted, pilot)
             print(
-                f"  {name:22s} {wanted:7.2f} {row[0]:9d} {row[1]:3d} {row[2]:9.4f} {row[3]:7.4f} {row[4]:12.2f}",
+                f"  {name:22s} {wanted:7.2f} {row[0]:9d} {row[1]:3d} {row[2]:9.4f} {row[3]:7.4f} {row[4]:12.2f} "
+                f"{row[5]:6.1f}",
                 flush=True,
             )
-            keys = ("case", "wanted", "photons", "segments", "expected", "true", "ratio")
+            keys = ("case", "wanted", "photons", "segments", "expected", "true", "ratio", "pilot")
             results.append(
                 {**dict(zip(keys, (name, wanted, *map(float, row)), strict=True)), "truth_error": truth.error}
             )
