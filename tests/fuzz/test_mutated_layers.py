@@ -9,7 +9,8 @@ from scripts.fuzzing.cases import make_case
 from scripts.fuzzing.judge import judge
 
 SECONDS = 45.0
-FEWEST = 60
+# An idle machine does several times as many.
+FEWEST = 20
 
 
 @pytest.mark.slow
