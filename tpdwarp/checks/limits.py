@@ -40,7 +40,7 @@ class GroupLimits:
 
     fail_absolute: float = 2e-3
     fail_relative: float = 1e-2
-    fail_percent: float = 0.05
+    fail_percent: float = 0.2
     warn_absolute: float = 1e-3
     warn_relative: float = 2e-3
     warn_percent: float = 0.5
