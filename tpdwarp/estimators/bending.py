@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpdwarp.estimators.guides import LARGEST_DISAGREEMENT, MOMENT, Guides, moments
+from tpdwarp.estimators.guides import LARGEST_DISAGREEMENT, MOMENT, Guides, disagreement, moments
 from tpdwarp.photons.emission import EmissionPlan
 from tpdwarp.photons.tracing import PhotonMap
 from tpdwarp.scene.description import Shutter
@@ -56,7 +56,5 @@ def bent(
 
 def _bends(photons: PhotonMap, before: np.ndarray, after: np.ndarray, told: np.ndarray) -> np.ndarray:
     """Change of D_t x over the shutter, shape [n, 3]; zero where guides do not tell, or disagree."""
-    disagreement = np.linalg.norm(photons.dxdt - 0.5 * (before + after), axis=1)
-    size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
-    follows = told & (disagreement <= LARGEST_DISAGREEMENT * size)
+    follows = told & (disagreement(photons, before, after) <= LARGEST_DISAGREEMENT)
     return np.where(follows[:, None], (after - before) / (1.0 - MOMENT), 0.0).astype(np.float32)

@@ -95,6 +95,13 @@ class Guides:
         return before, after, told
 
 
+def disagreement(photons: PhotonMap, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """How far D_t x of each photon is from the mean of its guides', as a part of theirs together, shape [n]."""
+    apart = np.linalg.norm(photons.dxdt - 0.5 * (before + after), axis=1)
+    size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
+    return np.divide(apart, size, out=np.zeros_like(size), where=size > 0)
+
+
 class _Field:
     """D_t x over the whole shutter as a function of the place on a light, for each lattice and path."""
 

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpdwarp.estimators.guides import LARGEST_DISAGREEMENT, MOMENT, Guides, moments
+from tpdwarp.estimators.guides import LARGEST_DISAGREEMENT, MOMENT, Guides, disagreement, moments
 from tpdwarp.photons.emission import EmissionPlan
 from tpdwarp.photons.tracing import PhotonMap
 from tpdwarp.scene.description import Shutter
@@ -210,15 +210,11 @@ def _errors(
     span = 1.0 - MOMENT
     second = np.linalg.norm(after - before, axis=1) / span
     third = np.linalg.norm(before + after - 2.0 * photons.dxdt, axis=1) * (2.0 / span) ** 2
-    lengths = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
-    disagreement = 0.5 * np.linalg.norm(before + after - 2.0 * photons.dxdt, axis=1)
-    disagreement = np.divide(disagreement, lengths, out=np.zeros_like(lengths), where=lengths > 0)
-    if not bends:
-        disagreement = np.full_like(disagreement, np.inf)
+    apart = disagreement(photons, before, after) if bends else np.full(len(photons), np.inf)
     widths = [np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)]
     typical = [math.sqrt(share) * float(np.median(width)) for width in widths]
     if not max(typical) > 0:
-        return _Errors(frozenset([path]), flux, 0.0 * flux, 0.0 * flux, disagreement, 0.0 * flux)
+        return _Errors(frozenset([path]), flux, 0.0 * flux, 0.0 * flux, apart, 0.0 * flux)
     # Areas vanish at folds; no footprint is finer than the typical one.
     least = np.maximum(typical[0] * widths[1], typical[1] * widths[0])
     logs = np.log(np.hypot(np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1), least))
@@ -237,7 +233,7 @@ def _errors(
     change = np.max(changes, axis=0)
     second, third = (np.minimum(bend, np.quantile(bend, LARGEST)) for bend in (second, third))
     in_time = change * second / 24.0, change * third / 192.0
-    return _Errors(frozenset([path]), flux, *in_time, disagreement, blur**2 / 8.0)
+    return _Errors(frozenset([path]), flux, *in_time, apart, blur**2 / 8.0)
 
 
 def _neighbours(photons: PhotonMap, plan: EmissionPlan) -> tuple[Pairs, Pairs]:
