@@ -39,8 +39,11 @@ FALL = (0.15, 0.7)
 UNKNOWN_FALL = 0.4
 # So many times photons may be quadrupled by the power law beyond those whose error is told by the next.
 FARTHEST = 1.5
-# How errors fall from K to 2K segments, at least and at most; footprints follow the light to second order.
-TIME_FALL = (0.25, 0.7)
+# How errors in time fall from K to 2K segments, at least and at most: bent ways follow the light to third order.
+TIME_FALL = (0.0625, 0.7)
+# And from m to 4m photons: those that come with the size of footprints go with their area once others are gone, which
+# is sooner than the last change tells.
+TIME_FALL_BY_PHOTONS = (0.25, 1.0)
 # Least part of the change with the segments that is taken for one in time.
 LEAST_IN_TIME = 0.25
 # Frames count as no darker than by this part of the light of all.
@@ -120,9 +123,9 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
         counts = [m for m in (4 * photons >> 2 * k for k in range(12)) if m >= FIRST_PHOTONS][::-1]
         return _ErrorInSpace.of(counts, [at(m, segments) for m in counts])
 
-    def in_time(photons: int, segments: int, fall: float) -> float:
+    def in_time(photons: int, segments: int, fall: float) -> _ErrorInTime:
         if segments >= most_segments:
-            return 0.0
+            return _ErrorInTime(photons, 0.0, 1.0)
         # With fewer photons than guides are traced for bent ways, these are too few to tell the error in time.
         enough = min(4 * photons, max(photons, FEWEST_GUIDES))
         jump, coarse = (_change(at(m, segments), at(m, 2 * segments)) for m in (enough, enough // 4))
@@ -133,15 +136,17 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
             # Light that folds while the shutter is open gains less from another segment.
             before = _change(at(enough, segments // 2), at(enough, segments))
             time_fall = float(np.clip(jump / max(before, TINY), *TIME_FALL))
-        return math.sqrt(max(apart, (LEAST_IN_TIME * jump) ** 2)) / (1.0 - time_fall**2)
+        error = math.sqrt(max(apart, (LEAST_IN_TIME * jump) ** 2)) / (1.0 - time_fall**2)
+        by_photons = float(np.clip((jump / max(coarse, TINY)) ** 2, *TIME_FALL_BY_PHOTONS))
+        return _ErrorInTime(enough, error, by_photons)
 
     photons, segments = FIRST_PHOTONS, 1
     while True:
         space = in_space(photons, segments)
         time = in_time(photons, segments, space.fall)
 
-        def error(m: float, space: _ErrorInSpace = space, time: float = time) -> float:
-            return math.hypot(space(m), time)
+        def error(m: float, space: _ErrorInSpace = space, time: _ErrorInTime = time) -> float:
+            return math.hypot(space(m), time(m))
 
         if 4 * photons >= FEWEST_SEEN:
             most = min(4.0**FARTHEST * photons, MOST_PHOTONS / segments)
@@ -151,13 +156,31 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
             if 4 * photons * segments >= MOST_PHOTONS:
                 return Choice(4 * photons, segments, error(4 * photons))
             by_photons = math.log(error(photons) / error(4 * photons)) / math.log(4)
-            with_segments = max(math.hypot(space(photons), TIME_FALL[0] * time), TINY)
+            with_segments = max(math.hypot(space(photons), TIME_FALL[0] * time(photons)), TINY)
             by_segments = math.log(error(photons) / with_segments) / math.log(2)
             if segments < most_segments and by_segments > by_photons:
                 # Errors in space may have been those of photons that went far astray: fewer may do now.
                 photons, segments = max(FIRST_PHOTONS, photons // 16), 2 * segments
                 continue
         photons *= 4
+
+
+@dataclass(frozen=True)
+class _ErrorInTime:
+    """Error in time by the number of photons in each segment.
+
+    Attributes:
+        photons: Those it was told with; fewer err as much.
+        error: With these.
+        fall: How it falls from each number to four times as many.
+    """
+
+    photons: float
+    error: float
+    fall: float
+
+    def __call__(self, photons: float) -> float:
+        return self.error * self.fall ** max(0.0, math.log(photons / self.photons) / math.log(4))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from truths import light_of, relative_error, truth_of
+from truths import FRAMES, SCENES, WIDTH, kept_truth, light_of, relative_error, truth_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -16,24 +16,17 @@ from tpdwarp.sequence import open_scene, shutter_of, spread_shutters
 from tpdwarp.settings import Settings
 from tpdwarp.targeting import settled
 
-SCENES = Path(__file__).resolve().parents[2] / "usd_scenes"
-WIDTH = 64
 WANTED = (0.1, 0.05, 0.02)
-# None of those that the pilot looks at.
-FRAMES = (5.0, 14.0)
 # Relative RMSE that truths are to have, and the levels after which they are left as they are.
 EXACT, LEVELS = 0.005, 5
 # Where a truth errs by more than this part of what is wanted, it tells nothing.
 LARGEST_PART = 0.3
-# The long thin ways of the cylinder's footprints make them dear; brute force is cheaper there, but not cheap.
-TRUTHS: dict[str, tuple[str, int]] = {"cylinder": ("accumulation", 3)}
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "wave": ("wave", {}),
     "wave, exposure 0": ("wave", {"exposure": 0.0}),
     "wave, exposure 3": ("wave", {"exposure": 3.0}),
     "wave, from above": ("wave", {"camera": "TopOrtho"}),
     "wave, cubic motion": ("wave", {"motion": "cubic"}),
-    "cylinder": ("cylinder", {}),
     "cylinder, exposure 0": ("cylinder", {"exposure": 0.0}),
     "cylinder, from above": ("cylinder", {"camera": "TopOrtho"}),
     "cylinder, exposure 2": ("cylinder", {"camera": "TopOrtho", "exposure": 2.0}),
@@ -62,10 +55,8 @@ def run() -> list[dict[str, object]]:
         size = source.resolution()
         spread = spread_shutters(source, base)
         shutters = [shutter_of(source, frame, base) for frame in FRAMES]
-        estimator, levels = TRUTHS.get(scene, ("tpd", LEVELS))
-        exact = Settings.of(base, estimator=estimator)
-        truth = truth_of(source, shutters, exact, size, EXACT, LEVELS if base.exposure == 0 else levels)
-        print(f"  {name:22s} truth errs by {truth.error:.4f} ({truth.segments} × {truth.photons}, {estimator})")
+        truth = kept_truth(name) or truth_of(source, shutters, base, size, EXACT, LEVELS)
+        print(f"  {name:22s} truth errs by {truth.error:.4f} ({truth.segments} × {truth.photons})")
         for wanted in WANTED:
             start = time.process_time()
             chosen, target = settled(source, Settings.of(base, target_error=wanted), spread, *size)

@@ -1,4 +1,4 @@
-"""Laws of footprints whose ways are bent: what D_t x changes by while the shutter is open."""
+"""Laws of footprints whose ways are bent: how D_t x and their axes change while the shutter is open."""
 
 from __future__ import annotations
 
@@ -31,19 +31,45 @@ def bent_photons(source, shutter: Shutter = OPEN, **changes) -> tuple[PhotonMap,
     return found, animation
 
 
-def test_light_under_a_wave_bends_as_its_exact_second_derivative_says():
+def on_water(photons: PhotonMap) -> np.ndarray:
+    """Where vertical light met water from −2 to 2, which the lattice fills."""
+    return photons.emission[:, 0].astype(np.float64) * 4 / np.ceil(photons.emission[:, 0].max()) - 2
+
+
+def root_mean_square(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def test_light_under_a_wave_bends_as_its_exact_derivatives_say():
     wave = Wave()
     photons, animation = bent_photons(wave_source(wave), photons=16384)
-    scale = animation.normalization.scale
-    # Vertical light on water from −2 to 2, which the lattice fills.
-    x0 = photons.emission[:, 0] * 4 / np.ceil(photons.emission[:, 0].max()) - 2
-    half = 0.4375
-    exact = (landing(x0, 0.5 + half, wave) - 2 * landing(x0, 0.5, wave) + landing(x0, 0.5 - half, wave)) / half**2
-    size = np.sqrt(np.mean(exact**2))
-    # Means of D_tt x over the shutter with other weights, between guides λ/10 apart; beyond the last ones are none.
-    error = np.abs(photons.bend[:, 0] / scale - exact)[np.abs(x0) < 1.9]
-    assert np.sqrt(np.mean(error**2)) < 0.1 * size
-    np.testing.assert_allclose(photons.bend[:, 1:], 0, atol=1e-3 * size * scale)
+    scale, curve = animation.normalization.scale, photons.curve
+    x0 = on_water(photons)
+    # Means of derivatives over the shutter with other weights, between guides λ/10 apart; beyond the last ones are
+    # none.
+    inside = np.abs(x0) < 1.9
+    at = {k: landing(x0, 0.5 + 0.4375 * k, wave) for k in (-2, -1, 0, 1, 2)}
+    second = (at[1] - 2 * at[0] + at[-1]) / 0.4375**2
+    third = (0.5 * at[2] - at[1] + at[-1] - 0.5 * at[-2]) / 0.4375**3
+    for found, exact, limit in ((curve.dxdtt, second, 0.1), (curve.dxdttt, third, 0.2)):
+        error = (found[:, 0] / scale - exact)[inside]
+        assert root_mean_square(error) < limit * root_mean_square(exact)
+        np.testing.assert_allclose(found[:, 1:], 0, atol=2e-2 * root_mean_square(exact) * scale)
+
+
+def test_axes_change_under_a_wave_as_exact_mixed_derivatives_say():
+    wave, step = Wave(), 1e-3
+    photons, animation = bent_photons(wave_source(wave), photons=16384)
+    x0, cell = on_water(photons), 4 / np.ceil(photons.emission[:, 0].max())
+    exact = cell * sum(
+        side_x * side_t * landing(x0 + side_x * step, 0.5 + side_t * step, wave)
+        for side_x in (-1, 1)
+        for side_t in (-1, 1)
+    ) / (4 * step**2)  # fmt: skip
+    inside = np.abs(x0) < 1.9
+    along, across = (values / animation.normalization.scale for values in (photons.curve.dxdut, photons.curve.dxdvt))
+    assert root_mean_square(along[inside, 0] - exact[inside]) < 0.03 * root_mean_square(exact)
+    assert root_mean_square(across[inside]) < 1e-3 * root_mean_square(exact)
 
 
 @pytest.mark.parametrize("degrees", [5.0, 20.0])
@@ -51,13 +77,22 @@ def test_light_that_rides_on_a_turning_rod_goes_in_circles(degrees):
     source = turning_rod_source(degrees, looking_down(height=0.1))
     photons, animation = bent_photons(source, photons=16384)
     position = animation.normalization.world_points(photons.position)[:, :2]
-    bend = photons.bend[:, :2] / animation.normalization.scale
+    bend = photons.curve.dxdtt[:, :2] / animation.normalization.scale
     told = np.any(bend != 0, axis=1)
     assert told.mean() > 0.6
     expected = -(math.radians(degrees) ** 2) * position
     # The chord of an arc of D_t x, and facets that are not quite a cylinder.
     error = np.linalg.norm(bend - expected, axis=1)[told]
     assert np.median(error) < 0.05 * np.median(np.linalg.norm(expected, axis=1))
+
+
+def test_footprints_that_ride_on_a_turning_rod_turn_with_it():
+    degrees = 5.0
+    photons, _ = bent_photons(turning_rod_source(degrees, looking_down(height=0.1)), photons=16384)
+    for found, axis in ((photons.curve.dxdut, photons.dxdu), (photons.curve.dxdvt, photons.dxdv)):
+        expected = math.radians(degrees) * np.cross((0, 0, 1), axis)
+        error = np.linalg.norm(found - expected, axis=1)
+        assert np.median(error) < 0.05 * np.median(np.linalg.norm(expected, axis=1))
 
 
 def test_light_that_rides_on_what_moves_straight_on_goes_straight():
@@ -69,10 +104,12 @@ def test_light_that_rides_on_what_moves_straight_on_goes_straight():
         return SceneAtShutter(shutter, (floor(), water), (SUN,), looking_down(height=0.6))
 
     photons, animation = bent_photons(Source(at), photons=16384)
-    assert np.median(np.abs(photons.bend)) < 1e-3 * 0.2 * animation.normalization.scale
+    way = 0.2 * animation.normalization.scale
+    assert np.median(np.abs(photons.curve.dxdtt)) < 1e-3 * way
+    assert np.median(np.abs(photons.curve.dxdttt)) < 1e-2 * way
 
 
-@pytest.mark.parametrize(("wave", "photons", "gain"), [(Wave(), 16384, 3), (FOLDED, 65536, 2.5)], ids=["soft", "folds"])
+@pytest.mark.parametrize(("wave", "photons", "gain"), [(Wave(), 16384, 7), (FOLDED, 65536, 8)], ids=["soft", "folds"])
 def test_curved_ways_take_most_of_what_straight_ones_err_by(wave, photons, gain):
     truth = irradiance_average(np.linspace(-1, 1, 257), wave, 0, 1, 256, "smooth")
     source = wave_source(wave)

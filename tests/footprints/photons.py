@@ -8,7 +8,7 @@ import warp as wp
 from tpdwarp.footprints.footprint import FootprintMap, PixelSize, shape_footprints
 from tpdwarp.footprints.gather import GatherForm, Irradiance, QueryArrays, gather
 from tpdwarp.launch import Launcher
-from tpdwarp.photons.tracing import PhotonMap
+from tpdwarp.photons.tracing import Curve, PhotonMap
 
 ONE_THREAD = Launcher("cpu", 1)
 UP = (0.0, 0.0, 1.0)
@@ -16,9 +16,12 @@ UP = (0.0, 0.0, 1.0)
 
 def photon_map(
     positions, dxdu, dxdv, dxdt=(0, 0, 0), normals=UP, flux=1.0, receiver=0, receiver_motion=(0, 0, 0),
-    time=0.0, duration=1.0,
+    time=0.0, duration=1.0, curve=None,
 ) -> PhotonMap:  # fmt: skip
-    """Photons at ``positions`` [n, 3]; every other argument is one value for all or one a photon."""
+    """Photons at ``positions`` [n, 3]; every other argument is one value for all or one a photon.
+
+    ``curve`` holds D_tt x, D_ttt x, D_t D_u x and D_t D_v x of ways that are bent.
+    """
     count = len(positions)
 
     def rows(values, dtype=np.float32, width=3):
@@ -40,6 +43,7 @@ def photon_map(
         receiver=rows(receiver, np.int32, 0),
         entry=whole,
         bounces=whole,
+        curve=None if curve is None else Curve(*(rows(values) for values in curve)),
         time=time,
         duration=duration,
     )

@@ -190,13 +190,19 @@ def test_limited_footprints_are_counted(away):
     assert shaped(photons, half_pixel=0.01).clamped == 1
 
 
-@pytest.mark.parametrize("kernel", ["epanechnikov", "bspline"])
-def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel):
+@pytest.mark.parametrize(("kernel", "curved"), [("epanechnikov", False), ("bspline", False), ("bspline", True)])
+def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
     photons, random = tangent_photons(), np.random.default_rng(4)
     photons["dxdu"][::5] = photons["dxdv"][::5]
     dxdt = 0.1 * random.normal(size=photons["dxdu"].shape)
-    found = shaped(photon_map(**photons, dxdt=dxdt), kernel=kernel, half_pixel=0.004, moves=True)
+    # In the plane, as all that a receiver at rest sees of them; axes change by more than they may.
+    normals = photons["normals"][:, None]
+    curve = np.swapaxes(0.1 * random.normal(size=(len(dxdt), 4, 3)), 0, 1)
+    curve -= np.swapaxes((np.swapaxes(curve, 0, 1) * normals).sum(axis=2, keepdims=True) * normals, 0, 1)
+    given = photon_map(**photons, dxdt=dxdt, curve=curve if curved else None)
+    found = shaped(given, kernel=kernel, half_pixel=0.004, moves=True)
     arrays = found.arrays
+    stretch = arrays.stretch.numpy() if curved else np.zeros((found.count, 2, 2))
     rows = np.stack([arrays.row_u.numpy(), arrays.row_v.numpy()], axis=1).astype(float)
     # Points of the support in filter space, as far out as it goes, carried into the world and along the path.
     corners = SUPPORT[kernel] * random.uniform(-1, 1, (64, 2))
@@ -204,12 +210,14 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel):
         corners /= np.maximum(np.linalg.norm(corners, axis=1, keepdims=True), 1e-9)
         corners *= 0.999
     assert np.all(static_kernel(kernel, corners) > 0)
-    inside = np.einsum("nij,kj->nki", np.linalg.pinv(rows), corners)
     pieces, number = found.pieces.footprint.numpy(), found.pieces.number.numpy()
     low, high = found.pieces.lower.numpy()[:, None], found.pieces.upper.numpy()[:, None]
     assert len(pieces) > 1.2 * found.count
     for tau in (-0.5, 0.0, 0.2, 0.5):
-        reached = arrays.center.numpy()[:, None].astype(float) + inside + tau * dxdt[:, None]
+        stretched = np.einsum("nij,kj->nki", np.eye(2) + tau * stretch, corners)
+        inside = np.einsum("nij,nkj->nki", np.linalg.pinv(rows), stretched)
+        place = tau * dxdt + (0.5 * tau**2 * curve[0] + tau**3 / 6 * curve[1] if curved else 0.0)
+        reached = arrays.center.numpy()[:, None].astype(float) + inside + place[:, None]
         at = reached[pieces]
         held = np.all((at >= low - 1e-6) & (at <= high + 1e-6), axis=2)
         times_held = np.zeros((found.count, len(corners)), int)

@@ -42,6 +42,34 @@ def test_a_lattice_of_footprints_is_uniform_irradiance_at_rest_and_in_motion(she
     np.testing.assert_allclose(found, FLUX / CELL**2, rtol=4 * OFFSET)
 
 
+def test_a_lattice_that_bends_and_stretches_stays_uniform_and_gets_as_thin_as_its_cells_grow():
+    """Every place of a lattice follows x(s) = (1 + s A) x + s v + ½ s² b + ⅙ s³ j, so that its light is flux by area."""
+    change = np.array([[0.5, 0.2], [-0.1, -0.3]])
+    at = lattice(-0.9, 0.9)
+    ways = np.append(at[:, :2] @ change.T + (0.05, -0.02), np.zeros((len(at), 1)), axis=1)
+    axes = np.append(CELL * change.T, np.zeros((2, 1)), axis=1)
+    curve = ((0.1, 0.06, 0), (-0.2, 0.1, 0), *axes)
+    photons = photon_map(at, STEP_U, STEP_V, ways, flux=FLUX, curve=curve)
+    s = (np.arange(1000) + 0.5) / 1000 - 0.5
+    areas = np.linalg.det(np.eye(2) + s[:, None, None] * change)
+    found = first_channel(shaped(photons, moves=True), points())
+    # Footprints that go farther have more nodes on their ways, which is what is left of the lattice.
+    np.testing.assert_allclose(found, FLUX / CELL**2 * np.mean(1 / areas), rtol=4e-3)
+    straight = photon_map(at, STEP_U, STEP_V, ways, flux=FLUX)
+    assert np.std(first_channel(shaped(straight, moves=True), points())) > 5 * np.std(found)
+
+
+def test_views_that_share_the_shutter_out_average_to_the_whole_of_a_bent_way():
+    curve = ((0.1, 0.06, 0), (-0.2, 0.1, 0), (0.02, 0.005, 0), (-0.01, -0.02, 0))
+    footprints = shaped(photon_map([(0, 0, 0)], STEP_U, STEP_V, (0.15, 0.1, 0), flux=FLUX, curve=curve), moves=True)
+    at, whole, total = points(400, 0.15), 0.0, 0.0
+    whole = irradiance(footprints, queries(at), query_moves=True).irradiance[:, 0]
+    for t in (np.arange(4) + 0.5) / 4 - 0.5:
+        total += irradiance(footprints, queries(at), query_moves=True, time=t, window=(t, 0.25)).irradiance[:, 0] / 4
+    # Parts have nodes of their own: more of them.
+    np.testing.assert_allclose(total, whole, atol=0.01 * whole.max())
+
+
 def test_zero_motion_weighs_like_no_motion():
     positions = lattice(-0.3, 0.3)
     photons = photon_map(positions, STEP_U, STEP_V, flux=np.random.default_rng(1).uniform(0, 1, (len(positions), 1)))

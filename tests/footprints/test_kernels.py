@@ -12,7 +12,7 @@ import warp as wp
 
 from tests.oracle import shutter_kernel, static_kernel, swept_kernel
 from tests.oracle.quadrature import integrate
-from tpdwarp.footprints.kernels import RADIAL, SUPPORT, moving_weight, static_weight
+from tpdwarp.footprints.kernels import RADIAL, SUPPORT, Way, bspline_way, moving_weight, static_weight
 
 KERNELS = (*RADIAL, "bspline")
 SIGMAS = (0.0, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 3.7, 30.0, 1e3)
@@ -249,3 +249,69 @@ def test_no_kernel_reaches_beyond_its_support():
             assert not weights.any(), kernel
     square = SUPPORT["bspline"] * circle / np.abs(circle).max(axis=1, keepdims=True)
     assert not still()(square, square)[KERNELS.index("bspline")].any()
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def evaluate_ways(
+    y: wp.array(dtype=wp.vec2),
+    velocity: wp.array(dtype=wp.vec2),
+    bend: wp.array(dtype=wp.vec2),
+    jerk: wp.array(dtype=wp.vec2),
+    stretch: wp.array(dtype=wp.mat22),
+    out: wp.array(dtype=float),
+):
+    i = wp.tid()
+    way = Way()
+    way.velocity = velocity[i]
+    way.bend = bend[i]
+    way.jerk = jerk[i]
+    way.stretch = stretch[i]
+    out[i] = bspline_way(y[i], way)
+
+
+def way_weights(y: np.ndarray, *way: np.ndarray) -> np.ndarray:
+    """Weights at ``y`` [n, 2] of one B-spline each, with the velocity, bend and jerk of its way and its stretch."""
+    given = [np.ascontiguousarray(values, np.float32) for values in (y, *way)]
+    types = (wp.vec2, wp.vec2, wp.vec2, wp.vec2, wp.mat22)
+    out = wp.zeros(len(y), dtype=float, device="cpu")
+    arrays = [wp.array(values, dtype=dtype, device="cpu") for values, dtype in zip(given, types, strict=True)]
+    wp.launch(evaluate_ways, len(y), inputs=[*arrays, out], device="cpu")
+    return out.numpy().astype(np.float64)
+
+
+def exact_way(y: np.ndarray, velocity: np.ndarray, bend: np.ndarray, jerk: np.ndarray, stretch: np.ndarray, times=4096):
+    """The same by the midpoint rule in double precision, from the axes at each time."""
+    total = np.zeros(len(y))
+    for s in (np.arange(times) + 0.5) / times - 0.5:
+        axes = np.eye(2) + s * stretch
+        place = s * velocity + s**2 / 2 * bend + s**3 / 6 * jerk
+        at = np.linalg.solve(axes, (y - place)[..., None])[..., 0]
+        total += static_kernel("bspline", at) / np.abs(np.linalg.det(axes))
+    return total / times
+
+
+@pytest.mark.parametrize("size", [0.0, 0.3, 3.0, 20.0])
+@pytest.mark.parametrize("stretched", [False, True])
+def test_bent_and_stretched_ways_match_brute_force(size, stretched):
+    random, count = np.random.default_rng(11), 400
+    velocity, bend, jerk = (
+        (scale * size * random.uniform(-1, 1, (count, 2))).astype(np.float32) for scale in (1.0, 0.5, 0.5)
+    )
+    stretch = np.float32(stretched) * random.uniform(-1, 1, (count, 2, 2)).astype(np.float32) * [[1, 0.5], [0.5, 1]]
+    s = random.uniform(-0.5, 0.5, (count, 1))
+    y = (random.uniform(-1.8, 1.8, (count, 2)) + s * velocity + s**2 / 2 * bend + s**3 / 6 * jerk).astype(np.float32)
+    expected = exact_way(y, velocity, bend, jerk, stretch)
+    assert expected.max() > 0.02
+    # Axes shrink to a half, so that cells are as much as twice as long for the nodes.
+    limit = gauss_error(size) if size else 5e-3
+    np.testing.assert_allclose(way_weights(y, velocity, bend, jerk, stretch), expected, atol=(1 + 7 * stretched) * limit)
+
+
+@pytest.mark.parametrize("size", [0.0, 0.5, 4.0])
+def test_a_bent_and_stretched_footprint_keeps_its_flux(size):
+    velocity, bend, jerk = size * np.array([1.0, 0.4]), size * np.array([-0.3, 0.6]), size * np.array([0.4, 0.2])
+    stretch = np.array([[0.9, -0.4], [0.3, -0.8]])
+    side = np.linspace(-6, 6, 601)[:-1] + 0.01
+    y = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    rows = (np.broadcast_to(values, (len(y), *values.shape)) for values in (velocity, bend, jerk, stretch))
+    assert way_weights(y, *rows).sum() * 0.02**2 == pytest.approx(1, abs=2e-3)

@@ -2,15 +2,16 @@
 
 Cutting the shutter into K segments lets footprints stand right in the middle of each, and multiplies the area of
 footprints, and what they blur, by K. Light whose irradiance changes over a length L, moved by s, errs by s/L of itself;
-blurred by a kernel of variance σ², by σ²/(2L²). With D_tt x and D_ttt x over the whole shutter, and footprints h wide
-(σ² = h²/4 for the quadratic B-spline), that is on average
+blurred by a kernel of variance σ², by σ²/(2L²). With derivatives over the whole shutter, and footprints h wide (σ² =
+h²/4 for the quadratic B-spline), that is on average
 
-    |D_tt x|/(24 L K²) for footprints that go straight,  |D_ttt x|/(192 L K³) for bent ones,  β = h² K/(8L²)
+    |D_tt x|/(24 L K²) for footprints that go straight,  |D_tttt x|/(822 L K⁴) for bent ones,  h² K/(8L²) for the blur
 
 as means over the photons of a coarse trace, weighted by flux. L comes from the footprints themselves: irradiance goes
 with the inverse of their area; h is each photon's own width, which vanishes with L at folds. D_t x is told by guides as
 the shutter opens and closes, as it is for the ways of footprints, which go straight where guides disagree: so a few
-segments more may be far better.
+segments more may be far better. Bent ways follow D_t x at three times; what they miss is s⁴/24 − s²/48 of D_tttt x at
+the part s of the shutter, and that is as large as D_tt x by the ratio of D_ttt x to D_t x, as in a swing.
 
 A fast lens beside still water wants many segments where the water wants one. So errors are summed for the photons that
 meet each mesh first, and meshes whose best K differ by more than a factor are given segments of their own, by their
@@ -27,6 +28,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tpdwarp.estimators.guides import LARGEST_DISAGREEMENT, MOMENT, Guides, disagreement, moments
+from tpdwarp.estimators.neighbours import Pairs, neighbours
 from tpdwarp.photons.emission import EmissionPlan
 from tpdwarp.photons.tracing import PhotonMap
 from tpdwarp.scene.description import Shutter
@@ -46,8 +48,6 @@ LARGEST_FACTOR = 2.0
 FEWEST_SEEN = 64
 # Another segment has to lessen the error by more than this part to pay for another scene.
 LEAST_GAIN = 0.1
-
-Pairs = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class _Errors:
         """Their mean for numbers of segments, but for a factor."""
         count = segments[:, None].astype(np.float64)
         follows = self.disagreement / count**2 <= LARGEST_DISAGREEMENT
-        in_time = np.where(follows, self.bent / count**3, self.straight / count**2)
+        in_time = np.where(follows, self.bent / count**4, self.straight / count**2)
         return (self.weight * (in_time + count * self.blur)).sum(axis=1)
 
     def best(self, most: int = MOST_SEGMENTS) -> int:
@@ -221,7 +221,7 @@ def _errors(
     # Cells are longer where light varies less, so each direction counts with its own.
     changes = [
         np.minimum(_slope(logs, photons.position, pairs, 0.3 * size), 1.0 / max(size, np.finfo(float).tiny))
-        for pairs, size in zip(_neighbours(photons, plan), typical, strict=True)
+        for pairs, size in zip(neighbours(photons, plan), typical, strict=True)
     ]
     blur = np.max(
         [
@@ -231,23 +231,12 @@ def _errors(
         axis=0,
     )
     change = np.max(changes, axis=0)
-    second, third = (np.minimum(bend, np.quantile(bend, LARGEST)) for bend in (second, third))
-    in_time = change * second / 24.0, change * third / 192.0
+    first, second, third = (
+        np.minimum(size, np.quantile(size, LARGEST)) for size in (np.linalg.norm(photons.dxdt, axis=1), second, third)
+    )
+    fourth = second * (third.sum() / max(first.sum(), np.finfo(float).tiny))
+    in_time = change * second / 24.0, change * fourth / 822.0
     return _Errors(frozenset([path]), flux, *in_time, apart, blur**2 / 8.0)
-
-
-def _neighbours(photons: PhotonMap, plan: EmissionPlan) -> tuple[Pairs, Pairs]:
-    """Rows of photons and of those one cell on in u, and likewise in v, on the same path and receiver."""
-    mask, lattice, _ = plan.paths_of(photons.ids)
-    cell = np.floor(photons.emission).astype(np.int64)
-    pairs = []
-    for axis in (0, 1):
-        order = np.lexsort((cell[:, axis], cell[:, 1 - axis], lattice, mask))
-        a, b = order[:-1], order[1:]
-        beside = (cell[b, axis] - cell[a, axis] == 1) & (cell[b, 1 - axis] == cell[a, 1 - axis])
-        beside &= (lattice[a] == lattice[b]) & (mask[a] == mask[b]) & (photons.receiver[a] == photons.receiver[b])
-        pairs.append((a[beside], b[beside]))
-    return pairs[0], pairs[1]
 
 
 def _slope(values: np.ndarray, positions: np.ndarray, pairs: Pairs, closest: float) -> np.ndarray:

@@ -25,6 +25,10 @@ SMALLEST_AXIS = wp.constant(1.0e-6)
 SMALLEST_OF_ALL = wp.constant(1.0e-9)
 # How far a query may lie off the footprint's plane, as a part of the footprint's own reach.
 SLACK = wp.constant(0.25)
+# How much axes may grow or shrink from mid shutter to either end, and turn into each other: what shrinks to nothing
+# passes a fold. Its light is as wide as it is at mid shutter, or half as wide.
+MOST_GROWTH = wp.constant(0.5)
+MOST_SHEAR = wp.constant(0.25)
 MOST_PIECES = 32
 
 
@@ -41,7 +45,9 @@ class PixelSize:
 class FootprintArrays:
     """One row a photon, in the tracer's units. Filter coordinates of a displacement d are (row_u·d, row_v·d).
 
-    At the part s (−½ … ½) of the photon's own shutter the footprint stands at center + s dxdt + ½ s² bend.
+    At the part s (−½ … ½) of the photon's own shutter the footprint stands at center + s dxdt + ½ s² bend + ⅙ s³ jerk,
+    and its axes are those of the middle times 1 + s stretch, in filter coordinates. Where no way is bent, ``bend``,
+    ``jerk`` and ``stretch`` have no rows.
     """
 
     center: wp.array(dtype=wp.vec3)
@@ -50,13 +56,15 @@ class FootprintArrays:
     normal: wp.array(dtype=wp.vec3)
     dxdt: wp.array(dtype=wp.vec3)
     bend: wp.array(dtype=wp.vec3)
+    jerk: wp.array(dtype=wp.vec3)
+    stretch: wp.array(dtype=wp.mat22)
     relative: wp.array(dtype=wp.vec3)
     density: wp.array(dtype=wp.vec3)
     slack: wp.array(dtype=wp.float32)
     receiver: wp.array(dtype=wp.int32)
     time: wp.array(dtype=wp.float32)
     long_axis: wp.array(dtype=wp.vec3)
-    reach: wp.array(dtype=wp.vec2)
+    reach: wp.array(dtype=wp.vec3)
     clamped: wp.array(dtype=wp.int32)
 
 
@@ -74,9 +82,15 @@ class PieceArrays:
     upper: wp.array(dtype=wp.vec3)
 
 
+@wp.func
+def _along(a: wp.vec3, b: wp.vec3, c: wp.vec3, way: wp.vec3) -> wp.vec3:
+    """How far ``way`` goes along each of three axes."""
+    return wp.vec3(wp.abs(wp.dot(a, way)), wp.abs(wp.dot(b, way)), wp.abs(wp.dot(c, way)))
+
+
 @cache
-def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
-    """The kernel that shapes footprints, for radial kernels or the B-spline."""
+def footprint_kernel(radial: bool, support: float, curved: bool) -> wp.Kernel:
+    """The kernel that shapes footprints, for radial kernels or the B-spline, which may go bent ways."""
     scale = 2.0 if radial else 1.0
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -85,18 +99,19 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         # In
         dxdu: wp.array(dtype=wp.vec3),
         dxdv: wp.array(dtype=wp.vec3),
+        dxdudt: wp.array(dtype=wp.vec3),
+        dxdvdt: wp.array(dtype=wp.vec3),
         receiver_motion: wp.array(dtype=wp.vec3),
         flux: wp.array(dtype=wp.vec3),
         smoothing: float,
         pixel: PixelSize,
-        # In (center, normal, dxdt, bend) and out (all else)
+        # In (center, normal, dxdt, bend, jerk) and out (all else)
         out: FootprintArrays,
     ):
         i = base + wp.tid()
         n = out.normal[i]
         x = out.center[i]
         dxdt = out.dxdt[i]
-        bend = out.bend[i]
         e1 = wp.vec3(0.0, -n[2], n[1])
         if wp.abs(n[0]) > 0.5:
             e1 = wp.vec3(n[2], 0.0, -n[0])
@@ -157,15 +172,34 @@ def footprint_kernel(radial: bool, support: float) -> wp.Kernel:
         else:
             along *= wp.abs(cr) + wp.abs(sr)
             across *= wp.abs(cr) + wp.abs(sr)
-        out.slack[i] = SLACK * (along + across + 0.5 * wp.length(out.relative[i]) + 0.125 * wp.length(bend))
-        along += 0.5 * wp.abs(wp.dot(left1, dxdt)) + 0.125 * wp.abs(wp.dot(left1, bend))
-        across += 0.5 * wp.abs(wp.dot(left2, dxdt)) + 0.125 * wp.abs(wp.dot(left2, bend))
+        # How far the footprint goes to either side along these axes and off its plane.
+        aside = 0.5 * _along(left1, left2, n, dxdt)
+        stray = 0.5 * wp.length(out.relative[i])
+        if wp.static(curved):
+            bend = out.bend[i]
+            jerk = out.jerk[i]
+            aside += 0.125 * _along(left1, left2, n, bend) + _along(left1, left2, n, jerk) / 48.0
+            stray += 0.125 * wp.length(bend) + wp.length(jerk) / 48.0
+            # How axes change up to either end of the shutter, along those of the middle and by their lengths there.
+            right1 = (0.5 * smoothing) * (cr * dxdudt[i] + sr * dxdvdt[i])
+            right2 = (0.5 * smoothing) * (cr * dxdvdt[i] - sr * dxdudt[i])
+            b11 = wp.clamp(wp.dot(left1, right1) / t1, -MOST_GROWTH, MOST_GROWTH)
+            b12 = wp.clamp(wp.dot(left1, right2) / t1, -MOST_SHEAR, MOST_SHEAR)
+            b21 = wp.clamp(sign * wp.dot(left2, right1) / t2, -MOST_SHEAR, MOST_SHEAR)
+            b22 = wp.clamp(sign * wp.dot(left2, right2) / t2, -MOST_GROWTH, MOST_GROWTH)
+            turn = wp.mat22(cr, -sr, sr, cr)
+            out.stretch[i] = 2.0 * (turn * wp.mat22(b11, b12, b21, b22) * wp.transpose(turn))
+            along *= 1.0 + wp.abs(b11) + wp.abs(b12)
+            across *= 1.0 + wp.abs(b22) + wp.abs(b21)
+        out.slack[i] = SLACK * (along + across + stray)
+        along += aside[0]
+        across += aside[1]
         if along >= across:
             out.long_axis[i] = left1
-            out.reach[i] = wp.vec2(along, across)
+            out.reach[i] = wp.vec3(along, across, out.slack[i] + aside[2])
         else:
             out.long_axis[i] = left2
-            out.reach[i] = wp.vec2(across, along)
+            out.reach[i] = wp.vec3(across, along, out.slack[i] + aside[2])
 
     return shape_footprints
 
@@ -189,10 +223,8 @@ def bound_pieces(
     other = wp.cross(n, axis)
     half = reach[0] / float(count)
     center = footprints.center[j] + ((2.0 * float(out.number[i]) + 1.0) * half - reach[0]) * axis
-    depth = footprints.slack[j] + 0.5 * wp.abs(wp.dot(n, footprints.dxdt[j]))
-    depth += 0.125 * wp.abs(wp.dot(n, footprints.bend[j]))
     for k in range(3):
-        extent = half * wp.abs(axis[k]) + reach[1] * wp.abs(other[k]) + depth * wp.abs(n[k])
+        extent = half * wp.abs(axis[k]) + reach[1] * wp.abs(other[k]) + reach[2] * wp.abs(n[k])
         out.lower[i][k] = center[k] - extent
         out.upper[i][k] = center[k] + extent
 
@@ -207,6 +239,7 @@ class FootprintMap:
         bvh: Bounds of the pieces, swept over their own part of the shutter.
         duration: Part of the shutter that each footprint's ``dxdt`` spans.
         moves: Whether any footprint moves.
+        curved: Whether any goes a bent way.
         reach: Half the typical size of a piece: queries this close together are gathered together.
         clamped: Footprints whose length or aspect was limited.
         count: Number of footprints.
@@ -217,6 +250,7 @@ class FootprintMap:
     bvh: wp.Bvh | None
     duration: float
     moves: bool
+    curved: bool
     reach: float
     clamped: int
     count: int
@@ -228,25 +262,34 @@ def shape_footprints(
     """Shapes the footprints of all photons in ``maps`` (equal durations) and builds the BVH over their bounds."""
     count = sum(len(photons) for photons in maps)
     duration = maps[0].duration if maps else 1.0
+    curved = any(photons.curve is not None for photons in maps)
     if not count:
-        return FootprintMap(launcher.rows(FootprintArrays, 0), PieceArrays(), None, duration, moves, 0.0, 0, 0)
+        arrays = launcher.rows(FootprintArrays, 0)
+        return FootprintMap(arrays, PieceArrays(), None, duration, moves, curved, 0.0, 0, 0)
 
     def column(name: str) -> wp.array:
-        return launcher.array(joined([_column(photons, name) for photons in maps]), wp.vec3)
+        return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
 
     # Columns that footprints share with photons are not copied: ten million of either fill memory.
-    shared = {"center": "position", "normal": "normal", "dxdt": "dxdt", "bend": "bend"}
-    out = launcher.rows(FootprintArrays, count, but=(*shared, "receiver", "time"))
+    shared = {"center": "position", "normal": "normal", "dxdt": "dxdt"}
+    out = launcher.rows(FootprintArrays, count, but=(*shared, "receiver", "time", "bend", "jerk", "stretch"))
     for name, source in shared.items():
         setattr(out, name, column(source))
-    columns = [column(name) for name in ("dxdu", "dxdv", "receiver_motion", "flux")]
+    rows = count if curved else 0
+    out.bend, out.jerk, changes_u, changes_v = (
+        launcher.array(joined([_change(photons, name) for photons in maps]), wp.vec3)
+        if curved
+        else launcher.zeros(0, wp.vec3)
+        for name in ("dxdtt", "dxdttt", "dxdut", "dxdvt")
+    )
+    out.stretch = launcher.zeros(rows, wp.mat22)
+    columns = [column("dxdu"), column("dxdv"), changes_u, changes_v, column("receiver_motion"), column("flux")]
     out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
     times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
     out.time = launcher.array(times, wp.float32)
-    launcher(
-        footprint_kernel(kernel != "bspline", SUPPORT[kernel]), count, [*columns, float(smoothing), pixel, out]
-    )
-    along, across = out.reach.numpy().T
+    shape = footprint_kernel(kernel != "bspline", SUPPORT[kernel], curved)
+    launcher(shape, count, [*columns, float(smoothing), pixel, out])
+    along, across = out.reach.numpy().T[:2]
     counts = np.ceil(along / np.maximum(across, np.median(across))).clip(1, MOST_PIECES).astype(np.int32)
     owners = np.repeat(np.arange(count, dtype=np.int32), counts)
     numbers = np.arange(len(owners), dtype=np.int32) - np.repeat(np.cumsum(counts, dtype=np.int32) - counts, counts)
@@ -256,10 +299,10 @@ def shape_footprints(
     reach = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
     clamped = int(out.clamped.numpy().sum(dtype=np.int64))
     return FootprintMap(
-        out, pieces, wp.Bvh(pieces.lower, pieces.upper), duration, moves, 0.5 * reach, clamped, count
+        out, pieces, wp.Bvh(pieces.lower, pieces.upper), duration, moves, curved, 0.5 * reach, clamped, count
     )
 
 
-def _column(photons: PhotonMap, name: str) -> np.ndarray:
-    value = getattr(photons, name)
-    return np.zeros_like(photons.position) if value is None else value
+def _change(photons: PhotonMap, name: str) -> np.ndarray:
+    """A column of what bends the ways of photons, zero where they go straight."""
+    return np.zeros_like(photons.position) if photons.curve is None else getattr(photons.curve, name)

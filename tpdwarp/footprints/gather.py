@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.footprints.footprint import FootprintArrays, FootprintMap, PieceArrays
-from tpdwarp.footprints.kernels import SUPPORT, bspline_path, moving_weight, static_weight
+from tpdwarp.footprints.kernels import SUPPORT, Way, bspline_path, bspline_way, moving_weight, static_weight, way_reach
 from tpdwarp.launch import Launcher
 
 # A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its slack.
@@ -57,26 +57,31 @@ class IrradianceArrays:
 
 
 @cache
-def _weight(kernel: str, form: str, time_filter: str, moves: bool) -> wp.Function:
-    """w(y, v, bend) with y relative to where the footprint stands in the middle of its way, v + bend s at s from there.
-
-    Only the B-spline's way is bent.
-    """
+def _weight(kernel: str, form: str, time_filter: str, moves: bool, curved: bool) -> wp.Function:
+    """w(y, way) with y relative to where the footprint stands in the middle of its way."""
     support = wp.constant(SUPPORT[kernel])
     still = static_weight(kernel)
     if not moves:
 
         @wp.func
-        def static(y: wp.vec2, v: wp.vec2, bend: wp.vec2) -> float:
+        def static(y: wp.vec2, way: Way) -> float:
             return still(y)
 
         return static
     if kernel == "bspline":
-        return bspline_path
+        if curved:
+            return bspline_way
+
+        @wp.func
+        def straight(y: wp.vec2, way: Way) -> float:
+            return bspline_path(y, way.velocity)
+
+        return straight
     moving = moving_weight(kernel, form, time_filter)
 
     @wp.func
-    def swept(y: wp.vec2, v: wp.vec2, bend: wp.vec2) -> float:
+    def swept(y: wp.vec2, way: Way) -> float:
+        v = way.velocity
         if wp.abs(y[0]) >= support + 0.5 * wp.abs(v[0]) or wp.abs(y[1]) >= support + 0.5 * wp.abs(v[1]):
             return 0.0
         if v[0] == 0.0 and v[1] == 0.0:
@@ -94,9 +99,9 @@ def _meet(lower: wp.vec3, upper: wp.vec3, low: wp.vec3, high: wp.vec3) -> bool:
 
 @cache
 def gather_kernel(
-    kernel: str, form: str, time_filter: str, moves: bool, query_moves: bool, with_motion: bool
+    kernel: str, form: str, time_filter: str, moves: bool, curved: bool, query_moves: bool, with_motion: bool
 ) -> wp.Kernel:
-    """The gathering kernel for one footprint kernel; a scene at rest takes the static weight.
+    """The gathering kernel for one footprint kernel; a scene at rest takes the static weight, straight ways theirs.
 
     One thread takes a group of neighbouring queries, walks the BVH once for each run of them that fits into ``reach``,
     and lets every footprint it finds fall on all of the run. Queries that stand still take the whole shutter, moving
@@ -104,7 +109,7 @@ def gather_kernel(
     """
     support = wp.constant(SUPPORT[kernel])
     smooth = kernel in SMOOTH
-    weight = _weight(kernel, form, time_filter, moves)
+    weight = _weight(kernel, form, time_filter, moves, curved)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather(
@@ -194,9 +199,7 @@ def gather_kernel(
                     row_v = footprints.row_v[j]
                     density = footprints.density[j]
                     slack = footprints.slack[j] + CLOSE
-                    way = wp.vec3(0.0, 0.0, 0.0)
-                    v = wp.vec2(0.0, 0.0)
-                    bend = wp.vec2(0.0, 0.0)
+                    way = Way()
                     since = float(0.0)
                     length = float(0.0)
                     last = stop
@@ -221,19 +224,38 @@ def gather_kernel(
                         since = middle_time - time
                         part = length / duration
                         late = (middle_time - center_time) / duration
-                        bending = footprints.bend[j]
-                        center += late * footprints.dxdt[j] + (0.5 * late * late) * bending
-                        way = part * (footprints.dxdt[j] + late * bending) - length * run_motion
-                        v = wp.vec2(wp.dot(row_u, way), wp.dot(row_v, way))
-                        bend = (part * part) * wp.vec2(wp.dot(row_u, bending), wp.dot(row_v, bending))
+                        motion_then = footprints.dxdt[j]
+                        center += late * motion_then
+                        if wp.static(curved):
+                            bend = footprints.bend[j]
+                            jerk = footprints.jerk[j]
+                            stretch = footprints.stretch[j]
+                            center += (0.5 * late * late) * (bend + (late / 3.0) * jerk)
+                            motion_then += late * (bend + (0.5 * late) * jerk)
+                            bend += late * jerk
+                            if late != 0.0:
+                                # The same way, told from the middle of the part.
+                                grown = wp.identity(n=2, dtype=float) + late * stretch
+                                inverse = wp.inverse(grown)
+                                shrunk_u = inverse[0, 0] * row_u + inverse[0, 1] * row_v
+                                row_v = inverse[1, 0] * row_u + inverse[1, 1] * row_v
+                                row_u = shrunk_u
+                                density = density * wp.abs(wp.determinant(inverse))
+                                stretch = inverse * stretch
+                            way.bend = (part * part) * wp.vec2(wp.dot(row_u, bend), wp.dot(row_v, bend))
+                            way.jerk = (part * part * part) * wp.vec2(wp.dot(row_u, jerk), wp.dot(row_v, jerk))
+                            way.stretch = part * stretch
+                        swept = part * motion_then - length * run_motion
+                        way.velocity = wp.vec2(wp.dot(row_u, swept), wp.dot(row_v, swept))
                         density = density * (length / (share * duration))
                     # Most long thin footprints that lie askew miss the run although their boxes do not.
                     offset = middle + since * run_motion - center
                     spread = radius + run_window * fastest
-                    off_u = wp.abs(wp.dot(row_u, offset)) - wp.length(row_u) * spread
-                    off_v = wp.abs(wp.dot(row_v, offset)) - wp.length(row_v) * spread
-                    off_u -= 0.5 * wp.abs(v[0]) + 0.125 * wp.abs(bend[0])
-                    off_v -= 0.5 * wp.abs(v[1]) + 0.125 * wp.abs(bend[1])
+                    off_u = wp.abs(wp.dot(row_u, offset)) - wp.length(row_u) * spread - 0.5 * wp.abs(way.velocity[0])
+                    off_v = wp.abs(wp.dot(row_v, offset)) - wp.length(row_v) * spread - 0.5 * wp.abs(way.velocity[1])
+                    if wp.static(curved):
+                        off_u -= way_reach(way, 0) - support
+                        off_v -= way_reach(way, 1) - support
                     if off_u > support or off_v > support:
                         last = start
                     # A footprint much larger than the run is a parabola there; those are added up before they are
@@ -255,12 +277,12 @@ def gather_kernel(
                         if parabolic and last > start:
                             step = wp.max(step, SMALLEST_STEP)
                             y_0 = wp.vec2(wp.dot(row_u, offset), wp.dot(row_v, offset))
-                            w_0 = weight(y_0, v, bend)
-                            right = weight(y_0 + wp.vec2(step, 0.0), v, bend)
-                            left = weight(y_0 - wp.vec2(step, 0.0), v, bend)
-                            upper = weight(y_0 + wp.vec2(0.0, step), v, bend)
-                            lower = weight(y_0 - wp.vec2(0.0, step), v, bend)
-                            corner = weight(y_0 + wp.vec2(step, step), v, bend)
+                            w_0 = weight(y_0, way)
+                            right = weight(y_0 + wp.vec2(step, 0.0), way)
+                            left = weight(y_0 - wp.vec2(step, 0.0), way)
+                            upper = weight(y_0 + wp.vec2(0.0, step), way)
+                            lower = weight(y_0 - wp.vec2(0.0, step), way)
+                            corner = weight(y_0 + wp.vec2(step, step), way)
                             slope = ((right - left) * row_u + (upper - lower) * row_v) / (2.0 * step)
                             bow = (
                                 (0.5 * (right + left) - w_0) * wp.outer(row_u, row_u)
@@ -283,7 +305,7 @@ def gather_kernel(
                                     d += since * queries.motion[i]
                                 w = float(0.0)
                                 if wp.abs(wp.dot(n_p, d)) <= slack:
-                                    w = weight(wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d)), v, bend)
+                                    w = weight(wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d)), way)
                                 if w > 0.0:
                                     added = w * density
                                     if not parabolic:
@@ -361,7 +383,8 @@ def gather(
     out.photons = launcher.zeros(extra, wp.int32)
     if footprints.count:
         moves = footprints.moves or query_moves
-        kernel = gather_kernel(form.kernel, form.form, form.time_filter, moves, query_moves, with_motion)
+        footprint = (form.kernel, form.form, form.time_filter, moves, footprints.curved)
+        kernel = gather_kernel(*footprint, query_moves, with_motion)
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.duration, footprints.reach]
         inputs = [*photons, time, *window, count, queries, out]
         launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)

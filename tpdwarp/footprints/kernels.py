@@ -46,6 +46,7 @@ GAUSSIAN_SCALE = wp.constant(1.0 / (2.0 * math.pi * (1.0 - math.exp(-0.5))))
 SQRT_HALF = wp.constant(math.sqrt(0.5))
 SQRT_HALF_PI = wp.constant(math.sqrt(0.5 * math.pi))
 GAUSS_NODE = wp.constant(0.5 - 0.5 / math.sqrt(3.0))
+GAUSS_OFFSET = wp.constant(0.5 / math.sqrt(3.0))
 MOST_PANELS = wp.constant(1.0e6)
 BSPLINE_SUPPORT = wp.constant(SUPPORT["bspline"])
 
@@ -127,13 +128,11 @@ def _asinh(x: float) -> float:
 @wp.func
 def quadratic_bspline(x: float) -> float:
     """Centred quadratic B-spline, support (−3/2, 3/2), translates by one sum to one."""
+    # Without branches: footprints are narrow, so that which one is taken is anyone's guess.
     a = wp.abs(x)
-    if a >= 1.5:
-        return 0.0
-    if a >= 0.5:
-        b = 1.5 - a
-        return 0.5 * b * b
-    return 0.75 - a * a
+    outer = wp.max(1.5 - a, 0.0)
+    inner = wp.max(0.5 - a, 0.0)
+    return 0.5 * outer * outer - 1.5 * inner * inner
 
 
 STATIC = {"uniform": uniform, "cone": cone, "epanechnikov": epanechnikov, "quartic": quartic, "gaussian": gaussian}
@@ -153,27 +152,40 @@ def bspline_static(y: wp.vec2) -> float:
     return quadratic_bspline(y[0]) * quadratic_bspline(y[1])
 
 
-@wp.func
-def bspline_path(y: wp.vec2, v: wp.vec2, bend: wp.vec2) -> float:
-    """∫ b(y − s v − ½ s² bend) ds over s ∈ [−½, ½], by two Gauss nodes a cell; those inside the support are visited.
+@wp.struct
+class Way:
+    """How a footprint moves over the shutter, in its own filter space at mid shutter.
 
-    Here y is relative to where the footprint stands at mid shutter, and its way there is of second order in time. The
-    nodes do not depend on y, so that translates by one sum to one while they sweep, too.
+    At the part s (−½ … ½) of the shutter it stands at s velocity + ½ s² bend + ⅙ s³ jerk, and its axes are those of
+    mid shutter times 1 + s stretch. Only the B-spline's way is bent, and its axes stretched.
+    """
+
+    velocity: wp.vec2
+    bend: wp.vec2
+    jerk: wp.vec2
+    stretch: wp.mat22
+
+
+@wp.func
+def bspline_path(y: wp.vec2, v: wp.vec2) -> float:
+    """∫ b(y − s v) ds over s ∈ [−½, ½], by two Gauss nodes a cell; those inside the support are visited.
+
+    Here y is relative to where the footprint stands at mid shutter. The nodes do not depend on y, so that translates
+    by one sum to one while they sweep, too.
     """
     low = float(-0.5)
     high = float(0.5)
     for axis in range(2):
-        reach = BSPLINE_SUPPORT + 0.125 * wp.abs(bend[axis])
         if wp.abs(v[axis]) > 1.0e-9:
-            a = (y[axis] - reach) / v[axis]
-            b = (y[axis] + reach) / v[axis]
+            a = (y[axis] - BSPLINE_SUPPORT) / v[axis]
+            b = (y[axis] + BSPLINE_SUPPORT) / v[axis]
             low = wp.max(low, wp.min(a, b))
             high = wp.min(high, wp.max(a, b))
-        elif wp.abs(y[axis]) >= reach:
+        elif wp.abs(y[axis]) >= BSPLINE_SUPPORT:
             return 0.0
     if high <= low:
         return 0.0
-    speed = wp.max(wp.abs(v[0]) + 0.5 * wp.abs(bend[0]), wp.abs(v[1]) + 0.5 * wp.abs(bend[1]))
+    speed = wp.max(wp.abs(v[0]), wp.abs(v[1]))
     if speed == 0.0:
         return bspline_static(y)
     panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
@@ -181,15 +193,61 @@ def bspline_path(y: wp.vec2, v: wp.vec2, bend: wp.vec2) -> float:
     for k in range(int(wp.floor((low + 0.5) * panels)), int(wp.ceil((high + 0.5) * panels))):
         early = (float(k) + GAUSS_NODE) / panels - 0.5
         late = (float(k + 1) - GAUSS_NODE) / panels - 0.5
-        total += bspline_static(y - early * v - (0.5 * early * early) * bend)
-        total += bspline_static(y - late * v - (0.5 * late * late) * bend)
+        total += bspline_static(y - early * v) + bspline_static(y - late * v)
+    return 0.5 * total / panels
+
+
+@wp.func
+def way_reach(way: Way, axis: int) -> float:
+    """How far along an axis a B-spline that goes a bent way lies from the straight one."""
+    growth = 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1]))
+    aside = 0.125 * wp.abs(way.bend[axis]) + wp.abs(way.jerk[axis]) / 48.0
+    return BSPLINE_SUPPORT * (1.0 + growth) + aside
+
+
+@wp.func
+def bspline_way(y: wp.vec2, way: Way) -> float:
+    """The same along a bent way, with the footprint's axes stretched as it goes."""
+    low = float(-0.5)
+    high = float(0.5)
+    speed = float(0.0)
+    grown = float(0.0)
+    for axis in range(2):
+        v = way.velocity[axis]
+        reach = way_reach(way, axis)
+        # A factor is the same for all queries, a divisor would divide anew for each.
+        slowness = 1.0e9
+        if wp.abs(v) > 1.0e-9:
+            slowness = 1.0 / v
+        a = (y[axis] - reach) * slowness
+        b = (y[axis] + reach) * slowness
+        low = wp.max(low, wp.min(a, b))
+        high = wp.min(high, wp.max(a, b))
+        speed = wp.max(speed, wp.abs(v) + 0.5 * wp.abs(way.bend[axis]) + 0.125 * wp.abs(way.jerk[axis]))
+        grown = wp.max(grown, 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1])))
+    if high <= low:
+        return 0.0
+    if speed == 0.0 and grown == 0.0:
+        return bspline_static(y)
+    trace = way.stretch[0, 0] + way.stretch[1, 1]
+    determinant = way.stretch[0, 0] * way.stretch[1, 1] - way.stretch[0, 1] * way.stretch[1, 0]
+    panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
+    total = float(0.0)
+    for k in range(int(wp.floor((low + 0.5) * panels)), int(wp.ceil((high + 0.5) * panels))):
+        for half in range(2):
+            s = (float(k) + 0.5 + GAUSS_OFFSET * float(2 * half - 1)) / panels - 0.5
+            density = 1.0 / wp.abs(1.0 + s * (trace + s * determinant))
+            row_u = density * wp.vec2(1.0 + s * way.stretch[1, 1], -s * way.stretch[0, 1])
+            row_v = density * wp.vec2(-s * way.stretch[1, 0], 1.0 + s * way.stretch[0, 0])
+            z = y - s * (way.velocity + (0.5 * s) * (way.bend + (s / 3.0) * way.jerk))
+            total += density * bspline_static(wp.vec2(wp.dot(row_u, z), wp.dot(row_v, z)))
     return 0.5 * total / panels
 
 
 @wp.func
 def bspline_shutter(y: wp.vec2, v: wp.vec2) -> float:
     """∫₀¹ b(y − τv) dτ, with y relative to where the footprint stands at shutter open."""
-    return bspline_path(y - 0.5 * v, v, wp.vec2(0.0, 0.0))
+    return bspline_path(y - 0.5 * v, v)
 
 
 @cache

@@ -214,13 +214,28 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
 
 
 @dataclass
+class Curve:
+    """How D_t x and the footprints of photons change from the opening to the closing of the shutter, beyond the paper.
+
+    Attributes:
+        dxdtt, dxdttt: D_tt x and D_ttt x, each [n, 3].
+        dxdut, dxdvt: D_t D_u x and D_t D_v x, each [n, 3].
+    """
+
+    dxdtt: np.ndarray
+    dxdttt: np.ndarray
+    dxdut: np.ndarray
+    dxdvt: np.ndarray
+
+
+@dataclass
 class PhotonMap:
     """Photons deposited over one (sub-)shutter, in the tracer's units; all arrays have one row a photon.
 
     ``dxdt`` [n, 3] is the world displacement over ``duration`` of the shutter, centred at ``time`` (−½ … ½); ``shift``
-    [n, 2] the lattice steps by which a photon that rides on its surface moves over it on the light; ``bend`` [n, 3] the
-    change of its displacement from opening to closing, None where that is not known; ``entry`` and ``receiver`` [n]
-    number the objects that it met first and last.
+    [n, 2] the lattice steps by which a photon that rides on its surface moves over it on the light; ``curve`` tells how
+    its way is bent, None where it is straight; ``entry`` and ``receiver`` [n] number the objects that it met first and
+    last.
     """
 
     ids: np.ndarray
@@ -236,7 +251,7 @@ class PhotonMap:
     receiver: np.ndarray
     entry: np.ndarray
     bounces: np.ndarray
-    bend: np.ndarray | None = None
+    curve: Curve | None = None
     time: float = 0.0
     duration: float = 1.0
 
