@@ -25,8 +25,9 @@ def bent_photons(source, shutter: Shutter = OPEN, **changes) -> tuple[PhotonMap,
     settings = Settings.of(SETTINGS, **changes)
     animation, clock = Animation(source, settings), Clock()
     plan = animation.plan(settings.photons)
-    photons, _ = animation.trace(animation.load(shutter), plan, clock, riding=settings.anchor == "surface")
-    found, guides = bent(photons, plan, animation, shutter, clock)
+    loaded = animation.load(shutter)
+    photons, _ = animation.trace(loaded, plan, clock, riding=settings.anchor == "surface")
+    found, guides = bent(photons, plan, animation, loaded, clock)
     assert guides > 0
     return found, animation
 

@@ -137,8 +137,9 @@ def test_the_choice_is_nearly_as_good_as_the_best(wave, exposure, photons):
         return float(np.sqrt(np.mean((found - truth) ** 2)))
 
     best = min(error(segments) for segments in (1, 2, 3, 4, 6))
-    # Twice the segments, or half, are up to twenty times worse. Below 0.001 of the mean, samples decide.
-    assert error("auto") <= max(1.5 * best, 0.001 * truth.mean())
+    # Twice the segments, or half, are up to twenty times worse. Below 0.001 of the mean, samples decide; few photons of
+    # soft light err by less than 0.01 with either.
+    assert error("auto") <= max((1.5 if photons > 1024 else 2.5) * best, 0.001 * truth.mean())
 
 
 def test_frames_are_rendered_with_the_number_chosen():

@@ -43,7 +43,7 @@ def test_a_lattice_of_footprints_is_uniform_irradiance_at_rest_and_in_motion(she
 
 
 def test_a_lattice_that_bends_and_stretches_stays_uniform_and_gets_as_thin_as_its_cells_grow():
-    """Every place of a lattice follows x(s) = (1 + s A) x + s v + ½ s² b + ⅙ s³ j, so that its light is flux by area."""
+    """Every place of a lattice follows x(s) = (1 + s A) x + s v + ½ s² b + ⅙ s³ j, so that light is flux by area."""
     change = np.array([[0.5, 0.2], [-0.1, -0.3]])
     at = lattice(-0.9, 0.9)
     ways = np.append(at[:, :2] @ change.T + (0.05, -0.02), np.zeros((len(at), 1)), axis=1)

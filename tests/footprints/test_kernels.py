@@ -304,7 +304,8 @@ def test_bent_and_stretched_ways_match_brute_force(size, stretched):
     assert expected.max() > 0.02
     # Axes shrink to a half, so that cells are as much as twice as long for the nodes.
     limit = gauss_error(size) if size else 5e-3
-    np.testing.assert_allclose(way_weights(y, velocity, bend, jerk, stretch), expected, atol=(1 + 7 * stretched) * limit)
+    found = way_weights(y, velocity, bend, jerk, stretch)
+    np.testing.assert_allclose(found, expected, atol=(1 + 7 * stretched) * limit)
 
 
 @pytest.mark.parametrize("size", [0.0, 0.5, 4.0])

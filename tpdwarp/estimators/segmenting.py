@@ -5,13 +5,14 @@ footprints, and what they blur, by K. Light whose irradiance changes over a leng
 blurred by a kernel of variance σ², by σ²/(2L²). With derivatives over the whole shutter, and footprints h wide (σ² =
 h²/4 for the quadratic B-spline), that is on average
 
-    |D_tt x|/(24 L K²) for footprints that go straight,  |D_tttt x|/(822 L K⁴) for bent ones,  h² K/(8L²) for the blur
+    |D_tt x|/(24 L K²) for footprints that go straight,  |D_tttt x|/(1240 L K⁴) for bent ones,  h² K/(8L²) for the blur
 
 as means over the photons of a coarse trace, weighted by flux. L comes from the footprints themselves: irradiance goes
 with the inverse of their area; h is each photon's own width, which vanishes with L at folds. D_t x is told by guides as
 the shutter opens and closes, as it is for the ways of footprints, which go straight where guides disagree: so a few
-segments more may be far better. Bent ways follow D_t x at three times; what they miss is s⁴/24 − s²/48 of D_tttt x at
-the part s of the shutter, and that is as large as D_tt x by the ratio of D_ttt x to D_t x, as in a swing.
+segments more may be far better. Bent ways that are told D_t x at the times ±σ miss (s⁴ − 2σ² s²)/24 of D_tttt x at
+the part s of the shutter, and that is as large as D_tt x by the ratio of D_ttt x to D_t x, as in a swing. (Those that
+are told where they pass miss less, but motion with kinks, and axes that follow to first order only, err more.)
 
 A fast lens beside still water wants many segments where the water wants one. So errors are summed for the photons that
 meet each mesh first, and meshes whose best K differ by more than a factor are given segments of their own, by their
@@ -27,7 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tpdwarp.estimators.guides import LARGEST_DISAGREEMENT, MOMENT, Guides, disagreement, moments
+from tpdwarp.estimators.guides import LARGEST_DISAGREEMENT, MOMENT, Guides, Moment, disagreement, moments
 from tpdwarp.estimators.neighbours import Pairs, neighbours
 from tpdwarp.photons.emission import EmissionPlan
 from tpdwarp.photons.tracing import PhotonMap
@@ -82,6 +83,8 @@ class _Errors:
         straight, bent: In time where footprints go straight and where their ways are bent, shape [n].
         disagreement: Of guides, as a part of D_t x, shape [n]; infinite where ways are never bent.
         blur: In space, shape [n].
+        untold: Part of the light beside them, alike but for that guides do not tell of it, so that it goes straight;
+            shape [n].
     """
 
     meshes: frozenset[str]
@@ -90,9 +93,10 @@ class _Errors:
     bent: np.ndarray
     disagreement: np.ndarray
     blur: np.ndarray
+    untold: np.ndarray
 
     def __add__(self, other: _Errors) -> _Errors:
-        names = ("weight", "straight", "bent", "disagreement", "blur")
+        names = ("weight", "straight", "bent", "disagreement", "blur", "untold")
         joined = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in names]
         return _Errors(self.meshes | other.meshes, *joined)
 
@@ -100,7 +104,8 @@ class _Errors:
         """Their mean for numbers of segments, but for a factor."""
         count = segments[:, None].astype(np.float64)
         follows = self.disagreement / count**2 <= LARGEST_DISAGREEMENT
-        in_time = np.where(follows, self.bent / count**4, self.straight / count**2)
+        bent = np.where(follows, self.bent / count**4, self.straight / count**2)
+        in_time = (1.0 - self.untold) * bent + self.untold * self.straight / count**2
         return (self.weight * (in_time + count * self.blur)).sum(axis=1)
 
     def best(self, most: int = MOST_SEGMENTS) -> int:
@@ -172,7 +177,8 @@ def _errors_around(
     photons, _ = animation.trace(loaded, plan, clock, riding=riding, jittered=False)
     # Traced over a moment, told over the shutter.
     photons = replace(photons, dxdt=photons.dxdt / MOMENT, shift=photons.shift / MOMENT)
-    before, after, told = Guides(animation, plan, opening, closing, clock).around(photons, plan)
+    before, after = Guides(animation, plan, opening, closing, clock).around(photons, plan)
+    told = before.told & after.told
     paths = loaded.geometry.paths
     entries, counts = np.unique(photons.entry, return_counts=True)
     parts = {paths[entry]: photons.entry == entry for entry in entries[counts >= FEWEST_SEEN]}
@@ -186,7 +192,8 @@ def _errors_around(
         rows = np.flatnonzero(chosen & told)
         if len(rows):
             part = _rows(photons, rows)
-            yield _errors(path, part, before[rows], after[rows], plan, share, bends)
+            untold = 1.0 - part.flux.sum() / photons.flux[chosen].sum()
+            yield _errors(path, part, before.at(rows), after.at(rows), plan, share, bends, untold)
 
 
 def _rows(photons: PhotonMap, rows: np.ndarray) -> PhotonMap:
@@ -196,25 +203,33 @@ def _rows(photons: PhotonMap, rows: np.ndarray) -> PhotonMap:
 
 
 def _errors(
-    path: str, photons: PhotonMap, before: np.ndarray, after: np.ndarray, plan: EmissionPlan, share: float, bends: bool
+    path: str,
+    photons: PhotonMap,
+    before: Moment,
+    after: Moment,
+    plan: EmissionPlan,
+    share: float,
+    bends: bool,
+    untold: float,
 ) -> _Errors:
-    """Errors of photons at mid shutter, whose D_t x over the shutter is ``before`` and ``after`` at its ends.
+    """Errors of photons at mid shutter, of which guides tell ``before`` and ``after`` at its ends.
 
     Args:
         path: The mesh that they meet first.
         plan: Their lattices.
         share: Cell area of the full number of photons by that of the pilot's.
         bends: Whether footprints follow bent ways.
+        untold: Part of the light of that mesh that these photons stand for only.
     """
     flux = photons.flux.sum(axis=1).astype(np.float64)
     span = 1.0 - MOMENT
-    second = np.linalg.norm(after - before, axis=1) / span
-    third = np.linalg.norm(before + after - 2.0 * photons.dxdt, axis=1) * (2.0 / span) ** 2
-    apart = disagreement(photons, before, after) if bends else np.full(len(photons), np.inf)
+    second = np.linalg.norm(after.dxdt - before.dxdt, axis=1) / span
+    third = np.linalg.norm(before.dxdt + after.dxdt - 2.0 * photons.dxdt, axis=1) * (2.0 / span) ** 2
+    apart = disagreement(photons, before.dxdt, after.dxdt) if bends else np.full(len(photons), np.inf)
     widths = [np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)]
     typical = [math.sqrt(share) * float(np.median(width)) for width in widths]
     if not max(typical) > 0:
-        return _Errors(frozenset([path]), flux, 0.0 * flux, 0.0 * flux, apart, 0.0 * flux)
+        return _Errors(frozenset([path]), flux, 0.0 * flux, 0.0 * flux, apart, 0.0 * flux, 0.0 * flux)
     # Areas vanish at folds; no footprint is finer than the typical one.
     least = np.maximum(typical[0] * widths[1], typical[1] * widths[0])
     logs = np.log(np.hypot(np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1), least))
@@ -235,8 +250,8 @@ def _errors(
         np.minimum(size, np.quantile(size, LARGEST)) for size in (np.linalg.norm(photons.dxdt, axis=1), second, third)
     )
     fourth = second * (third.sum() / max(first.sum(), np.finfo(float).tiny))
-    in_time = change * second / 24.0, change * fourth / 822.0
-    return _Errors(frozenset([path]), flux, *in_time, apart, blur**2 / 8.0)
+    in_time = change * second / 24.0, change * fourth / 1240.0
+    return _Errors(frozenset([path]), flux, *in_time, apart, blur**2 / 8.0, np.full(len(photons), untold))
 
 
 def _slope(values: np.ndarray, positions: np.ndarray, pairs: Pairs, closest: float) -> np.ndarray:

@@ -44,7 +44,7 @@ class Temporal:
             )
             curved = settings.path == "curved" and settings.kernel == "bspline" and seen.requirements.photon_motion
             if curved and pixel is not None and not opening:
-                photons, guides = bent(photons, plan, animation, seen.scene.shutter, clock, level.taken)
+                photons, guides = bent(photons, plan, animation, seen, clock, level.taken)
                 account.counts["guides"] = guides
             if opening:
                 # Footprints stand at mid shutter and sweep to both sides: the same way, told from its middle.
