@@ -11,7 +11,7 @@ from tpdwarp.presets import PRESETS
 NAMES = ("draft", "standard", "final")
 PHOTONS = (1 << 10, 1 << 12, 1 << 14, 1 << 16, 1 << 18, 1 << 20)
 SAMPLES = (1, 2, 4, 16)
-SEGMENTS = (1, 4, "auto")
+SEGMENTS = (1, "auto")
 # Dearer combinations of these cannot lie on a front that others of the same photons reach with fewer samples.
 MOST_COST = 1 << 23
 
