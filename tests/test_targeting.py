@@ -122,6 +122,24 @@ def test_shipped_scenes_err_as_wanted_in_frames_that_the_pilot_does_not_see(scen
     assert 0.5 * wanted < error(light(chosen_settings), truth) < 2 * wanted
 
 
+def test_a_turning_cylinder_errs_as_wanted_beside_brute_force_that_took_half_an_hour():
+    """Both frames of scripts/benchmarks/converged, which four million photons at each of 16 instants made."""
+    wanted = 0.1
+    with np.load(SCENES.parent / "scripts" / "benchmarks" / "converged" / "cylinder-from-above.npz") as kept:
+        truth, own_error = kept["light"].astype(float), float(kept["error"])
+    assert own_error < 0.1 * wanted
+    base = Settings(image_width=64, camera="TopOrtho", exposure=1.0, aovs=("caustic",))
+    source = open_scene(SCENES / "cylinder.usdc", base, False)
+    seen = spread_shutters(source, base)
+    assert not {5.0, 14.0} & {pilot.frame for pilot in seen}
+    chosen_settings, _ = settled(source, Settings.of(base, target_error=wanted), seen, *source.resolution())
+    shutters = [shutter_of(source, frame, base) for frame in (5.0, 14.0)]
+    frames = [render_frame(source, shutter, chosen_settings, *source.resolution()) for shutter in shutters]
+    found = np.stack([frame.channels["caustic.R"] for frame in frames]).astype(float)
+    relative = (found - truth) / truth.mean(axis=(1, 2), keepdims=True)
+    assert 0.5 * wanted < np.sqrt(np.mean(relative**2)) < 2 * wanted
+
+
 def test_the_pilot_sees_whole_frames():
     """Between time samples vertices turn corners inside a shutter that a frame's own never sees."""
     base = Settings(exposure=1.0)

@@ -44,7 +44,7 @@ class Settings:
         anchor: What a photon rides on over the shutter: the ``surface`` it first hit, or its emission point
             (``light``).
         trace_at: When in the shutter ``tpd`` traces: ``middle``, or ``open`` (the paper's forward differences).
-        path: Way of a B-spline footprint of ``tpd``: ``straight`` along D_t x, or ``curved`` as D_t x changes.
+        path: Way of a B-spline footprint of ``tpd``: ``straight`` along D_t x, or ``curved`` as it changes.
         smoothing: Footprint size in lattice cells.
         time_filter: Shutter response of Eq. 9, for ``swept``.
         seed: Seed of all random choices.
