@@ -41,9 +41,8 @@ UNKNOWN_FALL = 0.4
 FARTHEST = 1.5
 # How errors in time fall from K to 2K segments, at least and at most: bent ways follow the light to third order.
 TIME_FALL = (0.0625, 0.7)
-# And from m to 4m photons: those that come with the size of footprints go with their area once others are gone, which
-# is sooner than the last change tells.
-TIME_FALL_BY_PHOTONS = (0.25, 1.0)
+# And from m to 4m photons, where smaller footprints change less while the shutter is open.
+TIME_FALL_BY_PHOTONS = (0.5, 1.0)
 # Least part of the change with the segments that is taken for one in time.
 LEAST_IN_TIME = 0.25
 # Frames count as no darker than by this part of the light of all.
@@ -137,7 +136,7 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
             before = _change(at(enough, segments // 2), at(enough, segments))
             time_fall = float(np.clip(jump / max(before, TINY), *TIME_FALL))
         error = math.sqrt(max(apart, (LEAST_IN_TIME * jump) ** 2)) / (1.0 - time_fall**2)
-        by_photons = float(np.clip((jump / max(coarse, TINY)) ** 2, *TIME_FALL_BY_PHOTONS))
+        by_photons = float(np.clip(jump / max(coarse, TINY), *TIME_FALL_BY_PHOTONS))
         return _ErrorInTime(enough, error, by_photons)
 
     photons, segments = FIRST_PHOTONS, 1
