@@ -41,8 +41,8 @@ UNKNOWN_FALL = 0.4
 FARTHEST = 1.5
 # How errors in time fall from K to 2K segments, at least and at most: bent ways follow the light to third order.
 TIME_FALL = (0.0625, 0.7)
-# And from m to 4m photons, where smaller footprints change less while the shutter is open.
-TIME_FALL_BY_PHOTONS = (0.5, 1.0)
+# And from m to 4m photons: smaller footprints change less while the shutter is open, but their ways err as much.
+TIME_FALL_BY_PHOTONS = (0.75, 1.0)
 # Least part of the change with the segments that is taken for one in time.
 LEAST_IN_TIME = 0.25
 # Frames count as no darker than by this part of the light of all.
