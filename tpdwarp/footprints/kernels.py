@@ -199,7 +199,7 @@ def bspline_path(y: wp.vec2, v: wp.vec2) -> float:
 
 @wp.func
 def way_reach(way: Way, axis: int) -> float:
-    """How far along an axis a B-spline that goes a bent way lies from the straight one."""
+    """How far along an axis a B-spline that goes a bent way reaches to either side of the straight one."""
     growth = 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1]))
     aside = 0.125 * wp.abs(way.bend[axis]) + wp.abs(way.jerk[axis]) / 48.0
     return BSPLINE_SUPPORT * (1.0 + growth) + aside
