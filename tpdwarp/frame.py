@@ -17,7 +17,6 @@ from tpdwarp.photons.tracing import PhotonMap, record_of
 from tpdwarp.scene.description import CameraAtShutter, SceneSource, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.sights import Sight, View
-from tpdwarp.view.camera import camera_of, pixel_size
 from tpdwarp.view.film import Film
 
 
@@ -87,8 +86,7 @@ def expose(animation: Animation, shutter: Shutter, width: int, height: int, cloc
     middle = scenes[len(scenes) // 2].scene.camera
     film = Film(width, height, settings.samples, animation.normalization, middle.exposure_scale, settings.aovs)
     view = View(animation, scenes, width, height, clock, settings.estimator == "accumulation")
-    pixel = pixel_size(camera_of(middle, width, height, animation.normalization), settings.samples)
-    energy, maps = expose_film(film, animation, shutter, scenes, view.sights, pixel, clock)
+    energy, maps = expose_film(film, animation, shutter, scenes, view.sights, view.pixel, clock)
     record = record_of(maps, scenes[0].geometry.paths)
     return Frame(record, energy, clock.seconds, film.channels(), middle)
 
@@ -106,7 +104,7 @@ def expose_film(
 
     Args:
         sights: What the camera sees; it adds direct light to the film, if it is given one.
-        pixel: How far footprints are widened.
+        pixel: What the sights stand for.
 
     Returns:
         Where the photons' flux went, and the photons with their lattices.

@@ -14,7 +14,6 @@ from tpdwarp.frame import expose_film
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.sights import Sight, View
-from tpdwarp.view.camera import camera_of, pixel_size
 from tpdwarp.view.film import Film
 from tpdwarp.view.sampling import pixel_grid
 
@@ -63,13 +62,12 @@ class Pilot:
     def _look(self, animation: Animation, scenes: list[LoadedScene], clock: Clock) -> _Seen:
         middle = scenes[len(scenes) // 2].scene.camera
         view = View(animation, scenes, *self._size, clock, False, self._pixels)
-        pixel = pixel_size(camera_of(middle, *self._size, animation.normalization), animation.settings.samples)
-        return _Seen(list(view.sights(None)), pixel, middle.exposure_scale)
+        return _Seen(list(view.sights(None)), view.pixel, middle.exposure_scale)
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """What the camera sees over one shutter, the size of its pixels, and its exposure's factor on radiance."""
+    """What the camera sees over one shutter, what its sights stand for, and its exposure's factor on radiance."""
 
     sights: list[Sight]
     pixel: PixelSize

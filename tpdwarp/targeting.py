@@ -199,14 +199,16 @@ class _ErrorInSpace:
     @classmethod
     def of(cls, counts: Sequence[int], pictures: Sequence[np.ndarray]) -> _ErrorInSpace:
         steps = [_change(a, b) for a, b in itertools.pairwise(pictures)][-3:]
-        fall = UNKNOWN_FALL
+        fall = latest = UNKNOWN_FALL
         if len(steps) > 1:
             # One step alone may be small, or large, by chance.
             fall = (steps[-1] / max(steps[0], TINY)) ** (1.0 / (len(steps) - 1))
-            fall = float(np.clip(fall, *FALL))
-        last = fall * steps[-1] / (1.0 - fall**2)
+            # Once cells are finer than folds, errors fall faster and faster.
+            latest = min(fall, math.sqrt(fall * steps[-1] / max(steps[-2], TINY)))
+            fall, latest = (float(np.clip(value, *FALL)) for value in (fall, latest))
+        last = latest * steps[-1] / (1.0 - latest**2)
         before = [math.hypot(_change(picture, pictures[-1]), last) for picture in pictures[:-2]]
-        return cls(counts, (*before, last / fall, last), fall)
+        return cls(counts, (*before, last / latest, last), fall)
 
     def __call__(self, photons: float) -> float:
         errors = np.maximum(self.errors, TINY)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import warp as wp
 
@@ -52,7 +54,7 @@ def photon_map(
 def pixel(half_size: float = 0.0) -> PixelSize:
     """Pixels of one size everywhere."""
     size = PixelSize()
-    size.base = half_size
+    size.base = math.sqrt(12.0) * half_size
     return size
 
 

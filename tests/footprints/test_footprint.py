@@ -96,9 +96,42 @@ def test_widening_adds_half_a_pixel_to_the_covariance():
     np.testing.assert_allclose(density(found), 1 / np.sqrt(axes.prod(axis=1)), rtol=1e-5)
 
 
+@pytest.mark.parametrize("side", [0.005, 0.05, 0.5])
+@pytest.mark.parametrize("angle", [90, 60, 20, 3])
+def test_a_b_spline_is_as_wide_as_it_is_on_average_over_a_pixel(side, angle):
+    """Variances add up; those of a parallelogram's axes, of which the box takes what is not askew, to within a half."""
+    u, v = np.array([0.05, 0, 0]), 0.04 * np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle)), 0])
+    found = shaped(photon_map([(0, 0, 0)], u, v), half_pixel=side / math.sqrt(12))
+    half = 0.15 + 2 * side
+    positions, area = grid((-half, -half), (half, half), (1200, 1200))
+    weights = first_channel(found, positions) * area
+    assert weights.sum() == pytest.approx(1, rel=1e-3)
+    spread = np.einsum("n,ni,nj->ij", weights, positions[:, :2], positions[:, :2])
+    cell = covariance({"dxdu": u[None], "dxdv": v[None]})[0, :2, :2]
+    added = np.linalg.eigvalsh(spread - cell) / (side**2 / 12)
+    # Axes are no shorter than the box's deviation, so that small cells under large boxes count as a quarter more.
+    assert np.all(added > 0.7) and np.all(added < 1.6)
+    if angle == 90 and side < 0.1:
+        np.testing.assert_allclose(added, 1, rtol=1e-2 if side > 0.01 else 0.3)
+
+
+@pytest.mark.parametrize("shear", [0.0, 0.4])
+@pytest.mark.parametrize("pixels", [0.4, 1.0, 2.0])
+def test_a_lattice_stays_uniform_however_large_pixels_are_beside_its_cells(shear, pixels):
+    """B-splines that are wider than their cells leave up to two per cent of ripple; askew ones keep some of it."""
+    cell = 0.05
+    index = np.arange(-40, 41)
+    i, j = (a.ravel() for a in np.meshgrid(index, index))
+    at = np.stack([(i + shear * j) * cell, j * cell, 0.0 * i], axis=1)
+    photons = photon_map(at, (cell, 0, 0), (shear * cell, cell, 0), flux=cell**2)
+    points = np.append(np.random.default_rng(4).uniform(-0.1, 0.1, (300, 2)), np.zeros((300, 1)), axis=1)
+    ripple = np.abs(first_channel(shaped(photons, half_pixel=pixels * cell / math.sqrt(12)), points) - 1).max()
+    assert ripple < (1e-2 if shear else 2e-5)
+
+
 def test_pixels_grow_with_the_distance_from_the_eye():
     size = PixelSize()
-    size.eye, size.slope = (0.0, 0.0, 1.0), 0.02
+    size.eye, size.slope = (0.0, 0.0, 1.0), math.sqrt(12) * 0.02
     photons = photon_map([(0, 0, 0), (0, 0, -1.0)], (0, 0, 0), (0, 0, 0))
     found = shape_footprints([photons], "uniform", 1.0, size, False, ONE_THREAD)
     np.testing.assert_allclose(density(found), [1 / 0.02**2, 1 / 0.04**2], rtol=1e-5)
@@ -206,6 +239,8 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
     rows = np.stack([arrays.row_u.numpy(), arrays.row_v.numpy()], axis=1).astype(float)
     # Points of the support in filter space, as far out as it goes, carried into the world and along the path.
     corners = SUPPORT[kernel] * random.uniform(-1, 1, (64, 2))
+    box = 0.5 * arrays.box.numpy().astype(float) if kernel == "bspline" else np.zeros((found.count, 2))
+    boxes = box[:, None] * random.uniform(-1, 1, (found.count, 64, 2))
     if kernel == "epanechnikov":
         corners /= np.maximum(np.linalg.norm(corners, axis=1, keepdims=True), 1e-9)
         corners *= 0.999
@@ -215,7 +250,7 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
     assert len(pieces) > 1.2 * found.count
     for tau in (-0.5, 0.0, 0.2, 0.5):
         stretched = np.einsum("nij,kj->nki", np.eye(2) + tau * stretch, corners)
-        inside = np.einsum("nij,nkj->nki", np.linalg.pinv(rows), stretched)
+        inside = np.einsum("nij,nkj->nki", np.linalg.pinv(rows), stretched + boxes)
         place = tau * dxdt + (0.5 * tau**2 * curve[0] + tau**3 / 6 * curve[1] if curved else 0.0)
         reached = arrays.center.numpy()[:, None].astype(float) + inside + place[:, None]
         at = reached[pieces]

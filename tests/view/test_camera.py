@@ -12,7 +12,7 @@ from tests.view.scenes import turned, view_rays
 from tpdwarp.photons.beam import Beam
 from tpdwarp.scene.description import CameraAtShutter
 from tpdwarp.scene.normalization import Normalization
-from tpdwarp.view.camera import Camera, camera_of, camera_ray, pixel_size
+from tpdwarp.view.camera import Camera, camera_of, camera_ray, pixel_size, sides_at
 
 WIDTH, HEIGHT = 40, 20
 NORMALIZATION = Normalization((1.0, -2.0, 0.5), 0.25, 0.8)
@@ -82,9 +82,9 @@ def test_the_first_pixel_is_the_upper_left_one():
     np.testing.assert_allclose(origins[:, :2], [[-1, 0.5], [1, -0.5]])
 
 
-@pytest.mark.parametrize(("samples", "part"), [(1, 1 / 4), (4, 1 / 4), (16, 1 / 8)])
+@pytest.mark.parametrize(("samples", "part"), [(1, 1), (4, 1), (15, 1), (16, 1 / 2), (36, 1 / 3)])
 @pytest.mark.parametrize("distance", [1.0, 3.0])
-def test_footprints_are_widened_by_a_quarter_of_a_pixel_or_half_the_distance_of_samples(distance, samples, part):
+def test_queries_stand_for_a_pixel_or_with_many_samples_for_a_part_of_it(distance, samples, part):
     scale = NORMALIZATION.scale
     for orthographic in (False, True):
         description = replace(camera(orthographic, moving=False), window=(-1, 1, -0.5, 0.5))
@@ -95,6 +95,14 @@ def test_footprints_are_widened_by_a_quarter_of_a_pixel_or_half_the_distance_of_
         seen = origins + along[:, None] * directions
         expected = part * np.linalg.norm(seen[1] - seen[0]) * scale
         assert size.base + size.slope * distance * scale == pytest.approx(expected, rel=1e-5)
+        at = np.array(size.eye) + distance * scale * np.array([[0.0, 0.6, 0.8], [1.0, 0.0, 0.0]])
+        np.testing.assert_allclose(sides_at(size, at), expected, rtol=1e-5)
+
+
+def test_where_pixels_are_not_square_queries_stand_for_the_shorter_side():
+    tall = replace(camera(True, moving=False), window=(-1, 1, -1, 1))
+    size = pixel_size(camera_of(tall, 200, 20, NORMALIZATION), 4)
+    assert size.base == pytest.approx(2 / 200 * NORMALIZATION.scale, rel=1e-5)
 
 
 def test_without_a_camera_footprints_are_not_widened():

@@ -27,8 +27,6 @@ R0 = fresnel_reflectance(0.0, 1.0, 1.33)
 
 def render(meshes, camera=None, width=16, height=16, shutter=STILL, light=SUN, **settings):
     source = steady(meshes, (light,), camera or looking_down())
-    # Few photons: lattice cells of six pixels, which a quarter of a pixel hardly widens. The widened B-spline's
-    # translates then still sum to one to (1/200)⁴, the height of their first harmonic.
     chosen = Settings(photons=64, threads=1, aovs=AOVS, **settings)
     return render_frame(source, shutter, chosen, width, height).channels
 
@@ -111,7 +109,7 @@ def test_irradiance_of_a_pixel_is_the_mean_over_the_surfaces_seen_not_over_backg
     film = Film(1, 1, 4, norm, 1.0, AOVS)
     points = VisiblePoints(np.arange(4), queries, arrays, True)
     film.add_view(points, np.zeros(4, int))
-    film.add_caustic(np.zeros(4, int), points.arrays.weight.numpy(), np.ones(4, bool), Irradiance(found))
+    film.add_caustic(np.zeros(4, int), points.arrays.weight.numpy(), np.ones(4, int), Irradiance(found))
     channels = {name: float(values[0, 0]) for name, values in film.channels().items()}
     # Lengths are doubled in scene units, so that areas count four times.
     assert channels["irradiance.R"] == pytest.approx(6.0 / 4)

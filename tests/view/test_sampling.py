@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tpdwarp.view.sampling import block_order, film_positions, samples_at, time_count
+from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
 
 WIDTH, HEIGHT = 19, 13
 COUNT = WIDTH * HEIGHT
@@ -90,3 +90,15 @@ def test_samples_depend_on_the_seed_and_on_nothing_else():
 @pytest.mark.parametrize("size", [(1, 1), (8, 8), (19, 13), (3, 40)])
 def test_block_order_visits_every_pixel_once(size):
     np.testing.assert_array_equal(np.sort(block_order(*size)), np.arange(size[0] * size[1]))
+
+
+@pytest.mark.parametrize(("samples", "count"), [(1, 1), (4, 1), (15, 1), (16, 2), (35, 2), (36, 3), (64, 4)])
+def test_each_part_of_a_pixel_has_about_four_samples_or_more(samples, count):
+    assert part_count(samples) == count
+    pixels, numbers = np.repeat(np.arange(COUNT), samples), np.tile(np.arange(samples), COUNT)
+    films = film_positions(pixels, numbers, WIDTH, samples, 1)
+    parts = parts_of(films, pixels, WIDTH, count)
+    np.testing.assert_array_equal(parts % count, np.floor(films[:, 0] % 1 * count))
+    np.testing.assert_array_equal(parts // count, np.floor(films[:, 1] % 1 * count))
+    filled = np.bincount(pixels * count**2 + parts, minlength=COUNT * count**2)
+    assert filled.min() >= min(samples, 2)

@@ -1,8 +1,14 @@
 """Footprints: the metric that maps a photon's tangent plane to filter space, regularised, with bounds for the gather.
 
+A query stands for a square of side a, about a pixel, and footprints are as wide as what they are on average over it.
 Let J = [D_u x, D_v x] in the tangent plane. Where the wavefront folds |Du×Dv| → 0, where light grazes it grows without
 bound; so the singular values of J are widened to √(S² + 4ε²), which adds ε²I to the footprint's covariance
-C = ¼(DuDuᵀ + DvDvᵀ), and limited in length and aspect. The singular vectors stay: the B-spline keeps its own axes.
+C = ¼(DuDuᵀ + DvDvᵀ), with ε² = a²/12, and limited in length and aspect. The singular vectors stay.
+
+The B-spline, whose translates sum to one over the cells of its lattice only, is averaged over a box along its own axes
+instead. Where these lie askew, by γ = √|cos ∠(Du, Dv)|, a box does not widen them all around: it then takes the part
+1 − γ of a², and singular values are widened by γ of it. They are no less than ε: a bare box would have hard edges.
+
 The metric, its determinant and the bounds all follow from the widened J, so that every footprint keeps its flux.
 """
 
@@ -19,7 +25,10 @@ from tpdwarp.launch import Launcher
 from tpdwarp.photons.tracing import PhotonMap, joined
 
 LONGEST_AXIS = wp.constant(1.0)
+# Sides of boxes are no less, in cells: integrals over them are differences.
+SMALLEST_BOX = wp.constant(0.02)
 LARGEST_ASPECT = wp.constant(1000.0)
+BOX_DEVIATION = wp.constant(12.0**-0.5)
 # A part of the coordinates where the footprint lies, ten or so units in their last place; and a part of the scene.
 SMALLEST_AXIS = wp.constant(1.0e-6)
 SMALLEST_OF_ALL = wp.constant(1.0e-9)
@@ -32,7 +41,7 @@ MOST_PIECES = 32
 
 @wp.struct
 class PixelSize:
-    """ε, how far footprints on a receiver are widened: ``base + slope · distance`` from ``eye``."""
+    """Side of the square on a receiver that a query stands for: ``base + slope · distance`` from ``eye``."""
 
     eye: wp.vec3
     base: float
@@ -45,7 +54,7 @@ class FootprintArrays:
 
     At the part s (−½ … ½) of the photon's own shutter the footprint stands at center + s dxdt + ½ s² bend + ⅙ s³ jerk,
     and its axes are those of the middle times 1 + s stretch, in filter coordinates. Where no way is bent, ``bend``,
-    ``jerk`` and ``stretch`` have no rows.
+    ``jerk`` and ``stretch`` have no rows. ``box`` holds the sides of what a B-spline is averaged over, in cells.
     """
 
     center: wp.array(dtype=wp.vec3)
@@ -56,6 +65,7 @@ class FootprintArrays:
     bend: wp.array(dtype=wp.vec3)
     jerk: wp.array(dtype=wp.vec3)
     stretch: wp.array(dtype=wp.mat22)
+    box: wp.array(dtype=wp.vec2)
     relative: wp.array(dtype=wp.vec3)
     density: wp.array(dtype=wp.vec3)
     slack: wp.array(dtype=wp.float32)
@@ -87,7 +97,7 @@ def _along(a: wp.vec3, b: wp.vec3, c: wp.vec3, way: wp.vec3) -> wp.vec3:
 
 
 @cache
-def footprint_kernel(radial: bool, support: float, curved: bool) -> wp.Kernel:
+def footprint_kernel(radial: bool, curved: bool) -> wp.Kernel:
     """The kernel that shapes footprints, for radial kernels or the B-spline, which may go bent ways."""
     scale = 2.0 if radial else 1.0
 
@@ -130,11 +140,19 @@ def footprint_kernel(radial: bool, support: float, curved: bool) -> wp.Kernel:
         left = 0.5 * (sum_angle + difference_angle)
         right = 0.5 * (difference_angle - sum_angle)
 
-        eps = pixel.base + pixel.slope * wp.length(x - pixel.eye)
-        widening = 4.0 * eps * eps
+        side = pixel.base + pixel.slope * wp.length(x - pixel.eye)
+        askew = float(1.0)
+        if wp.static(not radial):
+            lengths = wp.sqrt((a * a + c * c) * (b * b + d * d))
+            if lengths > 0.0:
+                askew = wp.sqrt(wp.min(wp.abs(a * b + c * d) / lengths, 1.0))
+            else:
+                askew = 0.0
+        boxed = side * wp.sqrt(1.0 - askew)
+        widening = (askew / 3.0) * side * side
         clamped = int(0)
-        t1 = wp.sqrt(s1 * s1 + widening)
-        t2 = wp.sqrt(s2 * s2 + widening)
+        t1 = wp.max(wp.sqrt(s1 * s1 + widening), BOX_DEVIATION * boxed)
+        t2 = wp.max(wp.sqrt(s2 * s2 + widening), BOX_DEVIATION * boxed)
         if t1 > LONGEST_AXIS:
             t1 = LONGEST_AXIS
             t2 = wp.min(t2, LONGEST_AXIS)
@@ -162,14 +180,17 @@ def footprint_kernel(radial: bool, support: float, curved: bool) -> wp.Kernel:
         out.relative[i] = dxdt - receiver_motion[i]
         out.density[i] = flux[i] * (wp.static(scale * scale) / (t1 * t2))
         out.clamped[i] = clamped
-        along = wp.static(support) * t1
-        across = wp.static(support) * t2
-        if wp.static(radial):
-            along = 0.5 * t1
-            across = 0.5 * t2
-        else:
-            along *= wp.abs(cr) + wp.abs(sr)
-            across *= wp.abs(cr) + wp.abs(sr)
+        along = 0.5 * t1
+        across = 0.5 * t2
+        if wp.static(not radial):
+            length_u = wp.sqrt(cr * cr * t1 * t1 + sr * sr * t2 * t2)
+            length_v = wp.sqrt(sr * sr * t1 * t1 + cr * cr * t2 * t2)
+            box = wp.vec2(wp.max(boxed / length_u, SMALLEST_BOX), wp.max(boxed / length_v, SMALLEST_BOX))
+            out.box[i] = box
+            reach_u = wp.static(SUPPORT["bspline"]) + 0.5 * box[0]
+            reach_v = wp.static(SUPPORT["bspline"]) + 0.5 * box[1]
+            along = t1 * (wp.abs(cr) * reach_u + wp.abs(sr) * reach_v)
+            across = t2 * (wp.abs(sr) * reach_u + wp.abs(cr) * reach_v)
         # How far the footprint goes to either side along these axes and off its plane.
         aside = 0.5 * _along(left1, left2, n, dxdt)
         stray = 0.5 * wp.length(out.relative[i])
@@ -271,7 +292,7 @@ def shape_footprints(
 
     # Columns that footprints share with photons are not copied: ten million of either fill memory.
     shared = {"center": "position", "normal": "normal", "dxdt": "dxdt"}
-    out = launcher.rows(FootprintArrays, count, but=(*shared, "receiver", "time", "bend", "jerk", "stretch"))
+    out = launcher.rows(FootprintArrays, count, but=(*shared, "receiver", "time", "bend", "jerk", "stretch", "box"))
     for name, source in shared.items():
         setattr(out, name, column(source))
     rows = count if curved else 0
@@ -282,11 +303,12 @@ def shape_footprints(
         for name in ("dxdtt", "dxdttt", "dxdut", "dxdvt")
     )
     out.stretch = launcher.zeros(rows, wp.mat22)
+    out.box = launcher.zeros(count if kernel == "bspline" else 0, wp.vec2)
     columns = [column("dxdu"), column("dxdv"), changes_u, changes_v, column("receiver_motion"), column("flux")]
     out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
     times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
     out.time = launcher.array(times, wp.float32)
-    shape = footprint_kernel(kernel != "bspline", SUPPORT[kernel], curved)
+    shape = footprint_kernel(kernel != "bspline", curved)
     launcher(shape, count, [*columns, float(smoothing), pixel, out])
     along, across = out.reach.numpy().T[:2]
     counts = np.ceil(along / np.maximum(across, np.median(across))).clip(1, MOST_PIECES).astype(np.int32)

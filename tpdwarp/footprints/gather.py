@@ -10,7 +10,16 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.footprints.footprint import FootprintArrays, FootprintMap, PieceArrays
-from tpdwarp.footprints.kernels import SUPPORT, Way, bspline_path, bspline_way, moving_weight, static_weight, way_reach
+from tpdwarp.footprints.kernels import (
+    SUPPORT,
+    Way,
+    bspline_path,
+    bspline_static,
+    bspline_way,
+    moving_weight,
+    static_weight,
+    way_reach,
+)
 from tpdwarp.launch import Launcher
 
 # A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its slack.
@@ -59,6 +68,8 @@ class IrradianceArrays:
 @cache
 def _weight(kernel: str, form: str, time_filter: str, moves: bool, curved: bool) -> wp.Function:
     """w(y, way) with y relative to where the footprint stands in the middle of its way."""
+    if kernel == "bspline":
+        return _bspline_weight(moves, curved)
     support = wp.constant(SUPPORT[kernel])
     still = static_weight(kernel)
     if not moves:
@@ -68,15 +79,6 @@ def _weight(kernel: str, form: str, time_filter: str, moves: bool, curved: bool)
             return still(y)
 
         return static
-    if kernel == "bspline":
-        if curved:
-            return bspline_way
-
-        @wp.func
-        def straight(y: wp.vec2, way: Way) -> float:
-            return bspline_path(y, way.velocity)
-
-        return straight
     moving = moving_weight(kernel, form, time_filter)
 
     @wp.func
@@ -89,6 +91,21 @@ def _weight(kernel: str, form: str, time_filter: str, moves: bool, curved: bool)
         return moving(y + 0.5 * v, v)
 
     return swept
+
+
+def _bspline_weight(moves: bool, curved: bool) -> wp.Function:
+    """The same for the B-spline."""
+    if moves and curved:
+        return bspline_way
+
+    @wp.func
+    def straight(y: wp.vec2, way: Way) -> float:
+        if wp.static(moves):
+            return bspline_path(y, way.velocity, way.box)
+        else:
+            return bspline_static(y, way.box)
+
+    return straight
 
 
 @wp.func
@@ -200,6 +217,8 @@ def gather_kernel(
                     density = footprints.density[j]
                     slack = footprints.slack[j] + CLOSE
                     way = Way()
+                    if wp.static(smooth):
+                        way.box = footprints.box[j]
                     since = float(0.0)
                     length = float(0.0)
                     last = stop
@@ -241,6 +260,7 @@ def gather_kernel(
                                 row_v = inverse[1, 0] * row_u + inverse[1, 1] * row_v
                                 row_u = shrunk_u
                                 density = density * wp.abs(wp.determinant(inverse))
+                                way.box = wp.vec2(inverse[0, 0] * way.box[0], inverse[1, 1] * way.box[1])
                                 stretch = inverse * stretch
                             way.bend = (part * part) * wp.vec2(wp.dot(row_u, bend), wp.dot(row_v, bend))
                             way.jerk = (part * part * part) * wp.vec2(wp.dot(row_u, jerk), wp.dot(row_v, jerk))
@@ -256,6 +276,9 @@ def gather_kernel(
                     if wp.static(curved):
                         off_u -= way_reach(way, 0) - support
                         off_v -= way_reach(way, 1) - support
+                    elif wp.static(smooth):
+                        off_u -= 0.5 * way.box[0]
+                        off_v -= 0.5 * way.box[1]
                     if off_u > support or off_v > support:
                         last = start
                     # A footprint much larger than the run is a parabola there; those are added up before they are

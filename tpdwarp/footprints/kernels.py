@@ -9,7 +9,8 @@ correct ones. Its Eq. 7 area is exact for the uniform kernel only; the swept for
 
 The B-spline is quadratic: translates by one cell of every B-spline sum to one, and blur over the light by its variance
 (d + 1)/12 cells² for degree d. The cubic one errs more at folds and costs nine sixteenths more; the linear one errs
-less there, but leaves the lattice's creases in smooth light.
+less there, but leaves the lattice's creases in smooth light. It is averaged over a box, what a query stands for: its
+translates still sum to one, as those of a B-spline that is wider than its cells do not.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ INV_PI = wp.constant(1.0 / math.pi)
 GAUSSIAN_SCALE = wp.constant(1.0 / (2.0 * math.pi * (1.0 - math.exp(-0.5))))
 SQRT_HALF = wp.constant(math.sqrt(0.5))
 SQRT_HALF_PI = wp.constant(math.sqrt(0.5 * math.pi))
-GAUSS_NODE = wp.constant(0.5 - 0.5 / math.sqrt(3.0))
+THIRD = wp.constant(1.0 / 3.0)
+SIXTH = wp.constant(1.0 / 6.0)
 GAUSS_OFFSET = wp.constant(0.5 / math.sqrt(3.0))
 MOST_PANELS = wp.constant(1.0e6)
 BSPLINE_SUPPORT = wp.constant(SUPPORT["bspline"])
@@ -125,16 +127,6 @@ def _asinh(x: float) -> float:
     return wp.sign(x) * wp.log(wp.abs(x) + wp.sqrt(x * x + 1.0))
 
 
-@wp.func
-def quadratic_bspline(x: float) -> float:
-    """Centred quadratic B-spline, support (−3/2, 3/2), translates by one sum to one."""
-    # Without branches: footprints are narrow, so that which one is taken is anyone's guess.
-    a = wp.abs(x)
-    outer = wp.max(1.5 - a, 0.0)
-    inner = wp.max(0.5 - a, 0.0)
-    return 0.5 * outer * outer - 1.5 * inner * inner
-
-
 STATIC = {"uniform": uniform, "cone": cone, "epanechnikov": epanechnikov, "quartic": quartic, "gaussian": gaussian}
 PATH = {
     "uniform": uniform_path,
@@ -148,8 +140,32 @@ SMALLEST_SIGMA = {"cone": 0.02, "gaussian": 0.02}
 
 
 @wp.func
-def bspline_static(y: wp.vec2) -> float:
-    return quadratic_bspline(y[0]) * quadratic_bspline(y[1])
+def _beyond(x: float) -> float:
+    """Integral of the centred quadratic B-spline, whose support is (−3/2, 3/2), from x ≥ 0 on."""
+    # Without branches: footprints are narrow, so that which one is taken is anyone's guess.
+    outer = wp.max(1.5 - x, 0.0)
+    inner = wp.max(0.5 - x, 0.0)
+    return outer * outer * outer * SIXTH - 0.5 * inner * inner * inner
+
+
+@wp.func
+def _over_side(x: float, half: float) -> float:
+    """Its integral over what lies within ``half`` of x; small differences near the rim of the support are exact."""
+    away = wp.abs(x)
+    near = _beyond(wp.abs(away - half))
+    return wp.where(away < half, 1.0 - near, near) - _beyond(away + half)
+
+
+@wp.func
+def _over_box(y: wp.vec2, box: wp.vec2) -> float:
+    """Integral of the tensor product over a box around y."""
+    return _over_side(y[0], 0.5 * box[0]) * _over_side(y[1], 0.5 * box[1])
+
+
+@wp.func
+def bspline_static(y: wp.vec2, box: wp.vec2) -> float:
+    """The tensor product, averaged over a box with these sides [cells]."""
+    return _over_box(y, box) / (box[0] * box[1])
 
 
 @wp.struct
@@ -157,44 +173,61 @@ class Way:
     """How a footprint moves over the shutter, in its own filter space at mid shutter.
 
     At the part s (−½ … ½) of the shutter it stands at s velocity + ½ s² bend + ⅙ s³ jerk, and its axes are those of
-    mid shutter times 1 + s stretch. Only the B-spline's way is bent, and its axes stretched.
+    mid shutter times 1 + s stretch. Only the B-spline's way is bent, and its axes stretched; ``box`` holds the sides of
+    what it is averaged over, which stay.
     """
 
     velocity: wp.vec2
     bend: wp.vec2
     jerk: wp.vec2
     stretch: wp.mat22
+    box: wp.vec2
 
 
 @wp.func
-def bspline_path(y: wp.vec2, v: wp.vec2) -> float:
+def _while_near(y: wp.vec2, velocity: wp.vec2, reach: wp.vec2) -> wp.vec2:
+    """From when to when, in −½ … ½, y lies within ``reach`` of what moves by ``velocity``."""
+    low = float(-0.5)
+    high = float(0.5)
+    for axis in range(2):
+        # A factor is the same for all queries, a divisor would divide anew for each.
+        slowness = 1.0e9
+        if wp.abs(velocity[axis]) > 1.0e-9:
+            slowness = 1.0 / velocity[axis]
+        a = (y[axis] - reach[axis]) * slowness
+        b = (y[axis] + reach[axis]) * slowness
+        low = wp.max(low, wp.min(a, b))
+        high = wp.min(high, wp.max(a, b))
+    return wp.vec2(low, high)
+
+
+@wp.func
+def _fineness(box: float) -> float:
+    """A cell as a part of that of a B-spline that is as wide as one averaged over a box with this side."""
+    return 1.0 / wp.sqrt(1.0 + THIRD * box * box)
+
+
+@wp.func
+def bspline_path(y: wp.vec2, v: wp.vec2, box: wp.vec2) -> float:
     """∫ b(y − s v) ds over s ∈ [−½, ½], by two Gauss nodes a cell; those inside the support are visited.
 
     Here y is relative to where the footprint stands at mid shutter. The nodes do not depend on y, so that translates
     by one sum to one while they sweep, too.
     """
-    low = float(-0.5)
-    high = float(0.5)
-    for axis in range(2):
-        if wp.abs(v[axis]) > 1.0e-9:
-            a = (y[axis] - BSPLINE_SUPPORT) / v[axis]
-            b = (y[axis] + BSPLINE_SUPPORT) / v[axis]
-            low = wp.max(low, wp.min(a, b))
-            high = wp.min(high, wp.max(a, b))
-        elif wp.abs(y[axis]) >= BSPLINE_SUPPORT:
-            return 0.0
-    if high <= low:
+    support = wp.vec2(BSPLINE_SUPPORT, BSPLINE_SUPPORT)
+    near = _while_near(y, v, support + 0.5 * box)
+    if near[1] <= near[0]:
         return 0.0
-    speed = wp.max(wp.abs(v[0]), wp.abs(v[1]))
+    speed = wp.max(wp.abs(v[0]) * _fineness(box[0]), wp.abs(v[1]) * _fineness(box[1]))
     if speed == 0.0:
-        return bspline_static(y)
+        return bspline_static(y, box)
     panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
     total = float(0.0)
-    for k in range(int(wp.floor((low + 0.5) * panels)), int(wp.ceil((high + 0.5) * panels))):
-        early = (float(k) + GAUSS_NODE) / panels - 0.5
-        late = (float(k + 1) - GAUSS_NODE) / panels - 0.5
-        total += bspline_static(y - early * v) + bspline_static(y - late * v)
-    return 0.5 * total / panels
+    for k in range(int(wp.floor((near[0] + 0.5) * panels)), int(wp.ceil((near[1] + 0.5) * panels))):
+        early = (float(k) + 0.5 - GAUSS_OFFSET) / panels - 0.5
+        late = (float(k) + 0.5 + GAUSS_OFFSET) / panels - 0.5
+        total += _over_box(y - early * v, box) + _over_box(y - late * v, box)
+    return 0.5 * total / (panels * box[0] * box[1])
 
 
 @wp.func
@@ -202,59 +235,43 @@ def way_reach(way: Way, axis: int) -> float:
     """How far along an axis a B-spline that goes a bent way reaches to either side of the straight one."""
     growth = 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1]))
     aside = 0.125 * wp.abs(way.bend[axis]) + wp.abs(way.jerk[axis]) / 48.0
-    return BSPLINE_SUPPORT * (1.0 + growth) + aside
+    return BSPLINE_SUPPORT * (1.0 + growth) + 0.5 * way.box[axis] + aside
 
 
 @wp.func
 def bspline_way(y: wp.vec2, way: Way) -> float:
     """The same along a bent way, with the footprint's axes stretched as it goes."""
-    low = float(-0.5)
-    high = float(0.5)
+    near = _while_near(y, way.velocity, wp.vec2(way_reach(way, 0), way_reach(way, 1)))
+    if near[1] <= near[0]:
+        return 0.0
     speed = float(0.0)
     grown = float(0.0)
     for axis in range(2):
-        v = way.velocity[axis]
-        reach = way_reach(way, axis)
-        # A factor is the same for all queries, a divisor would divide anew for each.
-        slowness = 1.0e9
-        if wp.abs(v) > 1.0e-9:
-            slowness = 1.0 / v
-        a = (y[axis] - reach) * slowness
-        b = (y[axis] + reach) * slowness
-        low = wp.max(low, wp.min(a, b))
-        high = wp.min(high, wp.max(a, b))
-        speed = wp.max(speed, wp.abs(v) + 0.5 * wp.abs(way.bend[axis]) + 0.125 * wp.abs(way.jerk[axis]))
+        fastest = wp.abs(way.velocity[axis]) + 0.5 * wp.abs(way.bend[axis]) + 0.125 * wp.abs(way.jerk[axis])
+        speed = wp.max(speed, fastest * _fineness(way.box[axis]))
         grown = wp.max(grown, 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1])))
-    if high <= low:
-        return 0.0
     if speed == 0.0 and grown == 0.0:
-        return bspline_static(y)
-    trace = way.stretch[0, 0] + way.stretch[1, 1]
-    determinant = way.stretch[0, 0] * way.stretch[1, 1] - way.stretch[0, 1] * way.stretch[1, 0]
+        return bspline_static(y, way.box)
     panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
     total = float(0.0)
-    for k in range(int(wp.floor((low + 0.5) * panels)), int(wp.ceil((high + 0.5) * panels))):
+    for k in range(int(wp.floor((near[0] + 0.5) * panels)), int(wp.ceil((near[1] + 0.5) * panels))):
         for half in range(2):
             s = (float(k) + 0.5 + GAUSS_OFFSET * float(2 * half - 1)) / panels - 0.5
-            density = 1.0 / wp.abs(1.0 + s * (trace + s * determinant))
-            row_u = density * wp.vec2(1.0 + s * way.stretch[1, 1], -s * way.stretch[0, 1])
-            row_v = density * wp.vec2(-s * way.stretch[1, 0], 1.0 + s * way.stretch[0, 0])
+            grown_u = 1.0 + s * way.stretch[0, 0]
+            grown_v = 1.0 + s * way.stretch[1, 1]
+            area = grown_u * grown_v - s * s * way.stretch[0, 1] * way.stretch[1, 0]
+            scale = 1.0 / area
             z = y - s * (way.velocity + (0.5 * s) * (way.bend + (s / 3.0) * way.jerk))
-            total += density * bspline_static(wp.vec2(wp.dot(row_u, z), wp.dot(row_v, z)))
-    return 0.5 * total / panels
-
-
-@wp.func
-def bspline_shutter(y: wp.vec2, v: wp.vec2) -> float:
-    """∫₀¹ b(y − τv) dτ, with y relative to where the footprint stands at shutter open."""
-    return bspline_path(y - 0.5 * v, v)
+            z_u = scale * (grown_v * z[0] - s * way.stretch[0, 1] * z[1])
+            z_v = scale * (grown_u * z[1] - s * way.stretch[1, 0] * z[0])
+            box = scale * wp.vec2(grown_v * way.box[0], grown_u * way.box[1])
+            total += area / (grown_u * grown_v) * _over_box(wp.vec2(z_u, z_v), box)
+    return 0.5 * total / (panels * way.box[0] * way.box[1])
 
 
 @cache
 def static_weight(kernel: str) -> wp.Function:
-    """w(y) of a footprint that stands still."""
-    if kernel == "bspline":
-        return bspline_static
+    """w(y) of a radial footprint that stands still."""
     K = STATIC[kernel]
 
     @wp.func
@@ -266,15 +283,13 @@ def static_weight(kernel: str) -> wp.Function:
 
 @cache
 def moving_weight(kernel: str, form: str, time_filter: str = "none") -> wp.Function:
-    """w(y, v) of a footprint that moves by v over the shutter, y relative to where it stands at shutter open.
+    """w(y, v) of a radial footprint that moves by v over the shutter, y relative to where it stands at shutter open.
 
     Args:
-        kernel: A radial kernel of Table 1, or ``bspline``.
+        kernel: A radial kernel of Table 1.
         form: ``shutter`` for the true time average, ``swept`` for the distance to the swept segment (Eq. 7).
         time_filter: Shutter response of Eq. 9 (a product, not the printed ratio); for ``swept`` only.
     """
-    if kernel == "bspline":
-        return bspline_shutter
     if form == "swept":
         return _swept_weight(kernel, time_filter)
     K, path = STATIC[kernel], PATH[kernel]

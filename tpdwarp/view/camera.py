@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
 from tpdwarp.footprints.footprint import PixelSize
 from tpdwarp.photons.beam import Beam
 from tpdwarp.scene.description import CameraAtShutter
 from tpdwarp.scene.normalization import Normalization
+from tpdwarp.view.sampling import part_count
 
 
 @wp.struct
@@ -47,19 +49,22 @@ def camera_of(camera: CameraAtShutter, width: int, height: int, normalization: N
 
 
 def pixel_size(camera: Camera | None, samples: int) -> PixelSize:
-    """How far footprints are widened, as a function of the distance from the eye; zero where nothing looks.
+    """What a query stands for: a pixel, or with many samples a part of it; nothing where nothing looks.
 
-    ε is a quarter of a pixel, and no more than half the distance between its samples. A point into which all light is
-    focused is then seen as bright as it is to within 12 % with four samples or more (a quarter of the distance: 66 %);
-    light at folds is blurred less the more samples there are. With 65 536 photons and 16 samples the wave with folds
-    errs by 0.0040 so, by 0.0068 with a quarter of a pixel.
+    Averaged over a square as large, light on a plane that faces the camera is that of the pixel, however few samples
+    look at it. Where pixels are not square, the shorter side counts.
     """
     size = PixelSize()
     if camera is not None:
-        epsilon = min(0.25, 0.5 * samples**-0.5) * abs(camera.pixel[0] * camera.pixel[1]) ** 0.5
+        side = min(abs(camera.pixel[0]), abs(camera.pixel[1])) / part_count(samples)
         size.eye = camera.position
-        size.base, size.slope = (epsilon, 0.0) if camera.orthographic else (0.0, epsilon)
+        size.base, size.slope = (side, 0.0) if camera.orthographic else (0.0, side)
     return size
+
+
+def sides_at(size: PixelSize, positions: np.ndarray) -> np.ndarray:
+    """Sides of what queries at ``positions`` [n, 3] stand for, shape [n]."""
+    return size.base + size.slope * np.linalg.norm(positions - np.array(size.eye), axis=1)
 
 
 @wp.func

@@ -57,18 +57,18 @@ class Film:
         Args:
             pixels: Pixel of each point, shape [n].
             weights: Irradiance times this is radiance at the camera, shape [n, 3].
-            first: Whether each point lies on its sample's first path, shape [n].
+            first: Samples whose first path ends at each point, shape [n].
             light: Irradiance there.
         """
         # What overflows is refused when the frame is written.
         with np.errstate(over="ignore"):
             self._add("caustic", weights * light.irradiance, pixels)
         if "irradiance" in self._aovs:
-            self._add("irradiance", light.irradiance[first], pixels[first])
+            self._add("irradiance", first[:, None] * light.irradiance, pixels)
         if light.motion is not None:
-            self._add("motion", light.motion[first], pixels[first])
-            self._motion_weight += self._sum(light.weight[first], pixels[first])
-            self._add("photons", light.photons[first, None].astype(np.float64), pixels[first])
+            self._add("motion", first[:, None] * light.motion, pixels)
+            self._motion_weight += self._sum(first * light.weight, pixels)
+            self._add("photons", (first * light.photons)[:, None].astype(np.float64), pixels)
 
     def channels(self) -> dict[str, np.ndarray]:
         """Beauty and the asked AOVs, each [height, width] float32 (limited to its range), rows from the top."""

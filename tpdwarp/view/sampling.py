@@ -27,6 +27,18 @@ def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: 
     return np.stack([pixels % width, pixels // width], axis=1) + 0.5 + signs * aside
 
 
+def part_count(samples: int) -> int:
+    """Into how many parts, along either side, a pixel is cut for its light: one for each four samples or more."""
+    return max(1, math.isqrt(samples) // 2)
+
+
+def parts_of(films: np.ndarray, pixels: np.ndarray, width: int, count: int) -> np.ndarray:
+    """Which of the ``count``² parts of their pixel film positions [n, 2] lie in, shape [n]."""
+    corner = np.stack([pixels % width, pixels // width], axis=1)
+    x, y = ((films - corner) * count).astype(np.int64).clip(0, count - 1).T
+    return y * count + x
+
+
 def time_count(samples: int) -> int:
     """How many times of the shutter are looked at; a multiple of the samples a pixel."""
     return samples * max(1, -(-LEAST_TIMES // samples))

@@ -1,0 +1,51 @@
+"""Visible points side by side, looked up as one: what footprints are averaged over is all that samples would tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+Columns = dict[str, np.ndarray]
+
+# How far samples may lie from their middle, as a part of the side of what they stand for together: where surfaces are
+# seen at a grazing angle, or through glass, they spread over more, and each is looked up on its own.
+FARTHEST = 0.75
+SMALLEST_COSINE = 0.95
+
+
+def merged(columns: Columns, side: Callable[[np.ndarray], np.ndarray]) -> Columns:
+    """Points of the same spot on the same object, put together where they lie close together and face one way.
+
+    Args:
+        columns: One row a point: ``spot``, ``receiver``, ``position`` and ``normal`` [n, 3], ``weight`` [n, 3] and
+            ``first`` [n], which add up, and ``pixel`` [n], the same for all of a spot.
+        side: Of the square that a spot stands for, by position, shape [n].
+
+    Returns:
+        The same columns by spot, with fewer rows.
+    """
+    keys = ((columns["spot"] * 2 + (columns["first"] == 0)) << 32) + columns["receiver"]
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    columns = {name: values[order] for name, values in columns.items()}
+    begins = np.diff(keys, prepend=keys[:1] - 1) != 0
+    middle, normal, group = _means(columns, begins)
+    away = np.sum((columns["position"] - middle[group]) ** 2, axis=1) > (FARTHEST * side(middle)[group]) ** 2
+    away |= np.sum(columns["normal"] * normal[group], axis=1) < SMALLEST_COSINE
+    begins |= np.logical_or.reduceat(away, np.flatnonzero(begins))[group]
+    middle, normal, _ = _means(columns, begins)
+    starts = np.flatnonzero(begins)
+    sums = {name: np.add.reduceat(columns[name], starts) for name in ("weight", "first")}
+    alike = {name: columns[name][starts] for name in ("spot", "receiver", "pixel")}
+    return {**alike, **sums, "position": middle, "normal": normal}
+
+
+def _means(columns: Columns, begins: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean position and normal [g, 3] of the groups of rows that begin where ``begins``, and each row's group."""
+    starts = np.flatnonzero(begins)
+    counts = np.diff(starts, append=len(begins))
+    middle = np.add.reduceat(columns["position"].astype(np.float64), starts) / counts[:, None]
+    normal = np.add.reduceat(columns["normal"].astype(np.float64), starts)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    return middle.astype(np.float32), normal.astype(np.float32), np.cumsum(begins) - 1
