@@ -21,11 +21,12 @@ from tpdwarp.images import read_stored
 from tpdwarp.scene.description import Shutter
 from tpdwarp.sequence import open_scene, shutter_of, spread_shutters
 from tpdwarp.settings import Settings
-from tpdwarp.targeting import chosen, settled
+from tpdwarp.targeting import chosen, numbers_of_segments, settled
 
 SCENES = Path(__file__).resolve().parents[1] / "usd_scenes"
 FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
 OPEN = Shutter(0, 0, 1)
+DOUBLED = (1, 2, 4, 8, 16, 32, 64)
 
 
 class Made:
@@ -50,7 +51,7 @@ class Made:
 @pytest.mark.parametrize("time", [0.0, 0.02, 0.2])
 def test_the_choice_errs_as_wanted_where_errors_follow_power_laws(wanted, slope, time):
     made = Made(4.0, slope, time)
-    choice = chosen(made, wanted, 64)
+    choice = chosen(made, wanted, DOUBLED)
     assert 0.5 * wanted < made.error(choice.photons, choice.segments) < 1.5 * wanted
     assert choice.error <= wanted
     # The pilot costs no more than a few frames would, of a few pixels, or than what it must see.
@@ -58,26 +59,27 @@ def test_the_choice_errs_as_wanted_where_errors_follow_power_laws(wanted, slope,
 
 
 def test_the_cheaper_of_photons_and_segments_is_raised():
-    assert chosen(Made(8.0, 1.0, 0.0), 0.01, 64).segments == 1
-    assert chosen(Made(8.0, 1.0, 0.5), 0.01, 64).segments >= 4
-    assert chosen(Made(8.0, 1.0, 0.5), 0.4, 64).segments == 1
-    assert chosen(Made(8.0, 1.0, 0.5), 0.01, 1).segments == 1
+    assert chosen(Made(8.0, 1.0, 0.0), 0.01, DOUBLED).segments == 1
+    assert chosen(Made(8.0, 1.0, 0.5), 0.01, DOUBLED).segments >= 4
+    assert chosen(Made(8.0, 1.0, 0.5), 0.4, DOUBLED).segments == 1
+    assert chosen(Made(8.0, 1.0, 0.5), 0.01, (1,)).segments == 1
 
 
 def test_smaller_errors_cost_more():
-    costs = [(c := chosen(Made(8.0, 0.75, 0.05), wanted, 64)).photons * c.segments for wanted in (0.2, 0.1, 0.03, 0.01)]
+    choices = [chosen(Made(8.0, 0.75, 0.05), wanted, DOUBLED) for wanted in (0.2, 0.1, 0.03, 0.01)]
+    costs = [choice.photons * choice.segments for choice in choices]
     assert costs == sorted(costs) and costs[0] < costs[-1]
 
 
 @pytest.mark.parametrize("wanted", [1e-2, 1e-3, 1e-4])
 def test_no_choice_takes_more_photons_than_there_may_be(wanted, monkeypatch):
     monkeypatch.setattr(targeting, "MOST_PHOTONS", 1 << 16)
-    choice = chosen(Made(40.0, 0.5), wanted, 1)
+    choice = chosen(Made(40.0, 0.5), wanted, (1,))
     assert choice.photons * choice.segments <= 1 << 16 and choice.error > wanted
 
 
 def test_no_light_needs_few_photons():
-    choice = chosen(lambda photons, segments: np.zeros((1, 10, 3)), 0.02, 64)
+    choice = chosen(lambda photons, segments: np.zeros((1, 10, 3)), 0.02, DOUBLED)
     assert (choice.photons, choice.segments) == (targeting.FIRST_PHOTONS, 1) and choice.error < 1e-9
 
 
@@ -145,6 +147,22 @@ def test_the_pilot_sees_whole_frames():
     base = Settings(exposure=1.0)
     source = open_scene(SCENES / "wave.usdc", base, False)
     assert all(shutter.frame == round(shutter.frame) for shutter in spread_shutters(source, base))
+
+
+@pytest.mark.parametrize(
+    ("shutter", "numbers"),
+    [((0.0, 1.0), DOUBLED), ((-0.25, 0.25), DOUBLED), ((0.0, 3.0), (1, 3, 6, 12, 24, 48)), ((0.0, 0.0), (1,))],
+)
+def test_segments_to_choose_from_begin_where_samples_are(shutter, numbers):
+    base = Settings(shutter=shutter)
+    source = open_scene(SCENES / "wave.usdc", base, False)
+    assert numbers_of_segments(source, spread_shutters(source, base)) == numbers
+
+
+def test_the_choice_is_one_of_the_numbers_of_segments():
+    made = Made(8.0, 1.0, 0.5)
+    choice = chosen(made, 0.01, (1, 3, 6, 12))
+    assert choice.segments in (6, 12) and made.error(choice.photons, choice.segments) < 0.015
 
 
 def test_a_dark_frame_is_not_made_exact_by_a_bright_one():

@@ -8,7 +8,8 @@ picture but one to the last tells the error of the former; if errors fall by a f
 halfway between errors that have nothing in common, D/√(1 + r²), and errors of one shape, D/(1 − r). Errors of pictures
 with fewer photons are their changes to the last one. The change from K to 2K segments tells the error in time, and a
 part of that in space, which falls as that does with more photons and so is told apart. Both add up as squares. Of the
-frames looked at, the one that errs most counts.
+frames looked at, the one that errs most counts. Where a stage's samples cut the shutter into equal parts, segments are
+these or 2, 4, … for each of them.
 Whichever buys more accuracy for its photons, m or K, is raised until the wanted error is within reach of the power law
 that the last changes make.
 """
@@ -19,11 +20,13 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 
 from tpdwarp.errors import logger
 from tpdwarp.estimators.bending import FEWEST_GUIDES
+from tpdwarp.estimators.segmenting import corners_within, most_corners
 from tpdwarp.pilot import Pilot
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
@@ -34,6 +37,8 @@ FIRST_PHOTONS = 64
 FEWEST_SEEN = 4096
 MOST_PHOTONS = 1 << 23
 MOST_SEGMENTS = 64
+# Corners of motion are met where the shutter is cut into no more equal parts than these.
+MOST_PARTS = 8
 # How errors fall from m to 4m photons: what is believed at least and at most, and before two changes are known.
 FALL = (0.15, 0.7)
 UNKNOWN_FALL = 0.4
@@ -97,8 +102,7 @@ def settled(
     # The middles of equal parts of the animation.
     apart = math.ceil(len(shutters) / MOST_STILLS)
     pictures = Pilot(source, settings, shutters[(apart - 1) // 2 :: apart], width, height)
-    moves = any(shutter.exposure > 0 for shutter in shutters)
-    choice = chosen(pictures, settings.target_error, MOST_SEGMENTS if moves else 1)
+    choice = chosen(pictures, settings.target_error, numbers_of_segments(source, shutters))
     if choice.error > 1.05 * settings.target_error:
         logger.warning(
             f"--target-error {settings.target_error:g} is out of reach: {choice.photons * choice.segments} photons in "
@@ -109,8 +113,27 @@ def settled(
     return replace(settings, photons=photons, segments=choice.segments, target_error=None), target
 
 
-def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
-    """The cheapest choice expected to err by no more than ``wanted`` (relative RMSE), or the best there is."""
+def numbers_of_segments(source: SceneSource, shutters: Sequence[Shutter]) -> tuple[int, ...]:
+    """Numbers of segments to choose from: one, and those that begin where motion turns corners."""
+    moving = [shutter for shutter in shutters if shutter.exposure > 0]
+    if not moving:
+        return (1,)
+    corners = set().union(*(corners_within(source, shutter) for shutter in moving))
+    fewest = next((count for count in range(1, MOST_PARTS + 1) if not most_corners(corners, count)), 1)
+    doubled = takewhile(lambda count: count <= MOST_SEGMENTS, (fewest << k for k in itertools.count()))
+    return tuple(sorted({1, *doubled}))
+
+
+def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
+    """The cheapest choice expected to err by no more than ``wanted`` (relative RMSE), or the best there is.
+
+    Args:
+        picture: Makes a picture from photons a segment and segments.
+        wanted: The wanted error.
+        numbers: Numbers of segments to choose from, from one on.
+    """
+    following = dict(itertools.pairwise(numbers))
+    preceding = {more: fewer for fewer, more in following.items()}
     found: dict[tuple[int, int], np.ndarray] = {}
 
     def at(photons: int, segments: int) -> np.ndarray:
@@ -123,17 +146,17 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
         return _ErrorInSpace.of(counts, [at(m, segments) for m in counts])
 
     def in_time(photons: int, segments: int, fall: float) -> _ErrorInTime:
-        if segments >= most_segments:
+        if segments not in following:
             return _ErrorInTime(photons, 0.0, 1.0)
         # With fewer photons than guides are traced for bent ways, these are too few to tell the error in time.
         enough = min(4 * photons, max(photons, FEWEST_GUIDES))
-        jump, coarse = (_change(at(m, segments), at(m, 2 * segments)) for m in (enough, enough // 4))
+        jump, coarse = (_change(at(m, segments), at(m, following[segments])) for m in (enough, enough // 4))
         # Its part in space is as much smaller with more photons as the error in space; that in time stays.
         apart = (jump**2 - (fall * coarse) ** 2) / (1.0 - fall**2)
         time_fall = TIME_FALL[0]
-        if segments > 1:
+        if segments in preceding:
             # Light that folds while the shutter is open gains less from another segment.
-            before = _change(at(enough, segments // 2), at(enough, segments))
+            before = _change(at(enough, preceding[segments]), at(enough, segments))
             time_fall = float(np.clip(jump / max(before, TINY), *TIME_FALL))
         error = math.sqrt(max(apart, (LEAST_IN_TIME * jump) ** 2)) / (1.0 - time_fall**2)
         by_photons = float(np.clip(jump / max(coarse, TINY), *TIME_FALL_BY_PHOTONS))
@@ -156,10 +179,11 @@ def chosen(picture: Pictures, wanted: float, most_segments: int) -> Choice:
                 return Choice(4 * photons, segments, error(4 * photons))
             by_photons = math.log(error(photons) / error(4 * photons)) / math.log(4)
             with_segments = max(math.hypot(space(photons), TIME_FALL[0] * time(photons)), TINY)
-            by_segments = math.log(error(photons) / with_segments) / math.log(2)
-            if segments < most_segments and by_segments > by_photons:
+            dearer = following.get(segments, segments)
+            by_segments = math.log(error(photons) / with_segments) / math.log(max(2, dearer / segments))
+            if dearer > segments and by_segments > by_photons:
                 # Errors in space may have been those of photons that went far astray: fewer may do now.
-                photons, segments = max(FIRST_PHOTONS, photons // 16), 2 * segments
+                photons, segments = max(FIRST_PHOTONS, photons // 16), dearer
                 continue
         photons *= 4
 

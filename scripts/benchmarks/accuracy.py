@@ -90,6 +90,9 @@ class WaveInMemory:
     def reference_shutters(self) -> list[Shutter]:
         return [Shutter.still(0.0)]
 
+    def corners(self, shutter: Shutter) -> list[float]:
+        return []
+
 
 def run() -> list[dict[str, object]]:
     """Relative RMSE of the irradiance for each case, and CPU seconds after kernels are compiled."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,13 @@ from tests.oracle import Wave, irradiance_average
 from tests.view.scenes import SUN, WATER, Source, bumpy, floor, looking_down, wave_source
 from tpdwarp.errors import InputError
 from tpdwarp.estimators.base import Animation, Clock
+from tpdwarp.estimators.segmenting import most_corners
 from tpdwarp.frame import Frame, render_frame
 from tpdwarp.scene.description import SceneAtShutter, Shutter
+from tpdwarp.sequence import open_scene, shutter_of
 from tpdwarp.settings import Settings
 
+SCENES = Path(__file__).resolve().parents[2] / "usd_scenes"
 FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
 
 
@@ -163,3 +167,44 @@ def test_choosing_counts_as_planning_and_is_done_once():
     again = Clock()
     animation.levels(Shutter(3, 3, 4), again)
     assert again.seconds == {}
+
+
+@pytest.mark.parametrize(
+    ("corners", "segments", "most"),
+    [
+        ((), 5, 0),
+        ((0.5,), 1, 1),
+        ((0.5,), 2, 0),
+        ((0.5,), 3, 1),
+        ((1 / 3, 2 / 3), 1, 2),
+        ((1 / 3, 2 / 3), 2, 1),
+        ((0.333333, 0.666667), 3, 0),
+        ((0.333333, 0.666667), 48, 0),
+        ((0.1, 0.2, 0.3, 0.6), 2, 3),
+    ],
+)
+def test_corners_count_within_segments_not_where_these_begin(corners, segments, most):
+    assert most_corners(corners, segments) == most
+
+
+@pytest.mark.parametrize(("shutter", "parts"), [((-0.5, 0.5), 2), ((-0.25, 0.25), 2), ((0.0, 3.0), 3), ((0.5, 2.0), 3)])
+def test_segments_begin_where_a_stage_s_samples_are(shutter, parts):
+    """The shipped wave has one sample a frame, between which vertices go straight."""
+    base = Settings(image_width=64, shutter=shutter, aovs=("caustic",), photons=65536, segments="auto")
+    source = open_scene(SCENES / "wave.usdc", base, False)
+    for frame in (3.0, 5.0):
+        (level,) = Animation(source, base).levels(shutter_of(source, frame, base), Clock())
+        assert level.segments % parts == 0
+
+
+def test_centred_shutters_err_several_times_less_with_segments_that_begin_where_samples_are():
+    base = Settings(image_width=64, shutter=(-0.5, 0.5), aovs=("irradiance",), photons=1 << 14)
+    source = open_scene(SCENES / "wave.usdc", base, False)
+
+    def light(**changes) -> np.ndarray:
+        settings = Settings.of(base, **changes)
+        return irradiance(render_frame(source, shutter_of(source, 5.0, settings), settings, *source.resolution()))
+
+    truth = light(photons=1 << 18, segments=16)
+    auto, one, three = (np.sqrt(np.mean((light(segments=k) - truth) ** 2)) for k in ("auto", 1, 3))
+    assert 5 * auto < one and 1.5 * auto < three

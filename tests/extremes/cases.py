@@ -128,6 +128,9 @@ class Source:
     def reference_shutters(self) -> list[Shutter]:
         return [STILL]
 
+    def corners(self, shutter: Shutter) -> list[float]:
+        return []
+
 
 def render(here, shutter: Shutter = SHUTTER, width: int = SIZE, height: int = SIZE, **changes) -> Frame:
     """A frame of a scene or of a source, after what must hold everywhere was asserted."""

@@ -247,6 +247,9 @@ class Vanishing:
     def reference_shutters(self) -> list[Shutter]:
         return [Shutter.still(time) for time in (0.1, 0.9)]
 
+    def corners(self, shutter: Shutter) -> list[float]:
+        return []
+
 
 def appearing(time: float) -> list[MeshAtShutter]:
     return list(MOTIONS["rigid"]().meshes) if time > 0.5 else []

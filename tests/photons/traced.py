@@ -38,6 +38,9 @@ class Written:
     def reference_shutters(self) -> list[Shutter]:
         return [Shutter.still(time) for time in self._references]
 
+    def corners(self, shutter: Shutter) -> list[float]:
+        return []
+
 
 @dataclass(frozen=True, eq=False)
 class Traced:

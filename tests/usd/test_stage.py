@@ -153,6 +153,25 @@ def test_a_moving_camera_alone_needs_one_reference(small):
     assert len(small.open().reference_shutters()) == 1
 
 
+def test_motion_turns_corners_at_samples_of_points_and_of_transforms_above_them_and_of_lights(small):
+    small.moving("/World/Wave", {1: CORNERS, 2: CORNERS + 1, 2.5: CORNERS, 4: CORNERS + 1})
+    small.mesh("/Else/Floor")
+    for path, times in (("/World", (1, 3, 5)), ("/Light", (1.25, 4.5))):
+        op = UsdGeom.Xformable.Get(small.stage, path) or UsdGeom.Xform.Define(small.stage, path)
+        op = op.AddTranslateOp()
+        for time in times:
+            op.Set((0, 0, time), time)
+    camera = UsdGeom.Camera.Define(small.stage, "/Camera").AddTranslateOp()
+    camera.Set((0, 0, 0), 1.75)
+    camera.Set((0, 0, 5), 3.75)
+    source = small.open()
+    assert source.corners(Shutter(2, 1, 3)) == [1.25, 2, 2.5]
+    assert source.corners(Shutter(2, 2, 4.75)) == [2.5, 3, 4, 4.5]
+    assert source.corners(Shutter(4, 4.75, 9)) == [5]
+    assert source.corners(Shutter(2, 2, 2)) == []
+    assert small.open(motion="cubic").corners(Shutter(2, 1, 5)) == []
+
+
 def test_description_is_plain_json_and_tells_what_moves(small):
     small.preview("/Glass", opacity=0.0)
     small.bind(small.moving("/World/Wave", {1: CORNERS, 5: CORNERS + 1}), "/Glass")

@@ -151,6 +151,9 @@ class Source:
     def reference_shutters(self) -> list[Shutter]:
         return [Shutter.still(0.0)]
 
+    def corners(self, shutter: Shutter) -> list[float]:
+        return []
+
 
 def steady(meshes, lights=(SUN,), camera: CameraAtShutter | None = None) -> Source:
     """A source of one scene; motions are per frame and everything keeps moving past the origin at frame ½."""

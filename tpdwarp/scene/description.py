@@ -208,6 +208,10 @@ class SceneSource(Protocol):
         """
         ...
 
+    def corners(self, shutter: Shutter) -> Sequence[float]:
+        """Times within ``shutter`` at which motion may change abruptly."""
+        ...
+
 
 def reference_scenes(
     source: SceneSource, check: Callable[[SceneAtShutter], None] = lambda scene: None

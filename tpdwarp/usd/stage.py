@@ -14,6 +14,7 @@ from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.cameras import Camera
 from tpdwarp.usd.contents import Walker, may_be_visible, visibility_varies
+from tpdwarp.usd.corners import corners_of
 from tpdwarp.usd.diagnostics import usd_diagnostics
 from tpdwarp.usd.instances import InstancedMeshes
 from tpdwarp.usd.lights import Light
@@ -129,6 +130,16 @@ class StageScene:
                 return [Shutter.still(self.start)]
         step = (self.end - self.start) / (REFERENCE_COUNT - 1)
         return [Shutter.still(self.start + step * k) for k in range(REFERENCE_COUNT)]
+
+    def corners(self, shutter: Shutter) -> list[float]:
+        """Times within ``shutter`` at which motion may change abruptly: those of time samples, unless it is cubic."""
+        if self._cubic:
+            return []
+        with usd_diagnostics(self.warnings):
+            prims = [mesh.prim for mesh in self._placed(shutter.frame)]
+            prims += [of.instancer.instancer.GetPrim() for of in self._instancers]
+            prims += [light.prim for light in self._lights]
+            return corners_of(prims, shutter.open, shutter.close)
 
     def require_camera(self) -> None:
         """Refuses a stage without a camera.

@@ -1,0 +1,44 @@
+"""When motion may turn a corner: USD interpolates linearly from one time sample to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from pxr import Gf, Usd
+
+# Beside xformOps, what points and instances move by.
+MOVING = frozenset(
+    {
+        "points",
+        "normals",
+        "primvars:normals",
+        "velocities",
+        "positions",
+        "orientations",
+        "orientationsf",
+        "scales",
+        "angularVelocities",
+    }
+)
+
+
+def corners_of(prims: Iterable[Usd.Prim], first: float, last: float) -> list[float]:
+    """Times of the samples between ``first`` and ``last``, without these, that ``prims`` and what they lie below have.
+
+    Splines are smooth, or have knots for a purpose; they count as having no corners.
+    """
+    seen: set[str] = set()
+    attributes: list[Usd.Attribute] = []
+    for prim in prims:
+        while prim and not prim.IsPseudoRoot() and str(prim.GetPath()) not in seen:
+            seen.add(str(prim.GetPath()))
+            attributes += filter(_moves, prim.GetAuthoredAttributes())
+            prim = prim.GetParent()
+    return list(Usd.Attribute.GetUnionedTimeSamplesInInterval(attributes, Gf.Interval(first, last, False, False)))
+
+
+def _moves(attribute: Usd.Attribute) -> bool:
+    name = attribute.GetName()
+    if name not in MOVING and not name.startswith("xformOp:"):
+        return False
+    return attribute.ValueMightBeTimeVarying() and not attribute.HasSpline()
