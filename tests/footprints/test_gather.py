@@ -111,8 +111,7 @@ def test_a_tracking_camera_sees_a_moving_caustic_sharp_and_a_static_one_sees_it_
     tracked = irradiance(photon, queries(at, way), form, query_moves=True).irradiance[:, 0]
     peak = footprint_weight(form.kernel, "static", np.zeros(3), np.array(STEP_U), np.array(STEP_V), 0 * way)[0]
     sharp = footprint_weight(form.kernel, "static", at, np.array(STEP_U), np.array(STEP_V), 0 * way)
-    # A B-spline is averaged over a fiftieth of a cell at least.
-    np.testing.assert_allclose(tracked, sharp, atol=(4 * OFFSET + 1e-4) * peak)
+    np.testing.assert_allclose(tracked, sharp, atol=4 * OFFSET * peak)
     blurred = footprint_weight(form.kernel, "shutter", at, np.array(STEP_U), np.array(STEP_V), way)
     # Two Gauss nodes a cell for the B-spline: see test_kernels.
     np.testing.assert_allclose(first_channel(photon, at, form), blurred, atol=0.01 * peak)

@@ -12,24 +12,11 @@ import warp as wp
 
 from tests.oracle import shutter_kernel, static_kernel, swept_kernel
 from tests.oracle.quadrature import integrate
-from tpdwarp.footprints.footprint import SMALLEST_BOX
-from tpdwarp.footprints.kernels import (
-    RADIAL,
-    SUPPORT,
-    Way,
-    bspline_path,
-    bspline_static,
-    bspline_way,
-    moving_weight,
-    static_weight,
-)
+from tpdwarp.footprints.kernels import RADIAL, SUPPORT, Way, bspline_weight, moving_weight, static_weight
 
 KERNELS = (*RADIAL, "bspline")
 SIGMAS = (0.0, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 3.7, 30.0, 1e3)
 ROUNDING = 2.0**-24
-NARROW = wp.constant(float(SMALLEST_BOX))
-"""A B-spline averaged over so little of a cell is one that is not averaged, to within ``NARROW``²/6 and rounding."""
-AVERAGED = float(SMALLEST_BOX) ** 2 / 6 + 16 * ROUNDING / float(SMALLEST_BOX)
 EDGE = 1e-3
 """Points nearer than this to the rim of a kernel that jumps there are left out: rounding puts them on either side."""
 RESPONSES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -66,14 +53,19 @@ def evaluator(functions: Sequence[wp.Function], moving: bool) -> Weights:
     return weights
 
 
+static_bspline, straight_bspline = bspline_weight(False, False), bspline_weight(True, False)
+
+
 @wp.func
 def bspline_alone(y: wp.vec2) -> float:
-    return bspline_static(y, wp.vec2(NARROW, NARROW))
+    return static_bspline(y, Way())
 
 
 @wp.func
 def bspline_shutter(y: wp.vec2, v: wp.vec2) -> float:
-    return bspline_path(y - 0.5 * v, v, wp.vec2(NARROW, NARROW))
+    way = Way()
+    way.velocity = v
+    return straight_bspline(y - 0.5 * v, way)
 
 
 @cache
@@ -143,8 +135,7 @@ def test_static_kernels_are_those_of_table_1():
     found = still()(y, v[: len(y)])
     for kernel, weights in zip(KERNELS, found, strict=True):
         peak = static_kernel(kernel, np.zeros((1, 2)))[0]
-        allowed = AVERAGED if kernel == "bspline" else 16 * ROUNDING * peak
-        np.testing.assert_allclose(weights, static_kernel(kernel, y.astype(float)), atol=allowed)
+        np.testing.assert_allclose(weights, static_kernel(kernel, y.astype(float)), atol=16 * ROUNDING * peak)
 
 
 @pytest.mark.parametrize("sigma", SIGMAS)
@@ -167,7 +158,7 @@ def test_shutter_footprints_are_the_time_average_of_the_kernel(sigma):
             # [F]/σ: the difference of two primitives of order one.
             allowed += 8 * ROUNDING / sigma
         elif kernel == "bspline":
-            allowed += gauss_error(sigma) + AVERAGED
+            allowed += gauss_error(sigma)
         assert np.all(np.abs(weights - expected) <= allowed), (kernel, sigma, np.abs(weights - expected) / allowed)
 
 
@@ -252,8 +243,8 @@ def test_b_spline_translates_sum_to_one_also_while_they_sweep(sigma):
     cells = np.stack(np.meshgrid(*[np.arange(-around, around + 1)] * 2), axis=-1).reshape(-1, 2)
     y = (here + cells).reshape(-1, 2).astype(np.float32)
     weights = shutter()(y, v)[KERNELS.index("bspline")].reshape(20, -1)
-    # Each weight is rounded where it is computed, from offsets of the size of the path, and divided by its box.
-    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=64 * ROUNDING * (1 + sigma) / float(SMALLEST_BOX))
+    # Each weight is rounded where it is computed, from offsets of the size of the path.
+    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=64 * ROUNDING * (1 + sigma))
 
 
 def averaged(y: np.ndarray, box: np.ndarray, parts: int = 40) -> np.ndarray:
@@ -270,13 +261,14 @@ def averaged(y: np.ndarray, box: np.ndarray, parts: int = 40) -> np.ndarray:
 def test_a_b_spline_is_averaged_over_its_box():
     random = np.random.default_rng(21)
     box = np.exp(random.uniform(math.log(0.1), math.log(4), (300, 2))).astype(np.float32)
+    box[:100, 0] = box[50:150, 1] = 0
     y = (random.uniform(-1, 1, (300, 2)) * (1.6 + 0.5 * box)).astype(np.float32)
     still = np.zeros_like(y), np.zeros_like(y), np.zeros_like(y), np.zeros((300, 2, 2))
     # Two nodes are exact to third order: b'' jumps by three at knots, which one part or two of each axis hold.
     np.testing.assert_allclose(way_weights(y, *still, box), averaged(y, box), atol=(4 / 40) ** 3 / 4 + 1e-5)
 
 
-@pytest.mark.parametrize("box", [(0.05, 0.3), (1.0, 1.0), (1.43, 0.7), (3.3, 2.6)])
+@pytest.mark.parametrize("box", [(0.3, 0), (0, 1.43), (1.0, 1.0), (1.43, 0.7), (3.3, 2.6)])
 @pytest.mark.parametrize("size", [0.0, 1.7, 5.0])
 @pytest.mark.parametrize("bent", [False, True])
 def test_translates_sum_to_one_over_whatever_box_they_are_averaged(box, size, bent):
@@ -310,7 +302,7 @@ def test_check_24_shutter_and_swept_tend_to_the_static_kernel_as_the_exposure_va
     y, v = y[clear], v[clear]
     static = still()(y, v)
     # K is off by its slope, at most four, times half of the path.
-    np.testing.assert_allclose(shutter()(y, v), static, atol=4 * 0.5e-5 + 16 * ROUNDING / float(SMALLEST_BOX))
+    np.testing.assert_allclose(shutter()(y, v), static, atol=4 * 0.5e-5 + 16 * ROUNDING)
     np.testing.assert_allclose(swept()(y, v)[: len(RADIAL)], static[: len(RADIAL)], atol=4 * 1e-5 + 16 * ROUNDING)
 
 
@@ -320,8 +312,11 @@ def test_no_kernel_reaches_beyond_its_support():
     for kernel, weights in zip(KERNELS, still()((1 + EDGE) * circle, 0 * circle), strict=True):
         if SUPPORT[kernel] == 1.0:
             assert not weights.any(), kernel
-    square = (SUPPORT["bspline"] + 0.5 * float(SMALLEST_BOX)) * circle / np.abs(circle).max(axis=1, keepdims=True)
+    square = SUPPORT["bspline"] * circle / np.abs(circle).max(axis=1, keepdims=True)
     assert not still()(square, square)[KERNELS.index("bspline")].any()
+
+
+bent_bspline = bspline_weight(True, True)
 
 
 @wp.kernel(module="unique", enable_backward=False)
@@ -341,14 +336,14 @@ def evaluate_ways(
     way.jerk = jerk[i]
     way.stretch = stretch[i]
     way.box = box[i]
-    out[i] = bspline_way(y[i], way)
+    out[i] = bent_bspline(y[i], way)
 
 
 def way_weights(y: np.ndarray, *way: np.ndarray) -> np.ndarray:
     """Weights at ``y`` [n, 2] of one B-spline each: velocity, bend and jerk of its way, its stretch, and its box."""
     given = [np.ascontiguousarray(values, np.float32) for values in (y, *way)]
     if len(given) < 6:
-        given.append(np.full_like(given[0], NARROW))
+        given.append(np.zeros_like(given[0]))
     types = (wp.vec2, wp.vec2, wp.vec2, wp.vec2, wp.mat22, wp.vec2)
     out = wp.zeros(len(y), dtype=float, device="cpu")
     arrays = [wp.array(values, dtype=dtype, device="cpu") for values, dtype in zip(given, types, strict=True)]
@@ -380,7 +375,7 @@ def test_bent_and_stretched_ways_match_brute_force(size, stretched):
     expected = exact_way(y, velocity, bend, jerk, stretch)
     assert expected.max() > 0.02
     # Axes shrink to a half, so that cells are as much as twice as long for the nodes.
-    limit = (gauss_error(size) if size else 5e-3) + AVERAGED
+    limit = gauss_error(size) if size else 5e-3
     found = way_weights(y, velocity, bend, jerk, stretch)
     np.testing.assert_allclose(found, expected, atol=(1 + 7 * stretched) * limit)
 

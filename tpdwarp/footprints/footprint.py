@@ -25,8 +25,8 @@ from tpdwarp.launch import Launcher
 from tpdwarp.photons.tracing import PhotonMap, joined
 
 LONGEST_AXIS = wp.constant(1.0)
-# Sides of boxes are no less, in cells: integrals over them are differences.
-SMALLEST_BOX = wp.constant(0.02)
+# Boxes along axes of which they are a smaller part are left out: they would widen these by less than 1 %.
+SMALLEST_BOX = wp.constant(0.25)
 LARGEST_ASPECT = wp.constant(1000.0)
 BOX_DEVIATION = wp.constant(12.0**-0.5)
 # A part of the coordinates where the footprint lies, ten or so units in their last place; and a part of the scene.
@@ -185,7 +185,11 @@ def footprint_kernel(radial: bool, curved: bool) -> wp.Kernel:
         if wp.static(not radial):
             length_u = wp.sqrt(cr * cr * t1 * t1 + sr * sr * t2 * t2)
             length_v = wp.sqrt(sr * sr * t1 * t1 + cr * cr * t2 * t2)
-            box = wp.vec2(wp.max(boxed / length_u, SMALLEST_BOX), wp.max(boxed / length_v, SMALLEST_BOX))
+            box = wp.vec2(boxed / length_u, boxed / length_v)
+            if box[0] < SMALLEST_BOX:
+                box[0] = 0.0
+            if box[1] < SMALLEST_BOX:
+                box[1] = 0.0
             out.box[i] = box
             reach_u = wp.static(SUPPORT["bspline"]) + 0.5 * box[0]
             reach_v = wp.static(SUPPORT["bspline"]) + 0.5 * box[1]

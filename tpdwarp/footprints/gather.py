@@ -10,16 +10,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.footprints.footprint import FootprintArrays, FootprintMap, PieceArrays
-from tpdwarp.footprints.kernels import (
-    SUPPORT,
-    Way,
-    bspline_path,
-    bspline_static,
-    bspline_way,
-    moving_weight,
-    static_weight,
-    way_reach,
-)
+from tpdwarp.footprints.kernels import SUPPORT, Way, bspline_weight, moving_weight, static_weight, way_reach
 from tpdwarp.launch import Launcher
 
 # A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its slack.
@@ -69,7 +60,7 @@ class IrradianceArrays:
 def _weight(kernel: str, form: str, time_filter: str, moves: bool, curved: bool) -> wp.Function:
     """w(y, way) with y relative to where the footprint stands in the middle of its way."""
     if kernel == "bspline":
-        return _bspline_weight(moves, curved)
+        return bspline_weight(moves, curved)
     support = wp.constant(SUPPORT[kernel])
     still = static_weight(kernel)
     if not moves:
@@ -91,21 +82,6 @@ def _weight(kernel: str, form: str, time_filter: str, moves: bool, curved: bool)
         return moving(y + 0.5 * v, v)
 
     return swept
-
-
-def _bspline_weight(moves: bool, curved: bool) -> wp.Function:
-    """The same for the B-spline."""
-    if moves and curved:
-        return bspline_way
-
-    @wp.func
-    def straight(y: wp.vec2, way: Way) -> float:
-        if wp.static(moves):
-            return bspline_path(y, way.velocity, way.box)
-        else:
-            return bspline_static(y, way.box)
-
-    return straight
 
 
 @wp.func

@@ -15,6 +15,7 @@ translates still sum to one, as those of a B-spline that is wider than its cells
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import cache
 
@@ -149,23 +150,21 @@ def _beyond(x: float) -> float:
 
 
 @wp.func
-def _over_side(x: float, half: float) -> float:
-    """Its integral over what lies within ``half`` of x; small differences near the rim of the support are exact."""
+def quadratic_bspline(x: float) -> float:
+    """The B-spline itself; translates by one sum to one."""
     away = wp.abs(x)
+    outer = wp.max(1.5 - away, 0.0)
+    inner = wp.max(0.5 - away, 0.0)
+    return 0.5 * outer * outer - 1.5 * inner * inner
+
+
+@wp.func
+def averaged_bspline(x: float, box: float) -> float:
+    """Its mean over a box around x; what little is left of it near the rim of the support is exact."""
+    away = wp.abs(x)
+    half = 0.5 * box
     near = _beyond(wp.abs(away - half))
-    return wp.where(away < half, 1.0 - near, near) - _beyond(away + half)
-
-
-@wp.func
-def _over_box(y: wp.vec2, box: wp.vec2) -> float:
-    """Integral of the tensor product over a box around y."""
-    return _over_side(y[0], 0.5 * box[0]) * _over_side(y[1], 0.5 * box[1])
-
-
-@wp.func
-def bspline_static(y: wp.vec2, box: wp.vec2) -> float:
-    """The tensor product, averaged over a box with these sides [cells]."""
-    return _over_box(y, box) / (box[0] * box[1])
+    return (wp.where(away < half, 1.0 - near, near) - _beyond(away + half)) / box
 
 
 @wp.struct
@@ -208,29 +207,6 @@ def _fineness(box: float) -> float:
 
 
 @wp.func
-def bspline_path(y: wp.vec2, v: wp.vec2, box: wp.vec2) -> float:
-    """∫ b(y − s v) ds over s ∈ [−½, ½], by two Gauss nodes a cell; those inside the support are visited.
-
-    Here y is relative to where the footprint stands at mid shutter. The nodes do not depend on y, so that translates
-    by one sum to one while they sweep, too.
-    """
-    support = wp.vec2(BSPLINE_SUPPORT, BSPLINE_SUPPORT)
-    near = _while_near(y, v, support + 0.5 * box)
-    if near[1] <= near[0]:
-        return 0.0
-    speed = wp.max(wp.abs(v[0]) * _fineness(box[0]), wp.abs(v[1]) * _fineness(box[1]))
-    if speed == 0.0:
-        return bspline_static(y, box)
-    panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
-    total = float(0.0)
-    for k in range(int(wp.floor((near[0] + 0.5) * panels)), int(wp.ceil((near[1] + 0.5) * panels))):
-        early = (float(k) + 0.5 - GAUSS_OFFSET) / panels - 0.5
-        late = (float(k) + 0.5 + GAUSS_OFFSET) / panels - 0.5
-        total += _over_box(y - early * v, box) + _over_box(y - late * v, box)
-    return 0.5 * total / (panels * box[0] * box[1])
-
-
-@wp.func
 def way_reach(way: Way, axis: int) -> float:
     """How far along an axis a B-spline that goes a bent way reaches to either side of the straight one."""
     growth = 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1]))
@@ -238,35 +214,90 @@ def way_reach(way: Way, axis: int) -> float:
     return BSPLINE_SUPPORT * (1.0 + growth) + 0.5 * way.box[axis] + aside
 
 
-@wp.func
-def bspline_way(y: wp.vec2, way: Way) -> float:
-    """The same along a bent way, with the footprint's axes stretched as it goes."""
-    near = _while_near(y, way.velocity, wp.vec2(way_reach(way, 0), way_reach(way, 1)))
-    if near[1] <= near[0]:
-        return 0.0
-    speed = float(0.0)
-    grown = float(0.0)
-    for axis in range(2):
-        fastest = wp.abs(way.velocity[axis]) + 0.5 * wp.abs(way.bend[axis]) + 0.125 * wp.abs(way.jerk[axis])
-        speed = wp.max(speed, fastest * _fineness(way.box[axis]))
-        grown = wp.max(grown, 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1])))
-    if speed == 0.0 and grown == 0.0:
-        return bspline_static(y, way.box)
-    panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
-    total = float(0.0)
-    for k in range(int(wp.floor((near[0] + 0.5) * panels)), int(wp.ceil((near[1] + 0.5) * panels))):
-        for half in range(2):
-            s = (float(k) + 0.5 + GAUSS_OFFSET * float(2 * half - 1)) / panels - 0.5
-            grown_u = 1.0 + s * way.stretch[0, 0]
-            grown_v = 1.0 + s * way.stretch[1, 1]
-            area = grown_u * grown_v - s * s * way.stretch[0, 1] * way.stretch[1, 0]
-            scale = 1.0 / area
-            z = y - s * (way.velocity + (0.5 * s) * (way.bend + (s / 3.0) * way.jerk))
-            z_u = scale * (grown_v * z[0] - s * way.stretch[0, 1] * z[1])
-            z_v = scale * (grown_u * z[1] - s * way.stretch[1, 0] * z[0])
-            box = scale * wp.vec2(grown_v * way.box[0], grown_u * way.box[1])
-            total += area / (grown_u * grown_v) * _over_box(wp.vec2(z_u, z_v), box)
-    return 0.5 * total / (panels * way.box[0] * way.box[1])
+@cache
+def bspline_weight(moves: bool, curved: bool) -> wp.Function:
+    """w(y, way) of a B-spline, y relative to where it stands in the middle of its way.
+
+    Means over boxes cost twice what the B-spline does, so that axes without a box have functions of their own.
+    """
+    both, u, v, neither = (_along_way(moves, curved, *boxed) for boxed in itertools.product((True, False), repeat=2))
+
+    @wp.func
+    def weight(y: wp.vec2, way: Way) -> float:
+        if way.box[0] > 0.0:
+            if way.box[1] > 0.0:
+                return both(y, way)
+            return u(y, way)
+        if way.box[1] > 0.0:
+            return v(y, way)
+        return neither(y, way)
+
+    return weight
+
+
+@cache
+def _along_way(moves: bool, curved: bool, boxed_u: bool, boxed_v: bool) -> wp.Function:
+    """∫ b(y − x(s)) ds over s ∈ [−½, ½], by two Gauss nodes a cell; those inside the support are visited.
+
+    The nodes do not depend on y, so that translates by one sum to one while they sweep, too.
+    """
+
+    @wp.func
+    def tensor(y: wp.vec2, box: wp.vec2) -> float:
+        along_u = float(0.0)
+        along_v = float(0.0)
+        if wp.static(boxed_u):
+            along_u = averaged_bspline(y[0], box[0])
+        else:
+            along_u = quadratic_bspline(y[0])
+        if wp.static(boxed_v):
+            along_v = averaged_bspline(y[1], box[1])
+        else:
+            along_v = quadratic_bspline(y[1])
+        return along_u * along_v
+
+    @wp.func
+    def still(y: wp.vec2, way: Way) -> float:
+        return tensor(y, way.box)
+
+    if not moves:
+        return still
+
+    @wp.func
+    def moving(y: wp.vec2, way: Way) -> float:
+        near = _while_near(y, way.velocity, wp.vec2(way_reach(way, 0), way_reach(way, 1)))
+        if near[1] <= near[0]:
+            return 0.0
+        speed = float(0.0)
+        grown = float(0.0)
+        for axis in range(2):
+            fastest = wp.abs(way.velocity[axis])
+            if wp.static(curved):
+                fastest += 0.5 * wp.abs(way.bend[axis]) + 0.125 * wp.abs(way.jerk[axis])
+                grown = wp.max(grown, 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1])))
+            speed = wp.max(speed, fastest * _fineness(way.box[axis]))
+        if speed == 0.0 and grown == 0.0:
+            return tensor(y, way.box)
+        panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
+        total = float(0.0)
+        for k in range(int(wp.floor((near[0] + 0.5) * panels)), int(wp.ceil((near[1] + 0.5) * panels))):
+            for half in range(2):
+                s = (float(k) + 0.5 + GAUSS_OFFSET * float(2 * half - 1)) / panels - 0.5
+                if wp.static(curved):
+                    grown_u = 1.0 + s * way.stretch[0, 0]
+                    grown_v = 1.0 + s * way.stretch[1, 1]
+                    area = grown_u * grown_v - s * s * way.stretch[0, 1] * way.stretch[1, 0]
+                    scale = 1.0 / area
+                    z = y - s * (way.velocity + (0.5 * s) * (way.bend + (s / 3.0) * way.jerk))
+                    z_u = scale * (grown_v * z[0] - s * way.stretch[0, 1] * z[1])
+                    z_v = scale * (grown_u * z[1] - s * way.stretch[1, 0] * z[0])
+                    box = scale * wp.vec2(grown_v * way.box[0], grown_u * way.box[1])
+                    total += scale * tensor(wp.vec2(z_u, z_v), box)
+                else:
+                    total += tensor(y - s * way.velocity, way.box)
+        return 0.5 * total / panels
+
+    return moving
 
 
 @cache
