@@ -9,6 +9,7 @@ import pytest
 
 from tests.footprints.photons import ONE_THREAD, first_channel, grid, irradiance, photon_map, queries, shaped
 from tests.oracle import footprint_weight, static_kernel
+from tpdwarp.footprints import bspline, kernels
 from tpdwarp.footprints.footprint import (
     LARGEST_ASPECT,
     LONGEST_AXIS,
@@ -18,7 +19,6 @@ from tpdwarp.footprints.footprint import (
     shape_footprints,
 )
 from tpdwarp.footprints.gather import GatherForm
-from tpdwarp.footprints.kernels import SUPPORT
 
 ROUNDING = 2.0**-23
 EPANECHNIKOV = GatherForm("epanechnikov")
@@ -243,7 +243,8 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
     stretch = arrays.stretch.numpy() if curved else np.zeros((found.count, 2, 2))
     rows = np.stack([arrays.row_u.numpy(), arrays.row_v.numpy()], axis=1).astype(float)
     # Points of the support in filter space, as far out as it goes, carried into the world and along the path.
-    corners = SUPPORT[kernel] * random.uniform(-1, 1, (64, 2))
+    support = bspline.SUPPORT if kernel == "bspline" else kernels.SUPPORT
+    corners = support * random.uniform(-1, 1, (64, 2))
     box = 0.5 * arrays.box.numpy().astype(float) if kernel == "bspline" else np.zeros((found.count, 2))
     boxes = box[:, None] * random.uniform(-1, 1, (found.count, 64, 2))
     if kernel == "epanechnikov":

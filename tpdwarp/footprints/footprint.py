@@ -20,7 +20,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
-from tpdwarp.footprints.kernels import SUPPORT
+from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.launch import Launcher
 from tpdwarp.photons.tracing import PhotonMap, joined
 
@@ -191,8 +191,8 @@ def footprint_kernel(radial: bool, curved: bool) -> wp.Kernel:
             if box[1] < SMALLEST_BOX:
                 box[1] = 0.0
             out.box[i] = box
-            reach_u = wp.static(SUPPORT["bspline"]) + 0.5 * box[0]
-            reach_v = wp.static(SUPPORT["bspline"]) + 0.5 * box[1]
+            reach_u = wp.static(SUPPORT) + 0.5 * box[0]
+            reach_v = wp.static(SUPPORT) + 0.5 * box[1]
             along = t1 * (wp.abs(cr) * reach_u + wp.abs(sr) * reach_v)
             across = t2 * (wp.abs(sr) * reach_u + wp.abs(cr) * reach_v)
         # How far the footprint goes to either side along these axes and off its plane.

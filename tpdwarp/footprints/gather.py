@@ -9,8 +9,10 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from tpdwarp.footprints import bspline
+from tpdwarp.footprints.bspline import Way, bspline_weight, way_reach
 from tpdwarp.footprints.footprint import FootprintArrays, FootprintMap, PieceArrays
-from tpdwarp.footprints.kernels import SUPPORT, Way, bspline_weight, moving_weight, static_weight, way_reach
+from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
 from tpdwarp.launch import Launcher
 
 # A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its slack.
@@ -28,7 +30,6 @@ NARROW_CONE = wp.constant(math.cos(math.radians(10.0)))
 ALWAYS_FACING = wp.constant(math.cos(math.radians(60.0 - 10.0)))
 NEVER_FACING = wp.constant(math.cos(math.radians(60.0 + 10.0)))
 SEVERAL = wp.constant(-2)
-SMOOTH = ("bspline",)
 FAR_AWAY = wp.constant(1.0e30)
 
 
@@ -61,7 +62,7 @@ def _weight(kernel: str, form: str, time_filter: str, moves: bool, curved: bool)
     """w(y, way) with y relative to where the footprint stands in the middle of its way."""
     if kernel == "bspline":
         return bspline_weight(moves, curved)
-    support = wp.constant(SUPPORT[kernel])
+    support = wp.constant(SUPPORT)
     still = static_weight(kernel)
     if not moves:
 
@@ -100,8 +101,8 @@ def gather_kernel(
     and lets every footprint it finds fall on all of the run. Queries that stand still take the whole shutter, moving
     ones their window of it.
     """
-    support = wp.constant(SUPPORT[kernel])
-    smooth = kernel in SMOOTH
+    smooth = kernel == "bspline"
+    support = wp.constant(bspline.SUPPORT if smooth else SUPPORT)
     weight = _weight(kernel, form, time_filter, moves, curved)
 
     @wp.kernel(module="unique", enable_backward=False)
