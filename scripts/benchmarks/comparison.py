@@ -29,9 +29,18 @@ from tpdwarp.frame import render_frame
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
 
-BRUTE: dict[str, dict[str, Any]] = {
-    "accumulation": {"estimator": "accumulation"},
-    "plain accumulation": {"estimator": "accumulation", "emission": "jittered", "kernel": "epanechnikov"},
+INSTANT_PHOTONS = (256, 1024, 4096, 16_384, 65_536)
+# Settings, and instants with the photons of each. Without lattices noise falls with the number of instants, of which
+# there have to be many.
+BRUTE: dict[str, tuple[dict[str, Any], list[tuple[int, int]]]] = {
+    "accumulation": (
+        {"estimator": "accumulation"},
+        [(times, photons) for photons in INSTANT_PHOTONS for times in (4, 8, 16, 32)],
+    ),
+    "plain accumulation": (
+        {"estimator": "accumulation", "emission": "jittered", "kernel": "epanechnikov"},
+        [(8, 256), (32, 256), (32, 1024), (128, 1024), (128, 4096), (512, 1024), (512, 4096), (512, 16_384)],
+    ),
 }
 
 OPEN = Shutter(0.0, 0.0, 1.0)
@@ -40,8 +49,6 @@ MAPPED = (1000, 4000, 16_000, 60_000, 240_000, 480_000, 960_000, 1_920_000)
 NEIGHBOURS = (6, 12, 25, 50, 100, 200, 400, 800, 1600, 3200)
 # Beyond so many photons only the better of in-between frames and random times is gone on with.
 BOTH_TIMES = 240_000
-INSTANTS = (4, 8, 16, 32)
-INSTANT_PHOTONS = (256, 1024, 4096, 16_384, 65_536)
 
 
 @dataclass(frozen=True)
@@ -119,12 +126,12 @@ def mapping(scene: Scene) -> list[Point]:
     return best
 
 
-def accumulation(scene: Scene, name: str, **settings: Any) -> list[Point]:
+def accumulation(scene: Scene, name: str) -> list[Point]:
     """Accumulations on the front of error against CPU time."""
+    settings, sizes = BRUTE[name]
     points = [
         measured(scene, f"{times} × {photons}", photons=photons, accumulation_times=times, **settings)
-        for photons in INSTANT_PHOTONS
-        for times in INSTANTS
+        for times, photons in sizes
     ]
     front = front_of(points)
     for point in front:
@@ -166,11 +173,11 @@ def run() -> list[dict[str, object]]:
         for point in ours:
             print(f"  tpd {point.photons} photons: {point.error:.4f}, {point.seconds:.2f} s", flush=True)
         measured(scene, "warm", estimator="tdpm", photons=64, tdpm_neighbours=8, emission="jittered")
-        measured(scene, "warm", photons=64, accumulation_times=1, **BRUTE["accumulation"])
-        measured(scene, "warm", photons=64, accumulation_times=1, **BRUTE["plain accumulation"])
+        for settings, _ in BRUTE.values():
+            measured(scene, "warm", photons=64, accumulation_times=1, **settings)
         others = {"tdpm": mapping(scene)}
-        for name, settings in BRUTE.items():
-            others[name] = accumulation(scene, name, **settings)
+        for name in BRUTE:
+            others[name] = accumulation(scene, name)
         for point in ours:
             for method, points in others.items():
                 row: dict[str, object] = {"scene": scene.name, "photons": point.photons, "method": method}

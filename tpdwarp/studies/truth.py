@@ -65,7 +65,7 @@ class Truth:
     Attributes:
         solution: The frames.
         relative_noise: RMS error of the mean that the halves' difference tells, by its mean. What both have in common,
-            as the widening of footprints by a quarter of a pixel, it does not tell.
+            as that footprints are averaged over half a pixel, it does not tell.
     """
 
     solution: Solution
