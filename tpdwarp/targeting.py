@@ -177,14 +177,15 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
                 return Choice(fewest, segments, error(fewest))
             if 4 * photons * segments >= MOST_PHOTONS:
                 return Choice(4 * photons, segments, error(4 * photons))
-            by_photons = math.log(error(photons) / error(4 * photons)) / math.log(4)
-            with_segments = max(math.hypot(space(photons), TIME_FALL[0] * time(photons)), TINY)
-            dearer = following.get(segments, segments)
-            by_segments = math.log(error(photons) / with_segments) / math.log(max(2, dearer / segments))
-            if dearer > segments and by_segments > by_photons:
-                # Errors in space may have been those of photons that went far astray: fewer may do now.
-                photons, segments = max(FIRST_PHOTONS, photons // 16), dearer
-                continue
+            if segments in following:
+                more = following[segments]
+                by_photons = math.log(error(photons) / error(4 * photons)) / math.log(4)
+                with_segments = max(math.hypot(space(photons), TIME_FALL[0] * time(photons)), TINY)
+                by_segments = math.log(error(photons) / with_segments) / math.log(more / segments)
+                if by_segments > by_photons:
+                    # Errors in space may have been those of photons that went far astray: fewer may do now.
+                    photons, segments = max(FIRST_PHOTONS, photons // 16), more
+                    continue
         photons *= 4
 
 

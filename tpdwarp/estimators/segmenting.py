@@ -30,6 +30,7 @@ levels: light is a sum over the mesh that it meets first, whatever cells and tim
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -137,7 +138,7 @@ def most_corners(corners: Collection[float], segments: int) -> int:
     """The most corners, given as parts of the shutter, that one of so many equal segments has inside."""
     places = [corner * segments for corner in corners]
     inside = [math.floor(place) for place in places if abs(place - round(place)) > AT_CORNER]
-    return max(map(inside.count, inside), default=0)
+    return max(Counter(inside).values(), default=0)
 
 
 def levels(animation: Animation, shutter: Shutter, clock: Clock) -> tuple[Level, ...]:

@@ -250,12 +250,9 @@ def gather_kernel(
                     spread = radius + run_window * fastest
                     off_u = wp.abs(wp.dot(row_u, offset)) - wp.length(row_u) * spread - 0.5 * wp.abs(way.velocity[0])
                     off_v = wp.abs(wp.dot(row_v, offset)) - wp.length(row_v) * spread - 0.5 * wp.abs(way.velocity[1])
-                    if wp.static(curved):
+                    if wp.static(smooth):
                         off_u -= way_reach(way, 0) - support
                         off_v -= way_reach(way, 1) - support
-                    elif wp.static(smooth):
-                        off_u -= 0.5 * way.box[0]
-                        off_v -= 0.5 * way.box[1]
                     if off_u > support or off_v > support:
                         last = start
                     # A footprint much larger than the run is a parabola there; those are added up before they are

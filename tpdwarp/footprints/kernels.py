@@ -129,18 +129,6 @@ PATH = {
 SMALLEST_SIGMA = {"cone": 0.02, "gaussian": 0.02}
 
 
-STATIC = {"uniform": uniform, "cone": cone, "epanechnikov": epanechnikov, "quartic": quartic, "gaussian": gaussian}
-PATH = {
-    "uniform": uniform_path,
-    "cone": cone_path,
-    "epanechnikov": epanechnikov_path,
-    "quartic": quartic_path,
-    "gaussian": gaussian_path,
-}
-# The difference of two nearly equal terms is divided by σ in these; below this σ a midpoint rule is more exact.
-SMALLEST_SIGMA = {"cone": 0.02, "gaussian": 0.02}
-
-
 @cache
 def static_weight(kernel: str) -> wp.Function:
     """w(y) of a footprint that stands still."""

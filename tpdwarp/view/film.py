@@ -63,12 +63,14 @@ class Film:
         # What overflows is refused when the frame is written.
         with np.errstate(over="ignore"):
             self._add("caustic", weights * light.irradiance, pixels)
+        seen = np.flatnonzero(first)
+        share, pixels = first[seen, None], pixels[seen]
         if "irradiance" in self._aovs:
-            self._add("irradiance", first[:, None] * light.irradiance, pixels)
+            self._add("irradiance", share * light.irradiance[seen], pixels)
         if light.motion is not None:
-            self._add("motion", first[:, None] * light.motion, pixels)
-            self._motion_weight += self._sum(first * light.weight, pixels)
-            self._add("photons", (first * light.photons)[:, None].astype(np.float64), pixels)
+            self._add("motion", share * light.motion[seen], pixels)
+            self._motion_weight += self._sum(share[:, 0] * light.weight[seen], pixels)
+            self._add("photons", (share * light.photons[seen, None]).astype(np.float64), pixels)
 
     def channels(self) -> dict[str, np.ndarray]:
         """Beauty and the asked AOVs, each [height, width] float32 (limited to its range), rows from the top."""
