@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, quad, steady
+from tpdwarp.estimators.base import Animation, Clock
 from tpdwarp.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter
 from tpdwarp.settings import Settings
+from tpdwarp.sights import View
 from tpdwarp.view.merging import FARTHEST, SMALLEST_COSINE, merged
 
 STILL = Shutter(0, 0, 0)
@@ -96,3 +98,16 @@ def test_where_a_card_covers_part_of_a_pixel_both_are_lit_as_far_as_they_are_see
     np.testing.assert_allclose(found[:, edge], truth[:, edge], atol=(2 / 15 + 1 / 16) * truth.max())
     between = truth[:, edge] / truth.max()
     assert np.all(np.ptp(truth, axis=1) > 0.3 * truth.max()) and np.all((between > 0.2) & (between < 0.95))
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_samples_count_where_their_first_paths_end_not_where_reflections_do(samples):
+    """From between water and a roof each sample sees the floor through it and, fainter, the roof in it."""
+    meshes = [floor(), quad("/water", (-3, -3), (3, 3), 1.0, WATER), quad("/roof", (-3, -3), (3, 3), 2.0)]
+    chosen = Settings(photons=64, threads=1, samples=samples)
+    animation = Animation(steady(meshes, (SUN,), looking_down(height=1.5)), chosen)
+    sights = list(View(animation, [animation.load(STILL)], 8, 8, Clock(), False).sights(None))
+    first = np.concatenate([sight.first for sight in sights])
+    assert first.sum() == 64 * samples
+    # As many spots show the roof, which no first path ends on.
+    assert np.count_nonzero(first == 0) == np.count_nonzero(first) == 64
