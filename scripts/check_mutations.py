@@ -21,15 +21,17 @@ from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
-from scenes.wave import write_wave
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import tpdwarp
 from tpdwarp.checks.calibrate import calibrate
 from tpdwarp.checks.findings import CheckResult
 from tpdwarp.checks.limits import LIMITS_FILE
 from tpdwarp.estimators import base
-from tpdwarp.images import read_image, write_frame
+from tpdwarp.io.images import read_image, write_frame
 from tpdwarp.photons.tracing import PhotonMap
+from usd_scenes.authoring.wave import write_wave
 
 FRAMES = 4
 SETTINGS: dict[str, Any] = {

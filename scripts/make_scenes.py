@@ -14,13 +14,14 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from scenes.cylinder import write_cylinder
-from scenes.mirror import write_mirror
-from scenes.sea import write_sea
-from scenes.wave import write_wave
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from tpdwarp.device import Launcher
 from tpdwarp.errors import FrameError, InputError
-from tpdwarp.launch import Launcher
+from usd_scenes.authoring.cylinder import write_cylinder
+from usd_scenes.authoring.mirror import write_mirror
+from usd_scenes.authoring.sea import write_sea
+from usd_scenes.authoring.wave import write_wave
 
 SCENES: dict[str, Callable[..., None]] = {
     "wave": write_wave,

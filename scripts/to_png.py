@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from tpdwarp.errors import FrameError, InputError
-from tpdwarp.images import read_image, write_frame
+from tpdwarp.io.images import read_image, write_frame
 
 
 def main(paths: list[str]) -> int:

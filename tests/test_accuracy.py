@@ -11,12 +11,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.oracle import Ellipsoid, Plane, Wave, irradiance_average, trace
 from tests.view.scenes import looking_down, turning_rod_source, wave_source
-from tpdwarp.frame import Frame, render_frame
 from tpdwarp.presets import PRESETS
+from tpdwarp.rendering.frame import Frame, render_frame
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
+from usd_scenes.oracle import Ellipsoid, Plane, Wave, irradiance_average, trace
 
 COLUMNS, ROWS = 256, 32
 EDGES = np.linspace(-1, 1, COLUMNS + 1)

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle import closed_forms
-from oracle.caustic_1d import Wave, branches, irradiance, landing, stretch, transmittance
-from photons.shapes import MIRROR, ball, box, cap, field, floor, glass, moving, quad, turning, upside_down
-from photons.traced import EPS, SHUTTER, Traced, Written, emission_of, lamp, scene_of, sun, traced
 
+from tests.photons.shapes import MIRROR, ball, box, cap, field, floor, glass, moving, quad, turning, upside_down
+from tests.photons.traced import EPS, SHUTTER, Traced, Written, emission_of, lamp, scene_of, sun, traced
 from tpdwarp.scene.description import SceneAtShutter, Shutter
+from usd_scenes.oracle import closed_forms
+from usd_scenes.oracle.caustic_1d import Wave, branches, irradiance, landing, stretch, transmittance
 
 W, THETA = 0.06, 0.5
 WATER = 1.33

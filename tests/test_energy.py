@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from photons.moving_scenes import GRID, SCENES, walls, wave
-from photons.shapes import DIFFUSE, MIRROR, ball, box, floor, glass, moving, quad, ripples
-from photons.traced import EPS, Traced, Written, lamp, scene_of, sun, traced
 
+from tests.photons.moving_scenes import GRID, SCENES, walls, wave
+from tests.photons.shapes import DIFFUSE, MIRROR, ball, box, floor, glass, moving, quad, ripples
+from tests.photons.traced import EPS, Traced, Written, lamp, scene_of, sun, traced
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter, Shutter
 
 BALANCE = 1e-4

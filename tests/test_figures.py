@@ -9,11 +9,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from tpdwarp.images import with_text
+from tpdwarp.io.images import with_text
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.scene.description import CameraAtShutter
-from tpdwarp.usd.debug_layer import DebugLayerWriter
-from tpdwarp.usd.debug_reader import DebugLayerReader
+from tpdwarp.usd.read.debug_layer import DebugLayerReader
+from tpdwarp.usd.write.debug_layer import DebugLayerWriter
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "scripts" / "figures"

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tests.estimators.frames import irradiance, rendered
-from tests.oracle import Wave, irradiance_average
 from tests.view.scenes import wave_source
 from tpdwarp.photons import emission
 from tpdwarp.scene.description import Shutter
+from usd_scenes.oracle import Wave, irradiance_average
 
 WAVE = Wave()
 # Pixels so small that the widening of footprints by a part of them is no error to speak of.

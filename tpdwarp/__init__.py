@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from tpdwarp.checks.findings import CheckResult
     from tpdwarp.checks.run import check
     from tpdwarp.errors import FrameError, InputError
-    from tpdwarp.outcomes import FrameOutcome, SequenceResult
-    from tpdwarp.overview import info
-    from tpdwarp.sequence import render, trace_photons, write_photons
+    from tpdwarp.jobs.results import FrameOutcome, SequenceResult
+    from tpdwarp.jobs.sequence import render, trace_photons, write_photons
+    from tpdwarp.jobs.stage_info import info
     from tpdwarp.settings import Settings
     from tpdwarp.studies.cases import Sweep
     from tpdwarp.studies.result import StudyResult
@@ -52,19 +52,19 @@ __all__ = [
 _HOMES = {
     "CheckResult": "tpdwarp.checks.findings",
     "FrameError": "tpdwarp.errors",
-    "FrameOutcome": "tpdwarp.outcomes",
+    "FrameOutcome": "tpdwarp.jobs.results",
     "InputError": "tpdwarp.errors",
-    "SequenceResult": "tpdwarp.outcomes",
+    "SequenceResult": "tpdwarp.jobs.results",
     "Settings": "tpdwarp.settings",
     "StudyResult": "tpdwarp.studies.result",
     "Sweep": "tpdwarp.studies.cases",
     "TruthSettings": "tpdwarp.studies.truth",
     "check": "tpdwarp.checks.run",
-    "info": "tpdwarp.overview",
-    "render": "tpdwarp.sequence",
+    "info": "tpdwarp.jobs.stage_info",
+    "render": "tpdwarp.jobs.sequence",
     "study": "tpdwarp.studies.run",
-    "trace_photons": "tpdwarp.sequence",
-    "write_photons": "tpdwarp.sequence",
+    "trace_photons": "tpdwarp.jobs.sequence",
+    "write_photons": "tpdwarp.jobs.sequence",
 }
 
 

@@ -11,9 +11,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.oracle import Wave, irradiance_average
-from tpdwarp.frame import render_frame
 from tpdwarp.presets import PRESETS
+from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import (
     CameraAtShutter,
     Interaction,
@@ -25,6 +24,7 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.settings import Settings
+from usd_scenes.oracle import Wave, irradiance_average
 
 PIXELS = 256
 ROWS = 64

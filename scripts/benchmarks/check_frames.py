@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from tpdwarp.checks.limits import LIMITS_FILE
-from tpdwarp.images import write_frame
+from tpdwarp.io.images import write_frame
 
 WIDTH, HEIGHT = 1920, 1080
 COUNTS = (50, 200, 1000)

@@ -22,12 +22,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from accuracy import PIXELS, ROWS, WaveInMemory
 
-from tests.oracle import Wave, irradiance_average
 from tests.test_accuracy import PIXELS as ROD_PIXELS
 from tests.test_accuracy import rod
-from tpdwarp.frame import render_frame
+from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
+from usd_scenes.oracle import Wave, irradiance_average
 
 INSTANT_PHOTONS = (256, 1024, 4096, 16_384, 65_536)
 # Settings, and instants with the photons of each. Without lattices noise falls with the number of instants, of which

@@ -11,9 +11,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 sys.path.insert(0, str(FilePath(__file__).resolve().parents[2]))
-sys.path.insert(0, str(FilePath(__file__).resolve().parents[2] / "tests"))
 
-from oracle import Path, surfaces_of
 from photons.moving_scenes import GRID, flying_ball, turning_prism, walls, wave
 from photons.oracle_comparison import reference
 from photons.shapes import floor, glass, mesh, moving, ripples
@@ -22,7 +20,8 @@ from properties.placed import placed
 
 from tpdwarp.scene.description import Interaction, LightKind, SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.usd.stage import StageScene
+from tpdwarp.usd.read.stage import StageScene
+from usd_scenes.oracle import Path, surfaces_of
 
 ROOT = FilePath(__file__).resolve().parents[2]
 PHOTONS = 1500

@@ -12,9 +12,9 @@ from truths import FRAMES, SCENES, WIDTH, kept_truth, light_of, relative_error, 
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tpdwarp.sequence import open_scene, shutter_of, spread_shutters
+from tpdwarp.jobs.sequence import open_scene, shutter_of, spread_shutters
+from tpdwarp.rendering.error_target import settled
 from tpdwarp.settings import Settings
-from tpdwarp.targeting import settled
 
 WANTED = (0.1, 0.05, 0.02)
 # Relative RMSE that truths are to have, and the levels after which they are left as they are.

@@ -20,11 +20,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tpdwarp.frame import render_frame
+from tpdwarp.jobs.sequence import open_scene, shutter_of
+from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Shutter
-from tpdwarp.sequence import open_scene, shutter_of
 from tpdwarp.settings import Settings
-from tpdwarp.usd.stage import StageScene
+from tpdwarp.usd.read.stage import StageScene
 
 FOLDER = Path(tempfile.gettempdir()) / "tpdwarp-truths"
 PACKAGE = Path(__file__).resolve().parents[2] / "tpdwarp"

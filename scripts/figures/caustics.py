@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import tpdwarp
-from tpdwarp.images import read_image, write_frame
+from tpdwarp.io.images import read_image, write_frame
 
 ROOT = Path(__file__).resolve().parents[2]
 

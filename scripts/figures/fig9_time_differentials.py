@@ -14,10 +14,10 @@ from lines import draw_lines, project
 from renders import FRAME, MEASURING_CAMERA, shipped, shot
 from sheets import Figure, Tile, grey, publish
 
-from tpdwarp.images import encode_srgb
-from tpdwarp.sequence import open_scene
+from tpdwarp.io.images import encode_srgb
+from tpdwarp.jobs.sequence import open_scene
 from tpdwarp.settings import Settings
-from tpdwarp.usd.debug_reader import DebugLayerReader
+from tpdwarp.usd.read.debug_layer import DebugLayerReader
 
 WIDTH = 448
 EXPOSURE = 1.0

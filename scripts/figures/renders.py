@@ -13,7 +13,7 @@ import numpy as np
 
 import tpdwarp
 from tpdwarp.errors import FrameError
-from tpdwarp.images import read_image
+from tpdwarp.io.images import read_image
 
 ROOT = Path(__file__).resolve().parents[2]
 MEASURING_CAMERA = "TopOrtho"

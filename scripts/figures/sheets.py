@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tpdwarp.images import encoded_picture, with_text
+from tpdwarp.io.images import encoded_picture, with_text
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "figures"
 CAPTIONS = "README.md"

@@ -20,7 +20,7 @@ from pxr import Sdf, Tf
 
 from scripts.fuzzing.cases import Case
 from tpdwarp.cli import main
-from tpdwarp.frame import _animation
+from tpdwarp.rendering.frame import _animation
 
 BALANCE = 1e-4
 """Part of the flux sent that rounding may lose."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from scripts.fuzzing.cases import make_case
 from scripts.fuzzing.judge import clean, judge
-from tpdwarp.usd import stage
+from tpdwarp.usd.read import stage
 
 
 def main(first: int, last: int, folder: Path, binary: bool) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tpdwarp.images import write_frame
+from tpdwarp.io.images import write_frame
 
 WIDTH, HEIGHT = 40, 24
 SETTINGS = {"photons": 64, "seed": 0, "threads": 2, "exposure": 0.5}

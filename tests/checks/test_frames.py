@@ -6,13 +6,13 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from checks.images import HEIGHT, WIDTH, channels, metadata, write
+from tests.checks.images import HEIGHT, WIDTH, channels, metadata, write
 from tpdwarp.checks import frames
 from tpdwarp.checks.findings import FrameComparison
 from tpdwarp.checks.frames import compare_frame
 from tpdwarp.checks.limits import GroupLimits, Limits, MetadataLimits, SequenceLimits
 from tpdwarp.checks.sequences import Pair
-from tpdwarp.images import set_attribute, write_frame
+from tpdwarp.io.images import set_attribute, write_frame
 
 DEFAULTS = Limits()
 

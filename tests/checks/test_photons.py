@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_stage import write_stage
 
 import tpdwarp
-from checks.images import write_sequence
+from tests.checks.images import write_sequence
+from tests.small_stage import write_stage
 from tpdwarp.checks.limits import PhotonLimits
 from tpdwarp.checks.photons import photon_findings
 from tpdwarp.checks.run import check

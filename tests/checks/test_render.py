@@ -3,10 +3,10 @@
 import shutil
 
 import pytest
-from small_stage import write_stage
 
 import tpdwarp
-from checks.images import write_sequence
+from tests.checks.images import write_sequence
+from tests.small_stage import write_stage
 from tpdwarp.checks.calibrate import calibrate
 from tpdwarp.checks.limits import Limits, read_limits
 from tpdwarp.checks.render import recipe_of

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from checks.images import channels, write, write_sequence
+from tests.checks.images import channels, write, write_sequence
 from tpdwarp.checks.frames import compare_frame
 from tpdwarp.checks.limits import Limits
 from tpdwarp.checks.report import write_report
 from tpdwarp.checks.run import check, picture_width
 from tpdwarp.checks.sequences import Pair
-from tpdwarp.reports.pictures import shrunk
+from tpdwarp.html.pictures import shrunk
 
 BROWSER = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import tpdwarp
-from checks.images import channels, write, write_sequence
+from tests.checks.images import channels, write, write_sequence
 from tpdwarp.checks import run
 from tpdwarp.checks.frames import ComparedFrame
 from tpdwarp.checks.limits import GroupLimits, Limits
 from tpdwarp.checks.run import check
 from tpdwarp.errors import InputError
-from tpdwarp.progress import Progress
+from tpdwarp.jobs.progress import Progress
 
 FREE = Limits(all=GroupLimits(**dict.fromkeys(vars(GroupLimits()), float("inf"))), groups={})
 

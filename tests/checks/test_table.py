@@ -2,7 +2,7 @@
 
 import pytest
 
-from checks.images import write, write_sequence
+from tests.checks.images import write, write_sequence
 from tpdwarp.checks.run import check
 from tpdwarp.checks.table import table_lines
 from tpdwarp.cli import main

@@ -6,8 +6,8 @@ import os
 import numpy as np
 import pytest
 
-from checks.images import channels, write, write_sequence
-from checks.test_frames import write_raw
+from tests.checks.images import channels, write, write_sequence
+from tests.checks.test_frames import write_raw
 from tpdwarp.checks.run import check
 from tpdwarp.checks.update import RECORD_FILE, update_baseline
 from tpdwarp.errors import InputError

@@ -2,12 +2,12 @@ import json
 import re
 
 import pytest
-from small_stage import write_stage
 
-from tpdwarp import sequence
+from tests.small_stage import write_stage
 from tpdwarp.cli import main
 from tpdwarp.errors import FrameError
-from tpdwarp.images import read_image
+from tpdwarp.io.images import read_image
+from tpdwarp.jobs import sequence
 
 SMALL = ["-w", "12", "--samples", "1", "--photons", "64"]
 

@@ -6,12 +6,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_stage import write_stage
 
 import tpdwarp
-from tpdwarp import sequence
+from tests.small_stage import write_stage
 from tpdwarp.cli import main
 from tpdwarp.errors import InputError
+from tpdwarp.jobs import sequence
 
 ROOT = Path(tpdwarp.__file__).parent.parent
 
@@ -19,9 +19,9 @@ ROOT = Path(tpdwarp.__file__).parent.parent
 SLOW = """
 import signal, sys, time
 import numpy as np
-from tpdwarp import sequence
+from tpdwarp.jobs import sequence
 from tpdwarp.cli import main
-from tpdwarp.frame import Frame
+from tpdwarp.rendering.frame import Frame
 from tpdwarp.photons.record import EnergyAccount, PhotonRecord
 
 def no_photons():
@@ -92,7 +92,7 @@ def break_info(monkeypatch):
         def fail(*arguments, **settings):
             raise error
 
-        monkeypatch.setattr("tpdwarp.overview.info", fail)
+        monkeypatch.setattr("tpdwarp.jobs.stage_info.info", fail)
 
     return with_error
 
@@ -159,6 +159,6 @@ def test_the_callers_signal_handler_is_put_back(capsys):
 
 
 def test_sequences_take_their_renderer_from_the_frame_room():
-    from tpdwarp import frame
+    from tpdwarp.rendering import frame
 
     assert (sequence.render_frame, sequence.trace_frame) == (frame.render_frame, frame.trace_frame)

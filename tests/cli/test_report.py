@@ -2,8 +2,8 @@ import logging
 
 from tpdwarp.cli.report import report, warnings_shown
 from tpdwarp.errors import logger
-from tpdwarp.outcomes import FrameOutcome, SequenceResult
-from tpdwarp.progress import Progress
+from tpdwarp.jobs.progress import Progress
+from tpdwarp.jobs.results import FrameOutcome, SequenceResult
 
 
 class Listener(Progress):

@@ -1,8 +1,8 @@
 import json
 
 import pytest
-from small_stage import write_stage
 
+from tests.small_stage import write_stage
 from tpdwarp.cli import main
 from tpdwarp.cli.parser import build_parser
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.oracle import Wave
 from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, steady, wave_source
-from tpdwarp.frame import Frame, Traced, render_frame, trace_frame
+from tpdwarp.rendering.frame import Frame, Traced, render_frame, trace_frame
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
+from usd_scenes.oracle import Wave
 
 OPEN = Shutter(0, 0, 1)
 STILL_SCENE = steady([floor(), bumpy("/water", WATER, 1.0, False)], (SUN,), looking_down(height=0.6))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tests.estimators.frames import STILL_SCENE, irradiance, rendered, traced
-from tests.oracle import Wave
 from tests.view.scenes import wave_source
+from usd_scenes.oracle import Wave
 
 
 def test_every_photon_is_traced_once_and_carries_its_whole_flux():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.estimators.frames import irradiance, rendered, traced
-from tests.oracle import Wave, irradiance_average
 from tests.view.scenes import wave_source
 from tpdwarp.scene.description import Shutter
+from usd_scenes.oracle import Wave, irradiance_average
 
 
 @pytest.mark.parametrize("shutter", [Shutter(0, 0, 1), Shutter(1, 0, 1), Shutter(0, -0.5, 0.5)])

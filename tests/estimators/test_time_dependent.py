@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tests.estimators.frames import OPEN, SETTINGS, STILL_SCENE, irradiance, rendered, traced
-from tests.oracle import Wave
 from tests.view.scenes import wave_source
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
+from usd_scenes.oracle import Wave
 
 
 def test_without_in_between_frames_all_photons_are_those_of_shutter_open():

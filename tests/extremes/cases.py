@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from photons.shapes import ball, floor, glass, mesh, moving, quad, ripples
-from photons.traced import EPS, axes_along, sun
 
+from tests.photons.shapes import ball, floor, glass, mesh, moving, quad, ripples
+from tests.photons.traced import EPS, axes_along, sun
 from tests.view.scenes import looking_down
-from tpdwarp.frame import Frame, render_frame
 from tpdwarp.photons.record import EnergyAccount, PhotonRecord
+from tpdwarp.rendering.frame import Frame, render_frame
 from tpdwarp.scene.description import (
     CameraAtShutter,
     LightAtShutter,

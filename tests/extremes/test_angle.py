@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from oracle.closed_forms import fresnel_reflectance, snell
-from oracle.shapes import grid_points, grid_triangles
-from photons.moving_scenes import walls
-from photons.shapes import box, floor, glass, moving, quad, ripples, upside_down
-from photons.traced import EPS, lamp, sun
 
+from tests.photons.moving_scenes import walls
+from tests.photons.shapes import box, floor, glass, moving, quad, ripples, upside_down
+from tests.photons.traced import EPS, lamp, sun
 from tests.view.scenes import looking_down
 from tpdwarp.scene.description import MeshAtShutter
+from usd_scenes.oracle.closed_forms import fresnel_reflectance, snell
+from usd_scenes.oracle.shapes import grid_points, grid_triangles
 
 from .cases import GRID, render, scene, slab
 

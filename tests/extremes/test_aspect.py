@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle.closed_forms import fresnel_reflectance
-from oracle.shapes import grid_points, grid_triangles
-from photons.shapes import ball, floor, glass, mesh, moving, ripples
-from photons.traced import EPS, axes_along, lamp, sun
 
+from tests.photons.shapes import ball, floor, glass, mesh, moving, ripples
+from tests.photons.traced import EPS, axes_along, lamp, sun
 from tests.view.scenes import looking_down
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
+from usd_scenes.oracle.closed_forms import fresnel_reflectance
+from usd_scenes.oracle.shapes import grid_points, grid_triangles
 
 from .cases import GRID, render, scene, strip
 

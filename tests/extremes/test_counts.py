@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle.closed_forms import fresnel_reflectance
 
 import tpdwarp
 from tests.small_stage import write_stage
 from tests.view.scenes import looking_down
-from tpdwarp.images import read_image
+from tpdwarp.io.images import read_image
+from usd_scenes.oracle.closed_forms import fresnel_reflectance
 
 from .cases import MOTIONS, assert_balanced, assert_photons_finite, render, slab
 

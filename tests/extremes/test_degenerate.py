@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracle.closed_forms import fresnel_reflectance
-from photons.shapes import MIRROR, ball, box, field, floor, glass, mesh, moving, quad, ripples, upside_down
-from photons.traced import sun
 
 import tpdwarp
+from tests.photons.shapes import MIRROR, ball, box, field, floor, glass, mesh, moving, quad, ripples, upside_down
+from tests.photons.traced import sun
 from tests.small_stage import write_stage
 from tests.view.scenes import looking_down
-from tpdwarp.energy_watch import EnergyWatch
 from tpdwarp.errors import InputError
-from tpdwarp.images import read_image
+from tpdwarp.io.images import read_image
+from tpdwarp.jobs.energy_warnings import EnergyWatch
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
+from usd_scenes.oracle.closed_forms import fresnel_reflectance
 
 from .cases import (
     GRID,

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracle.closed_forms import fresnel_reflectance
-from photons.shapes import DIFFUSE, MIRROR, ball, field, floor, glass, mesh, moving, quad
-from photons.traced import EPS, sun
 
-from tests.oracle import Wave, irradiance_average
+from tests.photons.shapes import DIFFUSE, MIRROR, ball, field, floor, glass, mesh, moving, quad
+from tests.photons.traced import EPS, sun
 from tests.view.scenes import looking_down, wave_source
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
+from usd_scenes.oracle import Wave, irradiance_average
+from usd_scenes.oracle.closed_forms import fresnel_reflectance
 
 from .cases import MOTIONS, render, scene, slab
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from photons.traced import lamp, sun
 from pxr import Usd
 
 import tpdwarp
+from tests.photons.traced import lamp, sun
 from tests.small_stage import write_stage
 from tpdwarp.errors import InputError
-from tpdwarp.images import read_image
-from tpdwarp.usd.debug_reader import DebugLayerReader
+from tpdwarp.io.images import read_image
+from tpdwarp.usd.read.debug_layer import DebugLayerReader
 
 from .cases import MOTIONS, assert_balanced, in_other_units, render
 

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from photons.traced import EPS, lamp
 from pxr import Gf, Usd, UsdGeom, UsdValidation, Vt
 
 import tpdwarp
+from tests.photons.traced import EPS, lamp
 from tests.small_stage import write_stage
 from tpdwarp.checks.limits import Limits
 from tpdwarp.checks.photons import compare_layers
-from tpdwarp.images import read_image
-from tpdwarp.usd.debug_reader import DebugLayerReader
+from tpdwarp.io.images import read_image
+from tpdwarp.usd.read.debug_layer import DebugLayerReader
 
 from .cases import MOTIONS, SAME, assert_same_frame, in_other_units, render
 

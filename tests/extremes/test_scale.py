@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from photons.traced import lamp, sun
+
+from tests.photons.traced import lamp, sun
 
 from .cases import MOTIONS, assert_same_frame, in_other_units, render
 

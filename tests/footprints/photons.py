@@ -7,9 +7,9 @@ import math
 import numpy as np
 import warp as wp
 
-from tpdwarp.footprints.footprint import FootprintMap, PixelSize, shape_footprints
+from tpdwarp.device import Launcher
 from tpdwarp.footprints.gather import GatherForm, Irradiance, QueryArrays, gather
-from tpdwarp.launch import Launcher
+from tpdwarp.footprints.shaping import FootprintMap, PixelSize, shape_footprints
 from tpdwarp.photons.tracing import Curve, PhotonMap
 
 ONE_THREAD = Launcher("cpu", 1)

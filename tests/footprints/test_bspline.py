@@ -9,8 +9,8 @@ import pytest
 import warp as wp
 
 from tests.footprints.test_kernels import gauss_error
-from tests.oracle import static_kernel
 from tpdwarp.footprints.bspline import Way, bspline_weight
+from usd_scenes.oracle import static_kernel
 
 bent_bspline = bspline_weight(True, True)
 

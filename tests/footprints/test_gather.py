@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.footprints.photons import ONE_THREAD, UP, first_channel, grid, irradiance, photon_map, queries, shaped
-from tests.oracle import footprint_weight
-from tests.oracle.closed_forms import lit_edge_profile
+from tpdwarp.device import Launcher
 from tpdwarp.footprints.gather import GatherForm, gather
-from tpdwarp.launch import Launcher
+from usd_scenes.oracle import footprint_weight
+from usd_scenes.oracle.closed_forms import lit_edge_profile
 
 CELL = 0.05
 FLUX = 0.01

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.oracle import shutter_kernel, static_kernel, swept_kernel
-from tests.oracle.quadrature import integrate
 from tpdwarp.footprints.bspline import SUPPORT, Way, bspline_weight
 from tpdwarp.footprints.kernels import RADIAL, moving_weight, static_weight
+from usd_scenes.oracle import shutter_kernel, static_kernel, swept_kernel
+from usd_scenes.oracle.quadrature import integrate
 
 KERNELS = (*RADIAL, "bspline")
 SIGMAS = (0.0, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 3.7, 30.0, 1e3)

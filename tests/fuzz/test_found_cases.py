@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
-from small_stage import write_stage
 
 from scripts.fuzzing.judge import _faults_of_image
+from tests.small_stage import write_stage
 from tpdwarp.cli import main
 
 QUICK = ["--photons", "64", "--samples", "1", "-w", "8", "-f", "1"]

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from tpdwarp.scene.description import Interaction, MeshAtShutter, Shutter
-
-from . import closed_forms
-from .caustic_1d import (
+from usd_scenes.oracle import closed_forms
+from usd_scenes.oracle.caustic_1d import (
     Wave,
     branches,
     column_irradiance,
@@ -21,10 +20,10 @@ from .caustic_1d import (
     stretch,
     transmittance,
 )
-from .description import linear_motion
-from .shapes import grid_points, grid_triangles
-from .surfaces import HeightField, Plane, TriangleMesh
-from .tracer import trace
+from usd_scenes.oracle.description import linear_motion
+from usd_scenes.oracle.shapes import grid_points, grid_triangles
+from usd_scenes.oracle.surfaces import HeightField, Plane, TriangleMesh
+from usd_scenes.oracle.tracer import trace
 
 WAVE = Wave()
 FOLDED = Wave(wavelength=0.65)

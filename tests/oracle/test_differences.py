@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from tpdwarp.scene.description import Interaction, Shutter
-
-from . import closed_forms
-from .differences import COLUMNS, finite_differences
-from .emission import beam_around, central_beam, parallel_beam
-from .optics import dot, unit
-from .shapes import grid_points, grid_triangles
-from .surfaces import Ellipsoid, HeightField, Plane, TriangleMesh
-from .tracer import trace
+from usd_scenes.oracle import closed_forms
+from usd_scenes.oracle.differences import COLUMNS, finite_differences
+from usd_scenes.oracle.emission import beam_around, central_beam, parallel_beam
+from usd_scenes.oracle.optics import dot, unit
+from usd_scenes.oracle.shapes import grid_points, grid_triangles
+from usd_scenes.oracle.surfaces import Ellipsoid, HeightField, Plane, TriangleMesh
+from usd_scenes.oracle.tracer import trace
 
 FLOOR = Plane("/floor", (0, 0, 0), (0, 0, 1))
 GLASS, MIRROR = Interaction.DIELECTRIC, Interaction.MIRROR

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from . import closed_forms
-from .kernels import (
+from usd_scenes.oracle import closed_forms
+from usd_scenes.oracle.kernels import (
     KERNELS,
     SHAPES,
     diameter_integral,
@@ -19,7 +19,7 @@ from .kernels import (
     static_kernel,
     swept_kernel,
 )
-from .quadrature import integrate
+from usd_scenes.oracle.quadrature import integrate
 
 AXES = (np.array([0.3, 0.1, 0.0]), np.array([-0.05, 0.2, 0.0]))
 

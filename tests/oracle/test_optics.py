@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from . import closed_forms
-from .optics import reflectance, reflected, refracted
+from usd_scenes.oracle import closed_forms
+from usd_scenes.oracle.optics import reflectance, reflected, refracted
 
 UP = np.array([[0.0, 0.0, 1.0]])
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter, Shutter
-
-from . import closed_forms
-from .description import surfaces_of
-from .shapes import grid_points, grid_triangles
-from .surfaces import Ellipsoid, HeightField, Plane, TriangleMesh
-from .tracer import trace
+from usd_scenes.oracle import closed_forms
+from usd_scenes.oracle.description import surfaces_of
+from usd_scenes.oracle.shapes import grid_points, grid_triangles
+from usd_scenes.oracle.surfaces import Ellipsoid, HeightField, Plane, TriangleMesh
+from usd_scenes.oracle.tracer import trace
 
 FLOOR = Plane("/floor", (0, 0, 0), (0, 0, 1))
 GLASS = Interaction.DIELECTRIC

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from oracle import Path, finite_differences, surfaces_of
-from oracle.differences import Differentials
 
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter
+from usd_scenes.oracle import Path, finite_differences, surfaces_of
+from usd_scenes.oracle.differences import Differentials
 
 from .traced import EPS, Traced, emission_of
 

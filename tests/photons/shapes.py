@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from oracle.shapes import grid_points, grid_triangles
 
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter
+from usd_scenes.oracle.shapes import grid_points, grid_triangles
 
 DIFFUSE = Material(color=(0.5, 0.5, 0.5), path="/grey")
 MIRROR = Material(Interaction.MIRROR, (1.0, 1.0, 1.0), path="/mirror")

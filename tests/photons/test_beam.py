@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from oracle import closed_forms, finite_differences, surfaces_of
-from oracle.emission import beam_around
 
-from tpdwarp.launch import Launcher
+from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import Beam, arrive, leave, meet
 from tpdwarp.scene.description import Interaction
-from tpdwarp.scene.geometry import Surfaces, geometry_of
+from tpdwarp.scene.device.geometry import Surfaces, geometry_of
+from tpdwarp.scene.device.intersection import closest_hit
 from tpdwarp.scene.normalization import Normalization
-from tpdwarp.scene.surface import closest_hit
+from usd_scenes.oracle import closed_forms, finite_differences, surfaces_of
+from usd_scenes.oracle.emission import beam_around
 
 from .shapes import DIFFUSE, MIRROR, cap, floor, glass, mesh, ripples
 from .traced import EPS, SHUTTER, scene_of

@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from oracle.optics import reflectance, reflected, refracted
 
-from tpdwarp.launch import Launcher
+from tpdwarp.device import Launcher
 from tpdwarp.photons.differentials import (
     fresnel_reflectance,
     normal_differential,
@@ -23,6 +22,7 @@ from tpdwarp.photons.differentials import (
     riding_shift,
     transfer,
 )
+from usd_scenes.oracle.optics import reflectance, reflected, refracted
 
 from .traced import EPS
 

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 import warp as wp
-from oracle.optics import unit
 
-from tpdwarp.launch import Launcher
+from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import Beam
 from tpdwarp.photons.emission import (
     CUBE_FACE,
@@ -24,6 +23,7 @@ from tpdwarp.photons.emission import (
 )
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.scene.normalization import Normalization
+from usd_scenes.oracle.optics import unit
 
 from .moving_scenes import GRID, SCENES, wave
 from .shapes import DIFFUSE, MIRROR, ball, box, floor, glass, moving, quad, ripples

@@ -14,12 +14,12 @@ import pytest
 import tpdwarp
 
 PACKAGE = Path(tpdwarp.__file__).parent
-TESTS = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = """
 import json, tpdwarp
-from photons.moving_scenes import SCENES
-from photons.oracle_comparison import compare
-from photons.traced import traced
+from tests.photons.moving_scenes import SCENES
+from tests.photons.oracle_comparison import compare
+from tests.photons.traced import traced
 ratios = compare(traced(SCENES["a turning cylinder"](), 500), "surface").ratios
 print(json.dumps({"package": tpdwarp.__file__, **ratios}))
 """
@@ -42,7 +42,7 @@ def ratios_without(removed: str, folder: Path) -> dict[str, float]:
         text = file.read_text()
         assert text.count(there) == 1
         file.write_text(text.replace(there, instead))
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(TESTS)])}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )

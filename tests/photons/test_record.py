@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tpdwarp.launch import Launcher
+from tpdwarp.device import Launcher
 from tpdwarp.photons.emission import plan_emission
 from tpdwarp.photons.record import EnergyAccount
 from tpdwarp.photons.tracing import next_paths, record_of, trace_photons
-from tpdwarp.scene.geometry import geometry_of
+from tpdwarp.scene.device.geometry import geometry_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
 

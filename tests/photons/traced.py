@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from tpdwarp.launch import Launcher
+from tpdwarp.device import Launcher
 from tpdwarp.photons.emission import EmissionPlan, plan_emission
 from tpdwarp.photons.record import EnergyAccount, PhotonRecord
 from tpdwarp.photons.tracing import SMALLEST_BRANCH, record_of, trace_photons
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter, Shutter
-from tpdwarp.scene.geometry import geometry_of
+from tpdwarp.scene.device.geometry import geometry_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
 

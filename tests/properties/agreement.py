@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from photons.traced import EPS, Traced
+
+from tests.photons.traced import EPS, Traced
 
 OPERATIONS = 400
 """Roundings between light and floor: about 100 an interaction, and four of them."""

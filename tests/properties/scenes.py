@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
-from photons.moving_scenes import walls
-from photons.shapes import MIRROR, ball, box, field, glass, moving, prism, rotation, turning
-from photons.traced import Traced, lamp, scene_of, sun, turning_sun
 
+from tests.photons.moving_scenes import walls
+from tests.photons.shapes import MIRROR, ball, box, field, glass, moving, prism, rotation, turning
+from tests.photons.traced import Traced, lamp, scene_of, sun, turning_sun
 from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
 
 # The same examples on every run, as they come: making them smaller takes minutes. Which are rejected or slow is a

@@ -8,9 +8,9 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-from photons.traced import Written, traced
 
-from tpdwarp.frame import Frame, render_frame
+from tests.photons.traced import Written, traced
+from tpdwarp.rendering.frame import Frame, render_frame
 from tpdwarp.scene.description import SceneAtShutter
 from tpdwarp.settings import Settings
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from photons.traced import traced
+
+from tests.photons.traced import traced
 
 from .agreement import assert_same_photons
 from .placed import backwards, brighter, placed

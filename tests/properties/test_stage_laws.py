@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 from pxr import Gf, Sdf, Usd, UsdGeom
-from small_stage import write_stage
 
-from tpdwarp.frame import render_frame
+from tests.small_stage import write_stage
+from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.usd.stage import StageScene
+from tpdwarp.usd.read.stage import StageScene
 
 from .scenes import law, numbers, rotations, vectors
 

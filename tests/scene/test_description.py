@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from photons.shapes import DIFFUSE, MIRROR, floor, glass, moving
-from photons.traced import axes_along, lamp, sun, turning_sun
 
+from tests.photons.shapes import DIFFUSE, MIRROR, floor, glass, moving
+from tests.photons.traced import axes_along, lamp, sun, turning_sun
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 
 

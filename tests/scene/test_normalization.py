@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from photons.shapes import DIFFUSE, box, floor, glass
-from photons.traced import EPS, lamp, scene_of, sun
 
+from tests.photons.shapes import DIFFUSE, box, floor, glass
+from tests.photons.traced import EPS, lamp, scene_of, sun
 from tpdwarp.errors import InputError
 from tpdwarp.scene.normalization import Normalization
 

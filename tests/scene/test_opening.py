@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from photons.traced import Written
 
+from tests.photons.traced import Written
 from tests.view.scenes import SUN, WATER, quad
 from tpdwarp.scene.description import SceneAtShutter, Shutter
 from tpdwarp.scene.opening import scene_at_opening

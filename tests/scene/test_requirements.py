@@ -6,9 +6,9 @@ import json
 from dataclasses import replace
 
 import numpy as np
-from photons.shapes import DIFFUSE, MIRROR, floor, glass, moving
-from photons.traced import axes_along, lamp, scene_of, sun
 
+from tests.photons.shapes import DIFFUSE, MIRROR, floor, glass, moving
+from tests.photons.traced import axes_along, lamp, scene_of, sun
 from tpdwarp.scene.description import CameraAtShutter
 from tpdwarp.scene.requirements import INTERNAL_REFLECTIONS, MAX_BOUNCES, requirements_of
 

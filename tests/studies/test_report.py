@@ -4,7 +4,7 @@ import re
 import pytest
 
 from tests.studies.made import measured, study_result, three_cases
-from tpdwarp.images import read_image
+from tpdwarp.io.images import read_image
 from tpdwarp.studies.report import MOST_PICTURES, page, write_report
 
 

@@ -1,8 +1,8 @@
 """Whole studies of a small stage."""
 
 import pytest
-from small_stage import write_stage
 
+from tests.small_stage import write_stage
 from tpdwarp.errors import FrameError, InputError
 from tpdwarp.studies import run
 from tpdwarp.studies.cases import Sweep

@@ -11,7 +11,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter
 from tpdwarp.settings import Settings
-from tpdwarp.usd.stage import StageScene
+from tpdwarp.usd.read.stage import StageScene
 
 SQUARE = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0))
 

@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.oracle import Wave
-from tests.oracle.shapes import grid_points, grid_triangles
-from tpdwarp.launch import Launcher
+from tpdwarp.device import Launcher
 from tpdwarp.scene.description import (
     CameraAtShutter,
     Interaction,
@@ -20,11 +18,13 @@ from tpdwarp.scene.description import (
     SceneAtShutter,
     Shutter,
 )
-from tpdwarp.scene.geometry import geometry_of
+from tpdwarp.scene.device.geometry import geometry_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
 from tpdwarp.view.camera import camera_of
-from tpdwarp.view.visible import light_arrays, visible_points
+from tpdwarp.view.visibility import light_arrays, visible_points
+from usd_scenes.oracle import Wave
+from usd_scenes.oracle.shapes import grid_points, grid_triangles
 
 SHUTTER = Shutter(1.0, 1.0, 2.0)
 ONE_THREAD = Launcher("cpu", 1)

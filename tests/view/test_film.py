@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tests.oracle.closed_forms import fresnel_reflectance
 from tests.view.scenes import ONE_THREAD, SUN, WATER, floor, looking_down, quad, steady
 from tpdwarp.footprints.gather import Irradiance, QueryArrays
-from tpdwarp.frame import render_frame
+from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
 from tpdwarp.view.film import BACKGROUND_DEPTH, Film
-from tpdwarp.view.visible import VisibleArrays, VisiblePoints
+from tpdwarp.view.visibility import VisibleArrays, VisiblePoints
+from usd_scenes.oracle.closed_forms import fresnel_reflectance
 
 STILL, OPEN = Shutter(0, 0, 0), Shutter(0, 0, 1)
 AOVS = ("caustic", "direct", "irradiance", "Z", "N", "P", "motion", "photons")

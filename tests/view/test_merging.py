@@ -7,11 +7,11 @@ import pytest
 
 from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, quad, steady
 from tpdwarp.estimators.base import Animation, Clock
-from tpdwarp.frame import render_frame
+from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.sights import View
 from tpdwarp.view.merging import FARTHEST, SMALLEST_COSINE, merged
+from tpdwarp.view.queries import View
 
 STILL = Shutter(0, 0, 0)
 SIDE = 0.1

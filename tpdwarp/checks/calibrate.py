@@ -17,8 +17,8 @@ from tpdwarp.checks.render import Recipe, recipe_of, render_like
 from tpdwarp.checks.run import check
 from tpdwarp.checks.student import prediction_limit
 from tpdwarp.errors import InputError
-from tpdwarp.files import check_writable
-from tpdwarp.progress import Progress, progress_of
+from tpdwarp.io.files import check_writable
+from tpdwarp.jobs.progress import Progress, progress_of
 
 FilePath = str | os.PathLike[str]
 

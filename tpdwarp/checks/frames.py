@@ -18,8 +18,8 @@ from tpdwarp.checks.metadata import metadata_findings
 from tpdwarp.checks.pictures import group_pictures
 from tpdwarp.checks.sequences import Pair
 from tpdwarp.errors import FrameError, InputError
-from tpdwarp.images import StoredImage, decode_srgb, read_stored
-from tpdwarp.reports.pictures import shrunk
+from tpdwarp.html.pictures import shrunk
+from tpdwarp.io.images import StoredImage, decode_srgb, read_stored
 
 # Flicker is a matter of areas, not of single pixels; reduced images of two frames are all that a sequence keeps.
 FLICKER_WIDTH = 480

@@ -10,7 +10,7 @@ from typing import Any
 
 import tpdwarp
 from tpdwarp.checks.findings import CheckResult, FrameComparison
-from tpdwarp.files import complete_or_absent
+from tpdwarp.io.files import complete_or_absent
 
 
 def as_json(result: CheckResult) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from tpdwarp.checks.findings import CheckResult, Finding
-from tpdwarp.files import complete_or_absent
+from tpdwarp.io.files import complete_or_absent
 
 # XML 1.0 has no way to write these; a parser that meets one drops the whole file.
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

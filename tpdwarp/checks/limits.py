@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from tpdwarp.errors import InputError
-from tpdwarp.files import check_writable, complete_or_absent
+from tpdwarp.io.files import check_writable, complete_or_absent
 
 LIMITS_FILE = "tpdwarp-check.toml"
 SEVERITIES = ("fail", "warn", "ignore")

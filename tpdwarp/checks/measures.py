@@ -11,8 +11,8 @@ import numpy as np
 from tpdwarp.checks.findings import Finding, GroupMeasures, WorstPixel
 from tpdwarp.checks.limits import FlipLimits, GroupLimits
 from tpdwarp.checks.pixels import compare_pixels, largest_channel, root_mean_square
-from tpdwarp.images import flip_difference
-from tpdwarp.reports.pictures import shrunk
+from tpdwarp.html.pictures import shrunk
+from tpdwarp.io.images import flip_difference
 
 WORST_COUNT = 5
 COARSE_FACTOR = 8

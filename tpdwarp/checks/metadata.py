@@ -21,7 +21,7 @@ def metadata_findings(
     """Differences between two images' attributes.
 
     Args:
-        metadata, baseline: Attributes, as :func:`tpdwarp.images.read_stored` gives them.
+        metadata, baseline: Attributes, as :func:`tpdwarp.io.images.read_stored` gives them.
         limits: Which of them count.
     """
     for name in sorted({*metadata, *baseline}):

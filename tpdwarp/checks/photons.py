@@ -16,7 +16,7 @@ from tpdwarp.checks.metadata import metadata_findings
 from tpdwarp.checks.sequences import LAYER_EXTENSIONS, FrameFile, files_of
 from tpdwarp.errors import InputError
 from tpdwarp.photons.record import PhotonRecord
-from tpdwarp.usd.debug_reader import DebugLayerReader
+from tpdwarp.usd.read.debug_layer import DebugLayerReader
 
 _VECTORS = {"position": "positions", "dxdu": "dxdu", "dxdv": "dxdv", "dxdt": "dxdt"}
 _NAMES = {"position": "position", "dxdu": "D_u x", "dxdv": "D_v x", "dxdt": "D_t x", "flux": "flux"}

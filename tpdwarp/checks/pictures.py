@@ -6,7 +6,7 @@ import numpy as np
 
 from tpdwarp.checks.findings import WorstPixel
 from tpdwarp.checks.measures import Measured, background
-from tpdwarp.reports.pictures import exposable, heat, shrunk
+from tpdwarp.html.pictures import exposable, heat, shrunk
 
 ZOOM = 15
 _PASSING_WIDTH = 240
@@ -17,7 +17,7 @@ def group_pictures(
 ) -> tuple[dict[str, bytes], dict[str, float]]:
     """Encoded pictures by name, and what their codes stand for.
 
-    ``a``, ``b`` (:func:`tpdwarp.reports.pictures.exposable`), ``difference``, ``flip`` (heat maps) and ``zoom`` (the
+    ``a``, ``b`` (:func:`tpdwarp.html.pictures.exposable`), ``difference``, ``flip`` (heat maps) and ``zoom`` (the
     surroundings of the worst pixels, image above baseline, side by side). Equal images are stored once, as ``b``.
 
     Args:

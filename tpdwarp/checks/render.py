@@ -12,9 +12,9 @@ from typing import Any
 
 from tpdwarp.checks.sequences import LAYER_EXTENSIONS, FrameFile, files_of
 from tpdwarp.errors import InputError, logger
-from tpdwarp.images import EXTENSIONS, read_stored
-from tpdwarp.progress import Progress
-from tpdwarp.sequence import render
+from tpdwarp.io.images import EXTENSIONS, read_stored
+from tpdwarp.jobs.progress import Progress
+from tpdwarp.jobs.sequence import render
 from tpdwarp.settings import Settings
 
 FilePath = str | os.PathLike[str]

@@ -11,8 +11,8 @@ from typing import Any
 from tpdwarp.checks.findings import CheckResult, FrameComparison, GroupMeasures
 from tpdwarp.checks.limits import BEAUTY
 from tpdwarp.checks.pictures import ZOOM
-from tpdwarp.reports.curves import curve_figure
-from tpdwarp.reports.page import data_block, escape, write_page
+from tpdwarp.html.curves import curve_figure
+from tpdwarp.html.page import data_block, escape, write_page
 
 # Bytes of pictures in a page, a third less than they take in it: browsers open it at once, and servers take it.
 MOST_PICTURE_BYTES = 24e6
@@ -36,7 +36,7 @@ def write_report(path: str | os.PathLike[str], result: CheckResult) -> None:
     Raises:
         FrameError: The file cannot be written.
     """
-    scripts = (("tpdwarp.reports", "pictures.js"), ("tpdwarp.checks", "report.js"))
+    scripts = (("tpdwarp.html", "pictures.js"), ("tpdwarp.checks", "report.js"))
     title = f"{_verdict(result)} – tpdwarp check"
     write_page(path, title, _parts(result), scripts)
 

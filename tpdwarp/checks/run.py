@@ -22,9 +22,9 @@ from tpdwarp.checks.picture_store import PictureStore
 from tpdwarp.checks.report import write_report
 from tpdwarp.checks.sequences import Pair, image_pairs
 from tpdwarp.errors import InputError
-from tpdwarp.files import check_writable
-from tpdwarp.outcomes import FrameOutcome
-from tpdwarp.progress import Progress, progress_of
+from tpdwarp.io.files import check_writable
+from tpdwarp.jobs.progress import Progress, progress_of
+from tpdwarp.jobs.results import FrameOutcome
 
 FilePath = str | os.PathLike[str]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tpdwarp.errors import InputError
-from tpdwarp.images import EXTENSIONS
+from tpdwarp.io.images import EXTENSIONS
 
 LAYER_EXTENSIONS = (".usdc", ".usda", ".usd")
 _NUMBER = re.compile(r"^(?P<before>.*?[._-]|)(?P<number>-?\d+(?:\.\d+)?)$")

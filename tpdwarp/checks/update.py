@@ -16,7 +16,7 @@ from typing import Any
 import tpdwarp
 from tpdwarp.checks.findings import CheckResult
 from tpdwarp.errors import InputError
-from tpdwarp.files import complete_or_absent
+from tpdwarp.io.files import complete_or_absent
 
 RECORD_FILE = "tpdwarp-check.history.jsonl"
 _UNFIT = ("not finite", "unreadable", "duplicate frame", "repeated ids")

@@ -10,7 +10,7 @@ import tempfile
 from tpdwarp.cli.outcome import DONE, FAILED
 from tpdwarp.cli.report import warnings_shown
 from tpdwarp.errors import InputError
-from tpdwarp.progress import KINDS, OccasionalProgress, Progress, progress_of
+from tpdwarp.jobs.progress import KINDS, OccasionalProgress, Progress, progress_of
 
 SUMMARY = "compare frames and debug layers with a baseline"
 EPILOG = (

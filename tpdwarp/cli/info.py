@@ -10,7 +10,7 @@ from typing import Any
 from tpdwarp.cli.options import EXPOSURE, PICTURE, SettingOption, declare_frames, declare_settings, settings_given
 from tpdwarp.cli.outcome import DONE
 from tpdwarp.cli.report import warnings_shown
-from tpdwarp.progress import Progress
+from tpdwarp.jobs.progress import Progress
 
 SUMMARY = "say what a USD stage holds and what it requires of the tracer"
 EPILOG = (
@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     """Prints; returns the exit code."""
     with warnings_shown(Progress()):
         # Here and not above, so that --help need not wait for USD to load.
-        from tpdwarp.overview import info
+        from tpdwarp.jobs.stage_info import info
 
         holdings = info(
             options.scene, frames=options.frames, default_time=options.default_time, **settings_given(options)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any
 
+from tpdwarp.jobs.progress import KINDS
 from tpdwarp.presets import PRESETS
-from tpdwarp.progress import KINDS
 from tpdwarp.settings import AOVS, CHOICES, Settings
 
 COMPLEXITIES = {"low": 1.0, "medium": 1.1, "high": 1.2, "veryhigh": 1.3}

@@ -6,7 +6,7 @@ import argparse
 
 from tpdwarp.cli.options import PICTURE, declare_frames, declare_reports, declare_tracing, settings_given
 from tpdwarp.cli.report import report, warnings_shown
-from tpdwarp.progress import progress_of
+from tpdwarp.jobs.progress import progress_of
 
 SUMMARY = "render frames of a USD stage to image files"
 EPILOG = (
@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
     shown = progress_of(options.progress)
     with warnings_shown(shown):
         # Here and not above, so that --help need not wait for the renderer to load.
-        from tpdwarp.sequence import render
+        from tpdwarp.jobs.sequence import render
 
         result = render(
             options.scene,

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from tpdwarp.cli.outcome import DONE, FAILED, debugging
 from tpdwarp.errors import logger
-from tpdwarp.frame_names import frame_text
-from tpdwarp.progress import Progress
+from tpdwarp.io.frame_names import frame_text
+from tpdwarp.jobs.progress import Progress
 
 if TYPE_CHECKING:
-    from tpdwarp.outcomes import SequenceResult
+    from tpdwarp.jobs.results import SequenceResult
 
 
 @contextmanager

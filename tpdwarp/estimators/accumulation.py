@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
 from tpdwarp.estimators.static import still_part
-from tpdwarp.footprints.footprint import PixelSize
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.scene.description import Shutter
 
 

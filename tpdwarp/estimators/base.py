@@ -9,21 +9,21 @@ from copy import copy
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from tpdwarp.device import Launcher
 from tpdwarp.errors import InputError
-from tpdwarp.estimators.segmenting import Level, levels
-from tpdwarp.footprints.footprint import FootprintMap, PixelSize
 from tpdwarp.footprints.gather import GatherForm, Irradiance, QueryArrays, gather
-from tpdwarp.launch import Launcher
+from tpdwarp.footprints.shaping import FootprintMap, PixelSize
 from tpdwarp.photons.emission import EmissionPlan, plan_emission
 from tpdwarp.photons.record import EnergyAccount
 from tpdwarp.photons.tracing import PhotonMap, trace_photons
+from tpdwarp.scene.coordinate_range import require_reach
 from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter, reference_scenes
-from tpdwarp.scene.geometry import Geometry, geometry_of
+from tpdwarp.scene.device.geometry import Geometry, geometry_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.opening import scene_at_opening
-from tpdwarp.scene.reach import require_reach
 from tpdwarp.scene.requirements import Requirements, requirements_of
 from tpdwarp.settings import Settings
+from tpdwarp.trajectories.segments import Level, levels
 
 
 @dataclass

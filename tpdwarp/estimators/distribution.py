@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
-from tpdwarp.estimators.dealing import dealt_cells, instants
 from tpdwarp.estimators.temporal import shaped
-from tpdwarp.footprints.footprint import PixelSize
+from tpdwarp.estimators.time_strata import dealt_cells, instants
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.emission import EmissionPlan
 from tpdwarp.photons.record import EnergyAccount
 from tpdwarp.photons.tracing import PhotonMap

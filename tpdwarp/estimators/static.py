@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
 from tpdwarp.estimators.temporal import shaped
-from tpdwarp.footprints.footprint import PixelSize
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.scene.description import Shutter
 
 

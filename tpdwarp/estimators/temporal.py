@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from tpdwarp.estimators.base import Animation, Clock, FootprintField, LoadedScene, Part
-from tpdwarp.estimators.bending import bent
-from tpdwarp.estimators.segmenting import Level
-from tpdwarp.footprints.footprint import PixelSize, shape_footprints
 from tpdwarp.footprints.gather import GatherForm
+from tpdwarp.footprints.shaping import PixelSize, shape_footprints
 from tpdwarp.photons.emission import EmissionPlan
 from tpdwarp.photons.record import EnergyAccount
 from tpdwarp.photons.tracing import PhotonMap
 from tpdwarp.scene.description import Shutter
+from tpdwarp.trajectories.fit import bent
+from tpdwarp.trajectories.segments import Level
 
 
 class Temporal:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
 from tpdwarp.estimators.distribution import dealt_photons, random_times
 from tpdwarp.estimators.nearest import NearestField, tree_type
-from tpdwarp.footprints.footprint import PixelSize
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.scene.description import Shutter
 
 

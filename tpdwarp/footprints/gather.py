@@ -9,11 +9,11 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from tpdwarp.device import Launcher
 from tpdwarp.footprints import bspline
 from tpdwarp.footprints.bspline import Way, bspline_weight, way_reach
-from tpdwarp.footprints.footprint import FootprintArrays, FootprintMap, PieceArrays
 from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
-from tpdwarp.launch import Launcher
+from tpdwarp.footprints.shaping import FootprintArrays, FootprintMap, PieceArrays
 
 # A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its slack.
 SMALLEST_COSINE = wp.constant(0.5)

@@ -15,8 +15,8 @@ from tpdwarp.photons.differentials import (
     refracted_cosine_squared,
     transfer,
 )
-from tpdwarp.scene.geometry import Surfaces
-from tpdwarp.scene.surface import Hit, normal_variation, shading_normal
+from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.intersection import Hit, normal_variation, shading_normal
 
 
 @wp.struct

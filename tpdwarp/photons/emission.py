@@ -16,7 +16,8 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
-from tpdwarp.photons.elongation import elongation, specular_faces
+from tpdwarp.photons.lattice_aspect import elongation, specular_faces
+from tpdwarp.scene.coordinate_range import require_reach
 from tpdwarp.scene.description import (
     LightAtShutter,
     LightKind,
@@ -26,7 +27,6 @@ from tpdwarp.scene.description import (
     reference_scenes,
 )
 from tpdwarp.scene.normalization import Normalization
-from tpdwarp.scene.reach import require_reach
 
 FEWEST_ROWS = 8
 FINEST_ANGLE = 0.1

@@ -17,15 +17,15 @@ from functools import cache
 import numpy as np
 import warp as wp
 
-from tpdwarp.launch import Launcher
+from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import arrive, leave, meet
 from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.emission import EmissionPlan, Patch, cell_flux, emit
 from tpdwarp.photons.record import EnergyAccount, PhotonRecord
 from tpdwarp.scene.description import SceneAtShutter
-from tpdwarp.scene.geometry import Geometry, Surfaces
+from tpdwarp.scene.device.geometry import Geometry, Surfaces
+from tpdwarp.scene.device.intersection import along, closest_hit, occluded
 from tpdwarp.scene.requirements import Requirements
-from tpdwarp.scene.surface import along, closest_hit, occluded
 
 SMALLEST_BRANCH = 2.0e-3
 DIELECTRIC = wp.constant(1)

@@ -7,8 +7,8 @@ import json
 import os
 from typing import Any
 
-from tpdwarp.files import complete_or_absent
-from tpdwarp.statistics import versions
+from tpdwarp.io.files import complete_or_absent
+from tpdwarp.jobs.statistics import versions
 from tpdwarp.studies.result import StudyResult, rows_of
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tpdwarp.images import flip_difference
+from tpdwarp.io.images import flip_difference
 from tpdwarp.studies.solutions import Solution
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

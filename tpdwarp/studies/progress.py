@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 from tpdwarp.errors import InputError
-from tpdwarp.progress import BarProgress, Progress
+from tpdwarp.jobs.progress import BarProgress, Progress
 
 KINDS = ("auto", "bar", "plain", "none")
 

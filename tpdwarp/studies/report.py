@@ -8,8 +8,8 @@ from html import escape
 
 import numpy as np
 
-from tpdwarp.files import complete_or_absent
-from tpdwarp.images import encode_srgb, encoded_picture
+from tpdwarp.io.files import complete_or_absent
+from tpdwarp.io.images import encode_srgb, encoded_picture
 from tpdwarp.studies.plot import Series, log_plot
 from tpdwarp.studies.result import ExposureResult, Measured, StudyResult
 

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from tpdwarp.errors import FrameError, InputError
-from tpdwarp.files import check_writable
-from tpdwarp.runner import reason_of
+from tpdwarp.io.files import check_writable
+from tpdwarp.jobs.frame_loop import reason_of
+from tpdwarp.jobs.sequence import Frames, chosen_settings, frames_asked, open_scene, shutter_of
 from tpdwarp.scene.description import Shutter
-from tpdwarp.sequence import Frames, chosen_settings, frames_asked, open_scene, shutter_of
 from tpdwarp.settings import Settings
 from tpdwarp.studies.cases import Case, Sweep
 from tpdwarp.studies.files import write_csv, write_json
@@ -22,8 +22,8 @@ from tpdwarp.studies.result import ExposureResult, Measured, StudyResult
 from tpdwarp.studies.solutions import Renderer, Solution
 from tpdwarp.studies.store import Store, default_folder
 from tpdwarp.studies.truth import TruthSettings, truth_of
-from tpdwarp.usd.layer_files import content_hash
-from tpdwarp.usd.stage import StageScene
+from tpdwarp.usd.read.layer_files import content_hash
+from tpdwarp.usd.read.stage import StageScene
 
 FilePath = str | os.PathLike[str]
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tpdwarp.estimators.base import Clock
-from tpdwarp.frame import render_frame
+from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.studies.memory import peak_bytes, reset_peak
-from tpdwarp.usd.stage import StageScene
+from tpdwarp.usd.read.stage import StageScene
 
 _WARM_PHOTONS, _WARM_PIXELS = 64, 8
 

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 import tpdwarp
-from tpdwarp.files import check_writable, complete_or_absent
+from tpdwarp.io.files import check_writable, complete_or_absent
 from tpdwarp.studies.solutions import Solution
 
 # What only parses, prints, compares or studies does not change a frame.
-_ASIDE = ("cli", "studies", "checks", "reports")
+_ASIDE = ("cli", "studies", "checks", "html")
 
 
 def default_folder() -> Path:

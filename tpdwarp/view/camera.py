@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-from tpdwarp.footprints.footprint import PixelSize
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.beam import Beam
 from tpdwarp.scene.description import CameraAtShutter
 from tpdwarp.scene.normalization import Normalization

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tpdwarp.footprints.gather import Irradiance
+from tpdwarp.io.float32 import single
 from tpdwarp.scene.normalization import Normalization
-from tpdwarp.single import single
-from tpdwarp.view.visible import VisiblePoints
+from tpdwarp.view.visibility import VisiblePoints
 
 BACKGROUND_DEPTH = 1.0e10
 

@@ -1,0 +1,303 @@
+"""The metric of a footprint, its regularisation and its bounds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.footprints.photons import ONE_THREAD, first_channel, grid, irradiance, photon_map, queries, shaped
+from tpdwarp.footprints import bspline, kernels
+from tpdwarp.footprints.gather import GatherForm
+from tpdwarp.footprints.shaping import (
+    LARGEST_ASPECT,
+    LONGEST_AXIS,
+    SMALLEST_AXIS,
+    SMALLEST_OF_ALL,
+    PixelSize,
+    shape_footprints,
+)
+from usd_scenes.oracle import footprint_weight, static_kernel
+
+ROUNDING = 2.0**-23
+EPANECHNIKOV = GatherForm("epanechnikov")
+
+
+def rotations(count: int, seed: int = 1) -> np.ndarray:
+    """Random rotations, shape [n, 3, 3]."""
+    q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(count, 3, 3)))
+    q = q * np.sign(np.einsum("nii->ni", r))[:, None]
+    return q * np.sign(np.linalg.det(q))[:, None, None]
+
+
+def tangent_photons(count: int = 200, size: float = 0.05, seed: int = 2) -> dict[str, np.ndarray]:
+    """Random footprints with their columns in random tangent planes."""
+    random = np.random.default_rng(seed)
+    frame = rotations(count, seed)
+    columns = size * random.normal(size=(count, 2, 2))
+    # Kept clear of folds, where the limits are at work.
+    area = np.abs(np.linalg.det(columns))
+    columns[area < 0.1 * size**2] = size * np.diag([1.0, 0.7])
+    dxdu, dxdv = (np.einsum("ni,nij->nj", columns[:, k], frame[:, :2]) for k in (0, 1))
+    return {
+        "positions": random.uniform(-0.5, 0.5, (count, 3)), "dxdu": dxdu, "dxdv": dxdv, "normals": frame[:, 2]
+    }  # fmt: skip
+
+
+def metric(footprints) -> np.ndarray:
+    """MᵀM: what a radial footprint measures distances with, shape [n, 3, 3]."""
+    u, v = footprints.arrays.row_u.numpy().astype(float), footprints.arrays.row_v.numpy().astype(float)
+    return np.einsum("ni,nj->nij", u, u) + np.einsum("ni,nj->nij", v, v)
+
+
+def density(footprints) -> np.ndarray:
+    return footprints.arrays.density.numpy()[:, 0].astype(float)
+
+
+def bounds(footprints) -> np.ndarray:
+    """Lower and upper corners of all pieces of each footprint together, shape [2, n, 3]."""
+    owner = footprints.pieces.footprint.numpy()
+    low, high = np.full((footprints.count, 3), np.inf), np.full((footprints.count, 3), -np.inf)
+    np.minimum.at(low, owner, footprints.pieces.lower.numpy())
+    np.maximum.at(high, owner, footprints.pieces.upper.numpy())
+    return np.stack([low, high])
+
+
+def covariance(photons: dict[str, np.ndarray]) -> np.ndarray:
+    return 0.25 * sum(np.einsum("ni,nj->nij", photons[k], photons[k]) for k in ("dxdu", "dxdv"))
+
+
+@pytest.mark.parametrize(("kernel", "scale"), [("epanechnikov", 2.0), ("bspline", 1.0)])
+def test_rows_are_those_of_the_inverse_jacobian(kernel, scale):
+    photons = tangent_photons()
+    found = shaped(photon_map(**photons, flux=3.0), kernel=kernel)
+    u, v, n = photons["dxdu"], photons["dxdv"], photons["normals"]
+    area = np.einsum("ni,ni->n", u, np.cross(v, n))[:, None]
+    # Angles and singular values are rounded by a few units, and the smallest axis amplifies them by the aspect.
+    aspect = np.linalg.cond(np.stack([u, v], axis=2)).max()
+    size = scale / np.linalg.svd(np.stack([u, v], axis=2), compute_uv=False).min()
+    allowed = 16 * ROUNDING * aspect * size
+    np.testing.assert_allclose(found.arrays.row_u.numpy(), scale * np.cross(v, n) / area, atol=allowed)
+    np.testing.assert_allclose(found.arrays.row_v.numpy(), scale * np.cross(n, u) / area, atol=allowed)
+    np.testing.assert_allclose(density(found), 3 * scale**2 / np.abs(area[:, 0]), rtol=16 * ROUNDING * aspect)
+    assert found.clamped == 0
+
+
+def test_widening_adds_half_a_pixel_to_the_covariance():
+    photons, half = tangent_photons(), 0.03
+    found = shaped(photon_map(**photons), kernel="uniform", half_pixel=half)
+    n = photons["normals"]
+    tangent = np.eye(3) - np.einsum("ni,nj->nij", n, n)
+    wide = covariance(photons) + half**2 * tangent
+    # MᵀM is the inverse of C + ε²I in the tangent plane.
+    np.testing.assert_allclose(np.einsum("nij,njk->nik", metric(found), wide), tangent, atol=1e-3)
+    axes = np.sort(np.linalg.eigvalsh(wide), axis=1)[:, 1:]
+    np.testing.assert_allclose(density(found), 1 / np.sqrt(axes.prod(axis=1)), rtol=1e-5)
+
+
+@pytest.mark.parametrize("side", [0.02, 0.05, 0.5])
+@pytest.mark.parametrize("angle", [90, 60, 20, 3])
+def test_a_b_spline_is_as_wide_as_it_is_on_average_over_a_pixel(side, angle):
+    """Variances add up; those of a parallelogram's axes, of which the box takes what is not askew, to within a half."""
+    u, v = np.array([0.05, 0, 0]), 0.04 * np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle)), 0])
+    found = shaped(photon_map([(0, 0, 0)], u, v), half_pixel=side / math.sqrt(12))
+    half = 0.15 + 2 * side
+    positions, area = grid((-half, -half), (half, half), (1200, 1200))
+    weights = first_channel(found, positions) * area
+    assert weights.sum() == pytest.approx(1, rel=1e-3)
+    spread = np.einsum("n,ni,nj->ij", weights, positions[:, :2], positions[:, :2])
+    cell = covariance({"dxdu": u[None], "dxdv": v[None]})[0, :2, :2]
+    added = np.linalg.eigvalsh(spread - cell) / (side**2 / 12)
+    # Axes are no shorter than the box's deviation, so that small cells under large boxes count as a quarter more.
+    assert np.all(added > 0.7) and np.all(added < 1.6)
+    if angle == 90 and side < 0.1:
+        np.testing.assert_allclose(added, 1, rtol=1e-2)
+
+
+def test_pixels_much_smaller_than_cells_widen_nothing():
+    found = shaped(photon_map([(0, 0, 0)], (0.1, 0, 0), (0, 0.01, 0)), half_pixel=0.02 / math.sqrt(12))
+    np.testing.assert_allclose(found.arrays.box.numpy(), [[0, 2]], rtol=1e-5)
+
+
+@pytest.mark.parametrize("shear", [0.0, 0.4])
+@pytest.mark.parametrize("pixels", [0.4, 1.0, 2.0])
+def test_a_lattice_stays_uniform_however_large_pixels_are_beside_its_cells(shear, pixels):
+    """B-splines that are wider than their cells leave up to two per cent of ripple; askew ones keep some of it."""
+    cell = 0.05
+    index = np.arange(-40, 41)
+    i, j = (a.ravel() for a in np.meshgrid(index, index))
+    at = np.stack([(i + shear * j) * cell, j * cell, 0.0 * i], axis=1)
+    photons = photon_map(at, (cell, 0, 0), (shear * cell, cell, 0), flux=cell**2)
+    points = np.append(np.random.default_rng(4).uniform(-0.1, 0.1, (300, 2)), np.zeros((300, 1)), axis=1)
+    ripple = np.abs(first_channel(shaped(photons, half_pixel=pixels * cell / math.sqrt(12)), points) - 1).max()
+    assert ripple < (1e-2 if shear else 2e-5)
+
+
+def test_pixels_grow_with_the_distance_from_the_eye():
+    size = PixelSize()
+    size.eye, size.slope = (0.0, 0.0, 1.0), math.sqrt(12) * 0.02
+    photons = photon_map([(0, 0, 0), (0, 0, -1.0)], (0, 0, 0), (0, 0, 0))
+    found = shape_footprints([photons], "uniform", 1.0, size, False, ONE_THREAD)
+    np.testing.assert_allclose(density(found), [1 / 0.02**2, 1 / 0.04**2], rtol=1e-5)
+
+
+def test_smoothing_scales_the_footprint():
+    photons = tangent_photons()
+    wide = {**photons, "dxdu": 2.5 * photons["dxdu"], "dxdv": 2.5 * photons["dxdv"]}
+    a, b = shaped(photon_map(**photons), smoothing=2.5), shaped(photon_map(**wide))
+    np.testing.assert_allclose(a.arrays.row_u.numpy(), b.arrays.row_u.numpy(), rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(density(a), density(b), rtol=1e-5)
+
+
+@pytest.mark.parametrize("kernel", ["epanechnikov", "bspline"])
+def test_swapping_or_flipping_columns_changes_nothing(kernel):
+    photons = tangent_photons()
+    given = shaped(photon_map(**photons), kernel=kernel)
+    u, v = photons["dxdu"], photons["dxdv"]
+    for du, dv in ((v, u), (-u, v), (u, -v), (-v, -u)):
+        other = shaped(photon_map(**{**photons, "dxdu": du, "dxdv": dv}), kernel=kernel)
+        peak = np.abs(metric(given)).max(axis=(1, 2))
+        assert np.all(np.abs(metric(other) - metric(given)).max(axis=(1, 2)) <= 1e-4 * peak)
+        np.testing.assert_allclose(density(other), density(given), rtol=1e-5)
+        np.testing.assert_allclose(bounds(other), bounds(given), atol=1e-5)
+
+
+@pytest.mark.parametrize("kernel", ["epanechnikov", "bspline"])
+def test_turning_a_footprint_turns_its_metric(kernel):
+    photons = tangent_photons()
+    turn = rotations(len(photons["dxdu"]), 9)
+    turned = {name: np.einsum("nij,nj->ni", turn, value) for name, value in photons.items()}
+    a, b = shaped(photon_map(**photons), kernel=kernel), shaped(photon_map(**turned), kernel=kernel)
+    expected = np.einsum("nij,njk,nlk->nil", turn, metric(a), turn)
+    peak = np.abs(expected).max(axis=(1, 2))
+    assert np.all(np.abs(metric(b) - expected).max(axis=(1, 2)) <= 1e-4 * peak)
+    np.testing.assert_allclose(density(b), density(a), rtol=1e-5)
+    for k in ("row_u", "row_v"):
+        rows = np.einsum("nij,nj->ni", turn, getattr(a.arrays, k).numpy())
+        np.testing.assert_allclose(getattr(b.arrays, k).numpy(), rows, rtol=1e-3, atol=1e-4 * np.abs(rows).max())
+
+
+FOOTPRINTS = {
+    "round": ((0.1, 0, 0), (0, 0.1, 0)),
+    "sheared": ((0.1, 0.02, 0), (0.08, 0.07, 0)),
+    "mirrored": ((0.02, 0.1, 0), (0.1, -0.03, 0)),
+    "fold": ((0.1, 0.05, 0), (0.06, 0.03, 0)),
+    "nearly folded": ((0.1, 0.05, 0), (0.06, 0.0301, 0)),
+    "no Du": ((0, 0, 0), (0.03, 0.1, 0)),
+    "cusp": ((0, 0, 0), (0, 0, 0)),
+    "long": ((0.3, 0.1, 0), (0, 1e-6, 0)),
+    "grazing": ((0, 50.0, 0), (0.05, 0, 0)),
+    "off the plane": ((0.1, 0, 0.4), (0, 0.1, -0.2)),
+}
+
+
+@pytest.mark.parametrize("name", FOOTPRINTS)
+@pytest.mark.parametrize("dxdt", [(0, 0, 0), (0.35, -0.1, 0)])
+def test_check_17_footprints_keep_their_flux_however_they_are_widened(name, dxdt):
+    dxdu, dxdv = FOOTPRINTS[name]
+    half = 0.012
+    for form in (GatherForm(), EPANECHNIKOV):
+        photon = photon_map([(0, 0, 0)], dxdu, dxdv, dxdt, flux=2.0)
+        found = shaped(photon, kernel=form.kernel, half_pixel=half, moves=True)
+        low, high = bounds(found)[:, 0, :2]
+        counts = np.maximum(np.ceil((high - low) / (0.1 * half)).astype(int), 40)
+        counts = np.minimum(counts, 1500)
+        positions, area = grid(low, high, counts)
+        total = first_channel(found, positions, form).sum() * area
+        # The narrowest axis is two half pixels wide, twenty cells; the midpoint rule's error is second order in a
+        # cell, for the Epanechnikov kernel by the bend at its rim.
+        assert total == pytest.approx(2.0, rel=(1 / 20) ** 2), (name, form.kernel)
+
+
+@pytest.mark.parametrize("away", [0.0, 1e-5, 0.5])
+def test_limited_footprints_are_counted(away):
+    dxdu = [(0.1, 0, 0), (5.0, 0, 0), (0.3, 0, 0), (0, 0, 0), (0.5, 0, 0)]
+    dxdv = [(0, 0.1, 0), (0, 5.0, 0), (0, 1e-5, 0), (0, 0, 0), (0, 0.001, 0)]
+    photons = photon_map(np.tile([away, 0, 0], (5, 1)), dxdu, dxdv)
+    found = shaped(photons)
+    np.testing.assert_array_equal(found.arrays.clamped.numpy(), [0, 1, 1, 1, 0])
+    assert found.clamped == 3
+    axes = np.sort(1 / np.linalg.norm([found.arrays.row_u.numpy(), found.arrays.row_v.numpy()], axis=2), axis=0)
+    longest, thinnest = axes[1], axes[0]
+    assert np.all(longest <= float(LONGEST_AXIS) * (1 + 1e-5))
+    smallest = max(float(SMALLEST_AXIS) * away, float(SMALLEST_OF_ALL))
+    assert np.all(thinnest >= np.maximum(longest / float(LARGEST_ASPECT), smallest) * (1 - 1e-5))
+    # The one that has collapsed is as small as single precision tells points apart where it lies.
+    assert thinnest[3] == pytest.approx(smallest, rel=1e-5)
+    assert shaped(photons, half_pixel=0.01).clamped == 1
+
+
+@pytest.mark.parametrize(("kernel", "curved"), [("epanechnikov", False), ("bspline", False), ("bspline", True)])
+def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
+    photons, random = tangent_photons(), np.random.default_rng(4)
+    photons["dxdu"][::5] = photons["dxdv"][::5]
+    dxdt = 0.1 * random.normal(size=photons["dxdu"].shape)
+    # In the plane, as all that a receiver at rest sees of them; axes change by more than they may.
+    normals = photons["normals"][:, None]
+    curve = np.swapaxes(0.1 * random.normal(size=(len(dxdt), 4, 3)), 0, 1)
+    curve -= np.swapaxes((np.swapaxes(curve, 0, 1) * normals).sum(axis=2, keepdims=True) * normals, 0, 1)
+    given = photon_map(**photons, dxdt=dxdt, curve=curve if curved else None)
+    found = shaped(given, kernel=kernel, half_pixel=0.004, moves=True)
+    arrays = found.arrays
+    stretch = arrays.stretch.numpy() if curved else np.zeros((found.count, 2, 2))
+    rows = np.stack([arrays.row_u.numpy(), arrays.row_v.numpy()], axis=1).astype(float)
+    # Points of the support in filter space, as far out as it goes, carried into the world and along the path.
+    support = bspline.SUPPORT if kernel == "bspline" else kernels.SUPPORT
+    corners = support * random.uniform(-1, 1, (64, 2))
+    box = 0.5 * arrays.box.numpy().astype(float) if kernel == "bspline" else np.zeros((found.count, 2))
+    boxes = box[:, None] * random.uniform(-1, 1, (found.count, 64, 2))
+    if kernel == "epanechnikov":
+        corners /= np.maximum(np.linalg.norm(corners, axis=1, keepdims=True), 1e-9)
+        corners *= 0.999
+    assert np.all(static_kernel(kernel, corners) > 0)
+    pieces, number = found.pieces.footprint.numpy(), found.pieces.number.numpy()
+    low, high = found.pieces.lower.numpy()[:, None], found.pieces.upper.numpy()[:, None]
+    assert len(pieces) > 1.2 * found.count
+    for tau in (-0.5, 0.0, 0.2, 0.5):
+        stretched = np.einsum("nij,kj->nki", np.eye(2) + tau * stretch, corners)
+        inside = np.einsum("nij,nkj->nki", np.linalg.pinv(rows), stretched + boxes)
+        place = tau * dxdt + (0.5 * tau**2 * curve[0] + tau**3 / 6 * curve[1] if curved else 0.0)
+        reached = arrays.center.numpy()[:, None].astype(float) + inside + place[:, None]
+        at = reached[pieces]
+        held = np.all((at >= low - 1e-6) & (at <= high + 1e-6), axis=2)
+        times_held = np.zeros((found.count, len(corners)), int)
+        np.add.at(times_held, pieces, held)
+        assert times_held.min() >= 1
+        # Those that hold a point follow each other, so that the first of them can stand for all.
+        starts = held & np.vstack([np.ones_like(held[:1]), ~held[:-1] | (number[1:, None] == 0)])
+        times_started = np.zeros_like(times_held)
+        np.add.at(times_started, pieces, starts)
+        np.testing.assert_array_equal(times_started, 1)
+
+
+@pytest.mark.parametrize("form", [GatherForm(), EPANECHNIKOV], ids=["bspline", "epanechnikov"])
+def test_a_swept_footprint_weighs_as_the_oracle_says(form):
+    photons = tangent_photons(12, 0.06)
+    random = np.random.default_rng(8)
+    u, v, n = (photons[k] for k in ("dxdu", "dxdv", "normals"))
+    dxdt = 0.7 * u - 1.3 * v
+    offsets = np.einsum("ka,akj->kj", random.uniform(-0.8, 0.8, (12, 2)), np.stack([u, v]))
+    found = shaped(photon_map(**photons, dxdt=dxdt, receiver=np.arange(12)), kernel=form.kernel, moves=True)
+    points = queries(photons["positions"] + offsets, normals=n, receiver=np.arange(12))
+    weights = irradiance(found, points, form).irradiance[:, 0]
+    expected = footprint_weight(form.kernel, "shutter", offsets, u, v, dxdt)
+    assert np.count_nonzero(expected) >= 8
+    peak = 1 / np.linalg.norm(np.cross(u, v), axis=1)
+    # Float32 positions of order one against cells of 0.06; the B-spline's two nodes a cell (see test_kernels).
+    assert np.all(np.abs(weights - expected) <= peak * (4e-4 + (0.01 if form.kernel == "bspline" else 0)))
+
+
+def test_no_photons_make_an_empty_map():
+    found = shaped(photon_map(np.zeros((0, 3)), (1, 0, 0), (0, 1, 0)))
+    assert found.count == 0 and found.bvh is None
+    np.testing.assert_array_equal(first_channel(found, np.zeros((3, 3))), 0)
+
+
+def test_a_footprint_holds_its_flux_in_every_channel():
+    found = shaped(photon_map([(0, 0, 0)], (0.1, 0, 0), (0, 0.1, 0), flux=(1.0, 2.0, 3.0)))
+    positions, area = grid((-0.25, -0.25), (0.25, 0.25), (50, 50))
+    total = irradiance(found, queries(positions)).irradiance.astype(float).sum(axis=0) * area
+    # Five nodes a cell of a B-spline: a sum over translates, exact up to rounding.
+    np.testing.assert_allclose(total, [1, 2, 3], rtol=1e-5)
+    assert math.isclose(total[2] / total[0], 3, rel_tol=1e-6)

@@ -1,0 +1,338 @@
+import json
+import logging
+import math
+import os
+
+import numpy as np
+import pytest
+from pxr import Usd
+
+import tpdwarp
+from tests.small_stage import write_stage
+from tpdwarp.errors import FrameError, InputError
+from tpdwarp.io.images import read_image
+from tpdwarp.jobs import sequence
+from tpdwarp.photons.record import EnergyAccount, PhotonRecord
+from tpdwarp.rendering.frame import Frame
+
+SMALL = {"image_width": 12, "samples": 1, "photons": 64}
+
+
+def some_photons(count=4):
+    steps = np.tile([0.1, 0.0, 0.0], (count, 1))
+    return PhotonRecord(
+        ids=np.arange(count),
+        positions=np.zeros((count, 3)),
+        normals=np.tile([0.0, 0.0, 1.0], (count, 1)),
+        dxdu=steps,
+        dxdv=steps[:, [1, 0, 2]],
+        dxdt=steps,
+        flux=np.ones((count, 3)),
+        emission=np.zeros((count, 2)),
+        bounces=np.ones(count, np.int32),
+        receivers=np.zeros(count, np.int32),
+        receiver_paths=("/World/Floor",),
+    )
+
+
+class FakeRenderer:
+    """Stands in for the renderer: grey frames, and an exception at frames of choice."""
+
+    def __init__(self, monkeypatch, fail=None, energy=None):
+        self.fail, self.rendered, self.traced = fail or {}, [], []
+        self.energy = energy or EnergyAccount(sent=2.0, deposited=2.0)
+        monkeypatch.setattr(sequence, "render_frame", self.render)
+        monkeypatch.setattr(sequence, "trace_frame", self.trace)
+
+    def render(self, source, shutter, settings, width, height):
+        if shutter.frame in self.fail:
+            raise self.fail[shutter.frame]
+        self.rendered.append(shutter.frame)
+        grey = {name: np.full((height, width), 0.5, np.float32) for name in "RGBA"}
+        return Frame(some_photons(), self.energy, {"trace": 0.5}, grey, source.at(shutter).camera)
+
+    def trace(self, source, shutter, settings):
+        if shutter.frame in self.fail:
+            raise self.fail[shutter.frame]
+        self.traced.append(shutter.frame)
+        return Frame(some_photons(), self.energy, {"trace": 0.5}, {}, None)
+
+
+@pytest.fixture
+def stage(tmp_path):
+    return write_stage(tmp_path / "stage.usda")
+
+
+def files_in(folder):
+    return sorted(os.listdir(folder)) if folder.exists() else []
+
+
+def sampled_frames(layer):
+    stage = Usd.Stage.Open(str(layer))
+    return stage.GetPrimAtPath("/TPD/Photons").GetAttribute("points").GetTimeSamples()
+
+
+def test_all_frames_of_the_stage_are_rendered_unless_some_are_named(stage, tmp_path, monkeypatch):
+    fake = FakeRenderer(monkeypatch)
+    result = tpdwarp.render(stage, tmp_path / "out" / "a.##.exr", **SMALL)
+    assert result.written == (1, 2, 3) and result.ok
+    assert files_in(tmp_path / "out") == ["a.01.exr", "a.02.exr", "a.03.exr"]
+    assert list(result.energy) == [1, 2, 3] and result.energy[2].sent == 2.0
+    for frames, expected in (("2:3", [2, 3]), (2, [2]), (np.int64(3), [3]), ([3, 1.0, 3], [3, 1])):
+        fake.rendered.clear()
+        tpdwarp.render(stage, tmp_path / "out" / "a.##.exr", frames=frames, **SMALL)
+        assert fake.rendered == expected
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (FrameError("disk full"), "disk full"),
+        (MemoryError(), "out of memory"),
+        (OSError(28, "No space left on device", "x.exr"), "x.exr: No space left on device"),
+        (ZeroDivisionError("of\nzero"), "internal: ZeroDivisionError: of zero"),
+        (InputError("is not finite", "s.usda", "/Mesh.points"), "s.usda: /Mesh.points: is not finite"),
+    ],
+)
+def test_a_failing_frame_does_not_end_the_sequence(stage, tmp_path, monkeypatch, error, reason):
+    FakeRenderer(monkeypatch, fail={2: error})
+    result = tpdwarp.render(stage, tmp_path / "out" / "a.##.exr", **SMALL)
+    assert result.written == (1, 3) and list(result.failed) == [2] and not result.ok
+    assert result.failed[2].startswith(reason) and "\n" not in result.failed[2]
+    assert files_in(tmp_path / "out") == ["a.01.exr", "a.03.exr"]
+
+
+def test_input_of_which_no_frame_can_be_rendered_is_unusable_input(stage, tmp_path, monkeypatch):
+    error = InputError("is not finite", stage, "/World/Pane.points")
+    FakeRenderer(monkeypatch, fail={1: error, 2: error, 3: error})
+    with pytest.raises(InputError, match=r"Pane\.points"):
+        tpdwarp.render(stage, tmp_path / "o" / "a.##.exr", debug_layer=tmp_path / "o" / "a.usdc", **SMALL)
+    assert files_in(tmp_path / "o") == []
+
+
+def test_a_frame_that_cannot_be_written_fails_alone(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch)
+    (tmp_path / "a.02.exr").mkdir()
+    result = tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
+    assert result.written == (1, 3)
+    assert str(tmp_path / "a.02.exr") in result.failed[2]
+
+
+def test_existing_frames_are_skipped_only_when_complete(stage, tmp_path, monkeypatch):
+    fake = FakeRenderer(monkeypatch)
+    (tmp_path / "a.01.exr").write_bytes(b"an image")
+    (tmp_path / "a.02.exr").write_bytes(b"")
+    result = tpdwarp.render(stage, tmp_path / "a.##.exr", skip_existing=True, **SMALL)
+    assert (result.skipped, result.written, fake.rendered, fake.traced) == ((1,), (2, 3), [2, 3], [])
+    assert (tmp_path / "a.01.exr").read_bytes() == b"an image"
+
+
+def test_the_debug_layer_holds_the_photons_of_skipped_frames_too(stage, tmp_path, monkeypatch):
+    fake = FakeRenderer(monkeypatch)
+    (tmp_path / "a.02.exr").write_bytes(b"an image")
+    layer = tmp_path / "a.debug.usdc"
+    result = tpdwarp.render(stage, tmp_path / "a.##.exr", skip_existing=True, debug_layer=layer, **SMALL)
+    assert (result.skipped, fake.rendered, fake.traced) == ((2,), [1, 3], [2])
+    assert sampled_frames(layer) == [1, 2, 3]
+    assert (tmp_path / "a.view.usda").exists()
+
+
+def test_a_sequence_that_fails_throughout_leaves_no_debug_layer_and_says_so(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch, fail={frame: FrameError("no") for frame in (1, 2, 3)})
+    layer = tmp_path / "o" / "a.usdc"
+    result = tpdwarp.render(stage, tmp_path / "o" / "a.##.exr", debug_layer=layer, **SMALL)
+    assert len(result.failed) == 3 and str(layer) in result.problems[0]
+    assert files_in(tmp_path / "o") == []
+
+
+def test_a_debug_layer_that_cannot_be_written_fails_the_frame_but_costs_no_image(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch)
+    add_frame = sequence.DebugLayerWriter.add_frame
+
+    def refuse_2(self, time, record, smoothing):
+        if time == 2:
+            raise FrameError("a.usdc: No space left on device")
+        add_frame(self, time, record, smoothing)
+
+    monkeypatch.setattr(sequence.DebugLayerWriter, "add_frame", refuse_2)
+    result = tpdwarp.render(stage, tmp_path / "a.##.exr", debug_layer=tmp_path / "a.usdc", **SMALL)
+    assert result.failed == {2.0: "a.usdc: No space left on device"}
+    assert all((tmp_path / f"a.0{frame}.exr").exists() for frame in (1, 2, 3))
+    assert sampled_frames(tmp_path / "a.usdc") == [1, 3]
+
+
+def test_an_interruption_leaves_what_was_complete_and_nothing_else(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch, fail={2: KeyboardInterrupt()})
+    out = tmp_path / "o"
+    with pytest.raises(KeyboardInterrupt):
+        tpdwarp.render(stage, out / "a.##.exr", debug_layer=out / "a.usdc", stats=out / "a.json", **SMALL)
+    assert files_in(out) == ["a.01.exr"]
+
+
+@pytest.mark.parametrize(
+    ("out", "options", "message"),
+    [
+        ("o/a.##.tga", {}, "unknown"),
+        ("o/a##", {}, "no extension"),
+        ("o/a.##.png", {"aovs": ("Z",)}, "beauty only"),
+        ("o/a.exr", {}, "3 frames need"),
+        ("o/a.##.exr", {"frames": "1:2x0.5"}, "decimals"),
+        ("o/a.##.exr", {"frames": "x"}, "--frames"),
+        ("o/a.##.exr", {"frames": []}, "--frames"),
+        ("o/a.##.exr", {"frames": [math.nan]}, "--frames"),
+        ("o/a.exr", {"frames": "1", "default_time": True}, "--default-time"),
+        ("o/a.##.exr", {"curves": 3}, "--curves"),
+        ("o/a.##.exr", {"debug_layer": "stage.usda"}, "is the scene itself"),
+        ("o/a.##.exr", {"stats": "stage.usda"}, "is the scene itself"),
+        ("o/a.##.exr", {"photons": 0}, "--photons"),
+        ("o/a.##.exr", {"phtons": 3}, "phtons"),
+        ("o/a.##.exr", {"purposes": ("rendr",)}, "--purposes"),
+        ("o/a.##.exr", {"device": "abacus"}, "--device"),
+        ("stage.usda/a.##.exr", {}, "cannot be written"),
+    ],
+)
+def test_what_cannot_work_is_refused_before_any_frame(stage, tmp_path, monkeypatch, out, options, message):
+    fake = FakeRenderer(monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    before = (tmp_path / "stage.usda").read_bytes()
+    with pytest.raises(InputError, match=message):
+        tpdwarp.render(stage, out, **{**SMALL, **options})
+    assert fake.rendered == [] and files_in(tmp_path / "o") == []
+    assert (tmp_path / "stage.usda").read_bytes() == before
+
+
+def test_rendering_needs_a_camera_and_tracing_does_not(tmp_path, monkeypatch):
+    fake = FakeRenderer(monkeypatch)
+    blind = write_stage(tmp_path / "blind.usda", camera=False)
+    with pytest.raises(InputError, match="no camera"):
+        tpdwarp.render(blind, tmp_path / "a.##.exr", **SMALL)
+    result = tpdwarp.write_photons(blind, tmp_path / "a.debug.usdc", photons=64)
+    assert result.written == (1, 2, 3) and fake.traced == [1, 2, 3] and fake.rendered == []
+    assert sampled_frames(tmp_path / "a.debug.usdc") == [1, 2, 3]
+
+
+def test_losing_more_than_a_hundredth_of_the_flux_is_warned_about_once(stage, tmp_path, monkeypatch, caplog):
+    lossy = EnergyAccount(sent=100.0, deposited=97.0, lost={"bounces": 2.5, "grazing": 0.5})
+    FakeRenderer(monkeypatch, energy=lossy)
+    tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
+    assert [record.getMessage() for record in caplog.records if "loses" in record.getMessage()] == [
+        f"{stage}: frame 1 loses 3.0% of the flux sent (bounces 2.5%, grazing 0.5%); the statistics have every frame"
+    ]
+    caplog.clear()
+    FakeRenderer(monkeypatch, energy=EnergyAccount(sent=100.0, deposited=99.0, lost={"bounces": 1.0}))
+    tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
+    assert not caplog.records
+
+
+def test_a_scene_without_specular_surfaces_is_rendered_with_one_warning(tmp_path, monkeypatch, caplog):
+    FakeRenderer(monkeypatch, energy=EnergyAccount())
+    matte = write_stage(tmp_path / "matte.usda", glass=False)
+    result = tpdwarp.render(matte, tmp_path / "a.##.exr", **SMALL)
+    assert result.written == (1, 2, 3)
+    assert sum("there can be no caustic" in record.getMessage() for record in caplog.records) == 1
+    caplog.clear()
+    tpdwarp.render(write_stage(tmp_path / "glass.usda"), tmp_path / "a.##.exr", **SMALL)
+    assert not any("no caustic" in record.getMessage() for record in caplog.records)
+
+
+def test_statistics_have_every_frame_with_its_energy_and_seconds(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch, fail={2: FrameError("no")})
+    tpdwarp.render(stage, tmp_path / "a.##.exr", stats=tmp_path / "s" / "a.json", seed=5, **SMALL)
+    statistics = json.loads((tmp_path / "s" / "a.json").read_text())
+    assert [(frame["frame"], frame["status"]) for frame in statistics["frames"]] == [
+        (1, "written"),
+        (2, "failed"),
+        (3, "written"),
+    ]
+    first, second, _ = statistics["frames"]
+    assert first["energy"]["sent"] == 2.0 and first["seconds"]["trace"] == 0.5 and first["photons"] == 4
+    assert second["reason"] == "no" and second["energy"] is None
+    assert statistics["settings"]["seed"] == 5 and statistics["versions"]["tpdwarp"] == tpdwarp.__version__
+
+
+def test_statistics_that_cannot_be_written_are_a_problem_not_the_end(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch)
+
+    def refuse(path, statistics):
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(sequence, "write_statistics", refuse)
+    result = tpdwarp.render(stage, tmp_path / "a.##.exr", stats=tmp_path / "a.json", **SMALL)
+    assert result.written == (1, 2, 3) and not result.ok
+    assert result.problems == (f"{tmp_path / 'a.json'}: No space left on device",)
+
+
+def test_tracebacks_of_failed_frames_go_to_the_debug_log(stage, tmp_path, monkeypatch, caplog):
+    FakeRenderer(monkeypatch, fail={2: ZeroDivisionError("x")})
+    with caplog.at_level(logging.DEBUG, "tpdwarp"):
+        tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
+    (record,) = caplog.records
+    assert record.levelno == logging.DEBUG and record.exc_info[0] is ZeroDivisionError
+
+
+def test_a_frame_says_how_it_was_made(stage, tmp_path):
+    out = tmp_path / "a.##.exr"
+    result = tpdwarp.render(stage, out, frames=2, seed=7, exposure=0.5, aovs=["Z", "caustic"], **SMALL)
+    channels, metadata = read_image(tmp_path / "a.02.exr")
+    assert {"R", "G", "B", "A", "Z", "caustic.R"} <= set(channels)
+    assert channels["R"].shape == (8, 12)
+    energy = result.energy[2.0]
+    # Light that meets the pane, 2 × 2 units under 1 W/m² a channel, is what photons carry.
+    assert energy.sent == pytest.approx(12.0, rel=1e-5)
+    assert metadata["tpdwarp:fluxSent"] == pytest.approx(energy.sent)
+    assert metadata["tpdwarp:fluxDeposited"] == pytest.approx(energy.deposited)
+    assert metadata["tpdwarp:fluxLost"] == pytest.approx(energy.lost_total)
+    assert (metadata["tpdwarp:frame"], metadata["tpdwarp:shutterOpen"], metadata["tpdwarp:shutterClose"]) == (2, 2, 2.5)
+    assert metadata["framesPerSecond"] == 24 and metadata["expTime"] == pytest.approx(0.5 / 24)
+    assert metadata["tpdwarp:seed"] == 7 and json.loads(metadata["tpdwarp:settings"])["photons"] == 64
+    assert metadata["tpdwarp:version"] == tpdwarp.__version__ and metadata["tpdwarp:renderSeconds"] > 0
+    # The camera looks down from z = 10: the world's origin lies 10 units in front of it, in the image's middle.
+    origin = np.array([0.0, 0.0, 0.0, 1.0])
+    np.testing.assert_allclose(origin @ metadata["worldToCamera"], [0, 0, 10, 1], atol=1e-6)
+    projected = origin @ metadata["worldToNDC"]
+    np.testing.assert_allclose(projected[:2] / projected[3], 0.5, atol=1e-6)
+    # OpenEXR's NDC: the upper left is (0, 0), so what lies higher in the image has the smaller y.
+    above = np.array([0.0, 0.5, 0.0, 1.0]) @ metadata["worldToNDC"]
+    assert above[1] / above[3] < 0.5
+
+
+def test_the_same_render_twice_has_the_same_pixels(stage, tmp_path):
+    for name in ("a", "b"):
+        tpdwarp.render(stage, tmp_path / f"{name}.exr", frames=2, **SMALL)
+    first, second = (read_image(tmp_path / f"{name}.exr")[0] for name in ("a", "b"))
+    assert first.keys() == second.keys()
+    assert all(np.array_equal(first[name], second[name]) for name in first)
+    assert first["G"].max() > 0
+
+
+def test_points_that_are_no_numbers_are_refused_by_prim(tmp_path):
+    stage = write_stage(tmp_path / "broken.usda", broken=(1, 2, 3))
+    with pytest.raises(InputError) as refusal:
+        tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
+    assert str(refusal.value).startswith(f"{stage}: /World/Pane.points: ")
+
+
+def test_traced_photons_are_those_of_the_debug_layer(stage, tmp_path):
+    photons = tpdwarp.trace_photons(stage, 2, photons=64)
+    tpdwarp.write_photons(stage, tmp_path / "a.usdc", frames=2, photons=64)
+    layer = Usd.Stage.Open(str(tmp_path / "a.usdc"))
+    points = layer.GetPrimAtPath("/TPD/Photons")
+    np.testing.assert_array_equal(points.GetAttribute("ids").Get(2.0), photons.ids)
+    np.testing.assert_array_equal(points.GetAttribute("points").Get(2.0), photons.positions.astype(np.float32))
+
+
+def test_the_default_time_is_rendered_without_a_frame_number(tmp_path):
+    text = (tmp_path / "stage.usda").write_text
+    stage = write_stage(tmp_path / "moving.usda")
+    source = (tmp_path / "moving.usda").read_text()
+    still = "point3f[] points = [(-1, -1, 1), (0, -1, 1), (0, 1, 1), (-1, 1, 1)]\n        point3f[] points.timeSamples"
+    text(source.replace("point3f[] points.timeSamples", still))
+    result = tpdwarp.render(tmp_path / "stage.usda", tmp_path / "a.exr", default_time=True, **SMALL)
+    (outcome,) = result.outcomes
+    assert outcome.status == "written" and math.isnan(outcome.frame)
+    # At its default the pane covers 1 × 2 units, not the 2 × 2 of every frame.
+    assert outcome.energy.sent == pytest.approx(6.0, rel=1e-5)
+    _, metadata = read_image(tmp_path / "a.exr")
+    assert "tpdwarp:frame" not in metadata and "expTime" not in metadata
+    with pytest.raises(InputError, match="default time"):
+        tpdwarp.render(stage, tmp_path / "a.##.exr", default_time=True, **SMALL)

@@ -1,0 +1,170 @@
+"""Instances: native and point instances stand and move where USD puts them."""
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
+
+from tests.usd.stages import SQUARE, SmallStage, mesh_named
+from tpdwarp.errors import InputError
+from tpdwarp.scene.description import Shutter
+
+CORNERS = np.array(SQUARE)
+
+
+@pytest.fixture
+def small(tmp_path):
+    return SmallStage(tmp_path)
+
+
+def instancer(small, positions=((0, 0, 0), (5, 0, 0)), prototypes=("/Many/Ball",), path="/Many"):
+    many = UsdGeom.PointInstancer.Define(small.stage, path)
+    many.GetPrototypesRel().SetTargets([Sdf.Path(p) for p in prototypes])
+    many.CreateProtoIndicesAttr([0] * len(positions))
+    many.CreatePositionsAttr([Gf.Vec3f(*p) for p in positions])
+    return many
+
+
+def test_native_instances_share_a_shape_and_keep_their_own_place(small):
+    small.mesh("/Library/Thing/Mesh")
+    small.stage.GetPrimAtPath("/Library").SetSpecifier(Sdf.SpecifierClass)
+    for k in range(2):
+        xform = UsdGeom.Xform.Define(small.stage, f"/Instance{k}")
+        xform.GetPrim().GetReferences().AddInternalReference("/Library/Thing")
+        xform.GetPrim().SetInstanceable(True)
+        op = xform.AddTranslateOp()
+        op.Set((k, 0, 0), 1)
+        op.Set((k, 0, 4.0 * k), 5)
+    scene = small.open().at(Shutter(1, 1, 2))
+    assert [m.path for m in scene.meshes] == ["/Instance0/Mesh", "/Instance1/Mesh"]
+    np.testing.assert_allclose(scene.meshes[1].points, CORNERS + np.array([1, 0, 0.5]))
+    np.testing.assert_allclose(scene.meshes[1].motions, np.tile([0, 0, 1.0], (4, 1)))
+    assert scene.meshes[0].motions is None
+    assert scene.meshes[0].triangles is scene.meshes[1].triangles
+
+
+def test_point_instances_are_placed_and_named_by_index(small):
+    many = instancer(small)
+    many.AddTranslateOp().Set((0, 10, 0))
+    ball = small.mesh("/Many/Ball")
+    ball.AddTranslateOp().Set((0, 0, 1))
+    scene = small.open().at(Shutter.still(1))
+    assert [m.path for m in scene.meshes] == ["/Many[0]/Ball", "/Many[1]/Ball"]
+    np.testing.assert_allclose(scene.meshes[1].points, CORNERS + np.array([5, 10, 1]))
+
+
+def test_orientation_and_scale_of_instances_are_usds(small):
+    many = instancer(small)
+    small.mesh("/Many/Ball")
+    many.CreateOrientationsAttr([Gf.Quath(1, 0, 0, 0), Gf.Quath(0, 0, 0, 1)])
+    many.CreateScalesAttr([Gf.Vec3f(1, 1, 1), Gf.Vec3f(2, 2, -2)])
+    found = mesh_named(small.open().at(Shutter.still(1)), "/Many[1]/Ball")
+    np.testing.assert_allclose(found.points, CORNERS * [-2, -2, -2] + [5, 0, 0], atol=1e-6)
+    # Mirrored: the triangles are turned so that the front stays where it was.
+    assert found.triangles.tolist() == [[0, 2, 1], [0, 3, 2]]
+
+
+@pytest.mark.parametrize("cubic", [False, True])
+def test_instances_move_between_samples_and_past_the_end(small, cubic):
+    many = instancer(small)
+    small.mesh("/Many/Ball")
+    for time in (1, 2, 3, 4, 5):
+        many.GetPositionsAttr().Set([Gf.Vec3f(0, 0, 0), Gf.Vec3f(5, 0, 2 * time)], time)
+    scene = small.open(motion="cubic" if cubic else "linear")
+    for frame in (2, 5):
+        found = scene.at(Shutter(frame, frame, frame + 1))
+        moving = mesh_named(found, "/Many[1]/Ball")
+        np.testing.assert_allclose(moving.points[0], [5, 0, 2 * frame + 1], rtol=1e-6)
+        # USD computes instances in single precision: 1e-6 of positions of order 10, over a step of 2e-3.
+        np.testing.assert_allclose(moving.motions[:, 2], 2.0, rtol=1e-2 if cubic else 1e-6)
+        assert mesh_named(found, "/Many[0]/Ball").motions is None
+    assert len(scene.reference_shutters()) == 9
+
+
+def test_instances_move_along_velocities(small):
+    many = instancer(small, positions=())
+    small.mesh("/Many/Ball")
+    many.GetProtoIndicesAttr().Set([0], 1)
+    many.GetProtoIndicesAttr().Set([0, 0], 2)
+    many.GetPositionsAttr().Set([Gf.Vec3f(0, 0, 0)], 1)
+    many.GetPositionsAttr().Set([Gf.Vec3f(0, 0, 1), Gf.Vec3f(5, 0, 0)], 2)
+    many.GetVelocitiesAttr().Set([Gf.Vec3f(0, 0, 24)], 1)
+    many.GetVelocitiesAttr().Set([Gf.Vec3f(0, 0, 24), Gf.Vec3f(0, 24, 0)], 2)
+    scene = small.open()
+    first = scene.at(Shutter(1, 1, 2))
+    assert len(first.meshes) == 1
+    np.testing.assert_allclose(first.meshes[0].motions, np.tile([0, 0, 1.0], (4, 1)), rtol=1e-6)
+    np.testing.assert_allclose(scene.at(Shutter(2, 1, 2)).meshes[1].motions, np.tile([0, 1.0, 0], (4, 1)), rtol=1e-6)
+
+
+def test_instances_that_change_in_number_without_velocities_are_held_and_said(small):
+    many = instancer(small, positions=())
+    small.mesh("/Many/Ball")
+    for time, count in ((1, 1), (2, 2)):
+        many.GetProtoIndicesAttr().Set([0] * count, time)
+        many.GetPositionsAttr().Set([Gf.Vec3f(0, 0, time)] * count, time)
+    scene = small.open()
+    found = scene.at(Shutter(1, 1, 2))
+    assert len(found.meshes) == 1 and found.meshes[0].motions is None
+    assert any("/Many" in m and "velocities" in m for m in scene.warnings.messages)
+
+
+def test_masked_instances_are_left_out_and_the_others_keep_their_index(small):
+    many = instancer(small, positions=((0, 0, 0), (1, 0, 0), (2, 0, 0)))
+    small.mesh("/Many/Ball")
+    many.CreateIdsAttr([10, 20, 30])
+    many.CreateInvisibleIdsAttr().Set([20])
+    many.DeactivateId(10)
+    assert [m.path for m in small.open().at(Shutter.still(1)).meshes] == ["/Many[2]/Ball"]
+
+
+def test_nested_instancers_multiply(small):
+    instancer(small, ((0, 0, 0), (100, 0, 0)), ("/Many/Group",))
+    UsdGeom.Xform.Define(small.stage, "/Many/Group").AddTranslateOp().Set((0, 10, 0))
+    instancer(small, ((0, 0, 1), (0, 0, 2)), ("/Many/Group/Inner/Ball",), "/Many/Group/Inner")
+    small.mesh("/Many/Group/Inner/Ball")
+    scene = small.open().at(Shutter.still(1))
+    assert [m.path for m in scene.meshes] == [f"/Many[{i}]/Group/Inner[{k}]/Ball" for i in range(2) for k in range(2)]
+    np.testing.assert_allclose(scene.meshes[3].points, CORNERS + np.array([100, 10, 2]))
+
+
+def test_abstract_prototypes_are_drawn_only_where_they_are_instanced(small):
+    small.mesh("/Library/Ball")
+    small.stage.GetPrimAtPath("/Library").SetSpecifier(Sdf.SpecifierClass)
+    instancer(small, prototypes=("/Library/Ball",))
+    assert [m.path for m in small.open().at(Shutter.still(1)).meshes] == ["/Many[0]/Ball", "/Many[1]/Ball"]
+
+
+def test_still_instances_are_the_same_objects_again(small):
+    instancer(small)
+    small.mesh("/Many/Ball")
+    scene = small.open()
+    first, second = scene.at(Shutter(1, 1, 2)).meshes, scene.at(Shutter(3, 3, 4)).meshes
+    assert all(a is b for a, b in zip(first, second, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value"), [("ProtoIndices", [0, 3]), ("ProtoIndices", [0, -1]), ("Positions", [(0, 0, 0)])]
+)
+def test_arrays_that_do_not_fit_are_refused(small, attribute, value):
+    many = instancer(small)
+    small.mesh("/Many/Ball")
+    getattr(many, f"Get{attribute}Attr")().Set(value)
+    scene = small.open()
+    with pytest.raises(InputError, match=rf"/Many\.{attribute[0].lower()}{attribute[1:]}"):
+        scene.at(Shutter.still(1))
+
+
+def test_an_instancer_counts_as_geometry_and_an_empty_one_does_not(small):
+    instancer(small)
+    with pytest.raises(InputError, match="no visible mesh"):
+        small.open()
+    small.mesh("/Many/Ball")
+    assert len(small.open().at(Shutter.still(1)).meshes) == 2
+
+
+def test_lights_inside_prototypes_are_said(small):
+    instancer(small)
+    small.mesh("/Many/Ball/Mesh")
+    UsdLux.SphereLight.Define(small.stage, "/Many/Ball/Lamp")
+    assert any("/Many/Ball/Lamp" in m for m in small.open().warnings.messages)
+    assert Usd.Stage.Open(small.file).GetPrimAtPath("/Many/Ball/Lamp")

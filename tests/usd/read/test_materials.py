@@ -1,0 +1,257 @@
+"""Materials: three interactions, and a word about everything else."""
+
+import math
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, UsdGeom, UsdShade
+
+from tests.usd.stages import SmallStage, set_inputs
+from tpdwarp.errors import InputError
+from tpdwarp.scene.description import Interaction, Shutter
+
+
+@pytest.fixture
+def small(tmp_path):
+    return SmallStage(tmp_path)
+
+
+def read(small, frame=1.0):
+    scene = small.open()
+    (mesh,) = scene.at(Shutter.still(frame)).meshes
+    return mesh, scene.warnings.messages
+
+
+def read_preview(small, **inputs):
+    small.preview("/Material", **inputs)
+    small.bind(small.mesh(), "/Material")
+    mesh, warnings = read(small)
+    (material,) = mesh.materials
+    return material, warnings
+
+
+@pytest.mark.parametrize(
+    ("inputs", "interaction", "color", "ior"),
+    [
+        ({}, Interaction.DIFFUSE, (0.18, 0.18, 0.18), 1.5),
+        ({"diffuseColor": (0.5, 0.25, 1.0)}, Interaction.DIFFUSE, (0.5, 0.25, 1.0), 1.5),
+        ({"opacity": 0.0, "ior": 1.25}, Interaction.DIELECTRIC, (0.18, 0.18, 0.18), 1.25),
+        ({"opacity": 0.0}, Interaction.DIELECTRIC, (0.18, 0.18, 0.18), 1.5),
+        ({"transmission": 1.0, "ior": 2.0}, Interaction.DIELECTRIC, (0.18, 0.18, 0.18), 2.0),
+        (
+            {"metallic": 1.0, "roughness": 0.0, "diffuseColor": (1.0, 0.5, 0.25)},
+            Interaction.MIRROR,
+            (1, 0.5, 0.25),
+            1.5,
+        ),
+    ],
+)
+def test_preview_surface_has_the_documented_interaction(small, inputs, interaction, color, ior):
+    material, warnings = read_preview(small, **inputs)
+    assert (material.interaction, material.ior, material.path) == (interaction, ior, "/Material")
+    assert material.color == pytest.approx(color, abs=1e-7)
+    assert warnings == []
+
+
+@pytest.mark.parametrize(
+    ("inputs", "interaction", "blamed"),
+    [
+        ({"opacity": 0.25}, Interaction.DIELECTRIC, "opacity"),
+        ({"opacity": 0.75}, Interaction.DIFFUSE, "opacity"),
+        ({"metallic": 1.0, "roughness": 0.25}, Interaction.DIFFUSE, "metallic"),
+        ({"metallic": 1.0}, Interaction.DIFFUSE, "metallic"),
+        ({"opacity": 0.0, "roughness": 0.25}, Interaction.DIELECTRIC, "roughness"),
+        ({"emissiveColor": (1.0, 0.0, 0.0)}, Interaction.DIFFUSE, "emissiveColor"),
+        ({"clearcoat": 0.5}, Interaction.DIFFUSE, "clearcoat"),
+        ({"displacement": 0.5}, Interaction.DIFFUSE, "displacement"),
+        ({"useSpecularWorkflow": 1}, Interaction.DIFFUSE, "useSpecularWorkflow"),
+        ({"opacityThreshold": 0.5}, Interaction.DIFFUSE, "opacityThreshold"),
+        ({"opacity": 0.0, "opacityMode": "presence"}, Interaction.DIELECTRIC, "opacityMode"),
+    ],
+)
+def test_what_is_not_rendered_is_said_and_the_nearest_done(small, inputs, interaction, blamed):
+    material, warnings = read_preview(small, **inputs)
+    assert material.interaction == interaction
+    assert [m for m in warnings if f"/Material/Surface.inputs:{blamed}:" in m] == warnings != []
+
+
+@pytest.mark.parametrize("name", ["emissiveColor", "clearcoat"])
+def test_inputs_that_add_nothing_are_not_mentioned(small, name):
+    assert read_preview(small, **{name: (0.0, 0.0, 0.0) if name == "emissiveColor" else 0.0})[1] == []
+
+
+@pytest.mark.parametrize("ior", [0.0, -1.5, math.nan])
+def test_an_impossible_index_of_refraction_is_refused(small, ior):
+    with pytest.raises(InputError, match=r"/Material/Surface\.inputs:ior: .*refraction"):
+        read_preview(small, opacity=0.0, ior=ior)
+
+
+@pytest.mark.parametrize("color", [(-0.1, 0.0, 0.0), (math.nan, 0.0, 0.0), (math.inf, 0.0, 0.0)])
+def test_impossible_colours_are_refused(small, color):
+    with pytest.raises(InputError, match=r"/Material/Surface\.inputs:diffuseColor"):
+        read_preview(small, diffuseColor=color)
+
+
+def test_animated_inputs_are_read_at_the_frame(small):
+    shader = small.preview("/Material", opacity=0.0)
+    ior = shader.CreateInput("ior", Sdf.ValueTypeNames.Float)
+    ior.Set(1.0, 1)
+    ior.Set(2.0, 5)
+    small.bind(small.mesh(), "/Material")
+    scene = small.open()
+    for frame, expected in ((1, 1.0), (2, 1.25), (5, 2.0)):
+        assert scene.at(Shutter(frame, frame, frame + 1)).meshes[0].materials[0].ior == expected
+
+
+def test_values_on_the_material_reach_the_shader(small):
+    shader = small.preview("/Material")
+    top = UsdShade.Material(small.stage.GetPrimAtPath("/Material")).CreateInput("tint", Sdf.ValueTypeNames.Color3f)
+    top.Set(Gf.Vec3f(0.5, 0.25, 0.125))
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(top)
+    small.bind(small.mesh(), "/Material")
+    mesh, warnings = read(small)
+    assert mesh.materials[0].color == (0.5, 0.25, 0.125) and warnings == []
+
+
+@pytest.mark.parametrize(
+    ("fallback", "color"), [(None, (0.18,) * 3), (Gf.Vec4f(0.5, 0.25, 0.125, 1), (0.5, 0.25, 0.125))]
+)
+def test_textures_give_their_fallback_and_are_said(small, fallback, color):
+    shader = small.preview("/Material")
+    texture = UsdShade.Shader.Define(small.stage, "/Material/Texture")
+    texture.CreateIdAttr("UsdUVTexture")
+    if fallback is not None:
+        texture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(fallback)
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(texture.ConnectableAPI(), "rgb")
+    small.bind(small.mesh(), "/Material")
+    mesh, warnings = read(small)
+    assert mesh.materials[0].color == pytest.approx(color)
+    assert len(warnings) == 1 and "UsdUVTexture" in warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "inputs", "interaction"),
+    [
+        (
+            "ND_open_pbr_surface_surfaceshader",
+            {"transmission_weight": 1.0, "specular_ior": 1.25},
+            Interaction.DIELECTRIC,
+        ),
+        ("ND_standard_surface_surfaceshader", {"transmission": 1.0, "specular_IOR": 1.25}, Interaction.DIELECTRIC),
+        ("ND_open_pbr_surface_surfaceshader", {"base_metalness": 1.0, "specular_roughness": 0.0}, Interaction.MIRROR),
+        ("ND_open_pbr_surface_surfaceshader", {"base_color": (0.5, 0.5, 0.5), "base_weight": 0.5}, Interaction.DIFFUSE),
+    ],
+)
+def test_other_surfaces_are_read_by_their_plain_inputs(small, kind, inputs, interaction):
+    material = UsdShade.Material.Define(small.stage, "/Material")
+    shader = UsdShade.Shader.Define(small.stage, "/Material/Surface")
+    shader.CreateIdAttr(kind)
+    set_inputs(shader, **inputs)
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(shader.ConnectableAPI(), "out")
+    small.bind(small.mesh(), "/Material")
+    mesh, _ = read(small)
+    found = mesh.materials[0]
+    assert found.interaction == interaction
+    if interaction == Interaction.DIELECTRIC:
+        assert found.ior == 1.25
+    if interaction == Interaction.DIFFUSE:
+        assert found.color == (0.25, 0.25, 0.25)
+
+
+@pytest.mark.parametrize("surface", ["none", "unknown"])
+def test_materials_that_cannot_be_read_are_said(small, surface):
+    material = UsdShade.Material.Define(small.stage, "/Material")
+    if surface == "unknown":
+        shader = UsdShade.Shader.Define(small.stage, "/Material/Surface")
+        shader.CreateIdAttr("SomeoneElsesShader")
+        material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "out")
+    small.bind(small.mesh(), "/Material")
+    mesh, warnings = read(small)
+    assert mesh.materials[0].interaction == Interaction.DIFFUSE
+    assert len(warnings) == 1 and "/Material" in warnings[0]
+
+
+def test_an_unbound_mesh_takes_its_display_colour(small):
+    small.mesh().CreateDisplayColorAttr([Gf.Vec3f(0.5, 0.25, 0.125)])
+    mesh, _ = read(small)
+    np.testing.assert_array_equal(mesh.colors[mesh.color_indices], np.broadcast_to([0.5, 0.25, 0.125], (2, 3, 3)))
+
+
+@pytest.mark.parametrize("authored", [False, True])
+def test_display_colour_gives_way_to_an_authored_diffuse_colour(small, authored):
+    small.preview("/Material", **({"diffuseColor": (1.0, 0.0, 0.0)} if authored else {}))
+    mesh = small.mesh()
+    mesh.CreateDisplayColorAttr([Gf.Vec3f(0.5, 0.25, 0.125)])
+    small.bind(mesh, "/Material")
+    assert (read(small)[0].colors is None) == authored
+
+
+def test_a_primvar_reader_of_display_colour_reads_it(small):
+    shader = small.preview("/Material")
+    reader = UsdShade.Shader.Define(small.stage, "/Material/Reader")
+    reader.CreateIdAttr("UsdPrimvarReader_float3")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(reader.ConnectableAPI(), "result")
+    mesh = small.mesh()
+    mesh.CreateDisplayColorPrimvar("vertex").Set([Gf.Vec3f(k, 0, 0) for k in range(4)])
+    small.bind(mesh, "/Material")
+    found, warnings = read(small)
+    np.testing.assert_array_equal(found.colors[found.color_indices][..., 0], found.triangles)
+    assert warnings == []
+
+
+def test_display_colour_is_inherited_and_indexed(small):
+    UsdGeom.Xform.Define(small.stage, "/Parent")
+    primvar = UsdGeom.PrimvarsAPI(small.stage.GetPrimAtPath("/Parent")).CreatePrimvar(
+        "displayColor", Sdf.ValueTypeNames.Color3fArray, "constant"
+    )
+    primvar.Set([Gf.Vec3f(1, 0, 0), Gf.Vec3f(0, 1, 0)])
+    primvar.SetIndices([1])
+    small.mesh("/Parent/Mesh")
+    mesh, _ = read(small)
+    np.testing.assert_array_equal(mesh.colors, [[0, 1, 0]])
+
+
+def test_negative_display_colours_are_refused(small):
+    small.mesh().CreateDisplayColorAttr([Gf.Vec3f(-0.5, 0, 0)])
+    with pytest.raises(InputError, match=r"/Mesh\.primvars:displayColor"):
+        read(small)
+
+
+def test_indices_of_primvars_out_of_range_are_refused(small):
+    primvar = small.mesh().CreateDisplayColorPrimvar("uniform")
+    primvar.Set([Gf.Vec3f(1, 0, 0)])
+    primvar.SetIndices([3])
+    with pytest.raises(InputError, match=r"/Mesh\.primvars:displayColor:indices"):
+        read(small)
+
+
+def test_subsets_bind_materials_to_faces_and_keep_display_colour_elsewhere(small):
+    mesh = small.mesh(counts=(4, 3), indices=(0, 1, 2, 3, 2, 1, 0))
+    mesh.CreateDisplayColorAttr([Gf.Vec3f(1, 0.5, 0)])
+    small.preview("/Glass", opacity=0.0)
+    subset = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset("part", [0])
+    small.bind(subset, "/Glass")
+    found, _ = read(small)
+    assert [found.materials[i].interaction for i in found.triangle_materials] == [
+        Interaction.DIELECTRIC,
+        Interaction.DIELECTRIC,
+        Interaction.DIFFUSE,
+    ]
+    assert (found.color_indices[:2] == -1).all() and (found.color_indices[2] == 0).all()
+
+
+def test_a_subset_that_covers_everything_leaves_no_trace_of_the_mesh_material(small):
+    mesh = small.mesh()
+    small.preview("/Glass", opacity=0.0)
+    small.bind(UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset("part", [0]), "/Glass")
+    found, _ = read(small)
+    assert [m.path for m in found.materials] == ["/Glass"]
+    assert found.triangle_materials.tolist() == [0, 0]
+
+
+def test_a_subset_of_faces_that_do_not_exist_is_refused(small):
+    mesh = small.mesh()
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset("part", [7])
+    with pytest.raises(InputError, match=r"/Mesh/part\.indices"):
+        read(small)

@@ -1,0 +1,123 @@
+"""RenderSettings: what a stage asks for, and apertures fitted to images."""
+
+import pytest
+from pxr import Gf, UsdGeom, UsdRender
+
+from tests.usd.stages import SmallStage
+from tpdwarp.errors import InputError
+from tpdwarp.scene.description import Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.usd.read.render_settings import POLICIES, conformed
+
+WIDE = (-2.0, 4.0, -1.0, 1.0)
+
+
+@pytest.fixture
+def small(tmp_path):
+    small = SmallStage(tmp_path)
+    small.mesh()
+    for name in ("First", "Second"):
+        camera = UsdGeom.Camera.Define(small.stage, f"/{name}")
+        camera.CreateHorizontalApertureAttr(20.0)
+        camera.CreateVerticalApertureAttr(10.0)
+        camera.CreateFocalLengthAttr(50.0)
+        camera.CreateShutterCloseAttr(0.5)
+    return small
+
+
+def settings_on(small, path="/Render/Settings"):
+    found = UsdRender.Settings.Define(small.stage, path)
+    small.stage.SetMetadata("renderSettingsPrimPath", path)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("policy", "aspect", "window"),
+    [
+        ("expandAperture", 6.0, (-5.0, 7.0, -1.0, 1.0)),
+        ("expandAperture", 1.5, (-2.0, 4.0, -2.0, 2.0)),
+        ("cropAperture", 6.0, (-2.0, 4.0, -0.5, 0.5)),
+        ("cropAperture", 1.5, (-0.5, 2.5, -1.0, 1.0)),
+        ("adjustApertureWidth", 1.5, (-0.5, 2.5, -1.0, 1.0)),
+        ("adjustApertureHeight", 6.0, (-2.0, 4.0, -0.5, 0.5)),
+        ("adjustPixelAspectRatio", 6.0, WIDE),
+    ],
+)
+def test_policies_fit_the_aperture_about_its_centre(policy, aspect, window):
+    assert conformed(WIDE, aspect, policy) == pytest.approx(window, rel=1e-15)
+
+
+@pytest.mark.parametrize("policy", POLICIES)
+def test_an_aperture_of_the_images_aspect_stays_as_it_is(policy):
+    assert conformed(WIDE, 3.0, policy) == pytest.approx(WIDE, rel=1e-15)
+
+
+def test_camera_resolution_and_policy_come_from_the_stages_settings(small):
+    found = settings_on(small)
+    found.GetCameraRel().SetTargets(["/Second"])
+    found.CreateResolutionAttr(Gf.Vec2i(300, 300))
+    found.CreateAspectRatioConformPolicyAttr("cropAperture")
+    scene = small.open()
+    assert (scene.camera_path, scene.resolution()) == ("/Second", (300, 300))
+    assert scene.at(Shutter.still(1)).camera.window == pytest.approx((-0.1, 0.1, -0.1, 0.1), rel=1e-6)
+
+
+def test_authored_values_of_the_product_win_and_others_do_not(small):
+    found = settings_on(small)
+    found.CreateResolutionAttr(Gf.Vec2i(300, 200))
+    found.CreatePixelAspectRatioAttr(2.0)
+    product = UsdRender.Product.Define(small.stage, "/Render/Product")
+    product.CreateResolutionAttr(Gf.Vec2i(64, 64))
+    product.GetCameraRel().SetTargets(["/Second"])
+    found.GetProductsRel().SetTargets(["/Render/Product"])
+    scene = small.open()
+    assert (scene.camera_path, scene.resolution()) == ("/Second", (64, 64))
+    # 64 pixels of aspect 2 are as wide as the 2:1 aperture.
+    assert scene.at(Shutter.still(1)).camera.window == pytest.approx((-0.2, 0.2, -0.1, 0.1), rel=1e-6)
+
+
+def test_settings_are_found_by_path(small):
+    UsdRender.Settings.Define(small.stage, "/Render/Other").CreateResolutionAttr(Gf.Vec2i(10, 20))
+    assert small.open(camera="/First", render_settings="/Render/Other").resolution() == (10, 20)
+    with pytest.raises(InputError, match="/Mesh: is no RenderSettings"):
+        small.open(render_settings="/Mesh")
+
+
+def test_disabled_motion_blur_makes_a_still_unless_asked_otherwise(small):
+    settings_on(small).CreateDisableMotionBlurAttr(True)
+    scene = small.open(camera="/First")
+    assert scene.shutter(2, Settings()) == Shutter.still(2)
+    assert scene.shutter(2, Settings(exposure=1.0)) == Shutter(2, 2, 3)
+
+
+def test_a_camera_of_the_settings_that_is_none_is_refused(small):
+    settings_on(small).GetCameraRel().SetTargets(["/Mesh"])
+    with pytest.raises(InputError, match="/Mesh: is no camera"):
+        small.open()
+
+
+def test_included_purposes_of_the_settings_count_unless_the_user_names_others(small):
+    for purpose in ("proxy", "render"):
+        UsdGeom.Imageable(small.mesh(f"/{purpose}")).CreatePurposeAttr(purpose)
+    settings_on(small).CreateIncludedPurposesAttr(["default", "proxy"])
+    paths = [m.path for m in small.open(camera="/First").at(Shutter.still(1)).meshes]
+    assert paths == ["/Mesh", "/proxy"]
+    asked = small.open(camera="/First", purposes=("render", "guide"))
+    assert [m.path for m in asked.at(Shutter.still(1)).meshes] == ["/Mesh", "/render"]
+
+
+@pytest.mark.parametrize("resolution", [(0, 10), (10, -1)])
+def test_impossible_resolutions_are_refused(small, resolution):
+    settings_on(small).CreateResolutionAttr(Gf.Vec2i(*resolution))
+    with pytest.raises(InputError, match=r"/Render/Settings\.resolution"):
+        small.open()
+
+
+def test_what_is_not_honoured_is_said(small):
+    found = settings_on(small)
+    found.CreateDataWindowNDCAttr(Gf.Vec4f(0, 0, 0.5, 1))
+    for name in ("One", "Two"):
+        UsdRender.Product.Define(small.stage, f"/Render/{name}")
+    found.GetProductsRel().SetTargets(["/Render/One", "/Render/Two"])
+    warnings = small.open(camera="/First").warnings.messages
+    assert any("dataWindowNDC" in m for m in warnings) and any("/Render/Two" in m for m in warnings)

@@ -1,0 +1,209 @@
+"""The stage as a whole: what it refuses, what it reports, what it leaves out and says so."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdSkel, UsdVol
+
+from tests.usd.stages import SQUARE, SmallStage
+from tpdwarp.errors import InputError
+from tpdwarp.scene.description import SceneSource, Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.usd import StageScene
+
+CORNERS = np.array(SQUARE)
+
+
+@pytest.fixture
+def small(tmp_path):
+    return SmallStage(tmp_path)
+
+
+def refused(file, **settings):
+    with pytest.raises(InputError) as caught:
+        StageScene.open(file, Settings(**settings))
+    message = str(caught.value)
+    assert message.startswith(os.fspath(file)) and "\n" not in message
+    return message
+
+
+def test_files_that_are_no_stages_are_refused_in_one_line(tmp_path, capfd):
+    (tmp_path / "notes.txt").write_text("hello")
+    (tmp_path / "broken.usda").write_text('#usda 1.0\ndef Mesh "x" { garbage }\n')
+    (tmp_path / "broken.usdc").write_bytes(b"PXR-USDC" + b"\1" * 40)
+    assert "no such file" in refused(tmp_path / "missing.usda")
+    assert "folder" in refused(tmp_path)
+    for name in ("notes.txt", "broken.usda", "broken.usdc"):
+        refused(tmp_path / name)
+    assert capfd.readouterr().err == ""
+
+
+def test_missing_references_are_warnings_of_ours(small, capfd):
+    small.mesh().GetPrim().GetReferences().AddReference("./nowhere.usda")
+    capfd.readouterr()
+    scene = small.open()
+    assert len([m for m in scene.warnings.messages if "nowhere.usda" in m and "0x" not in m]) == 1
+    assert "UsdStage" not in capfd.readouterr().err
+
+
+def test_a_stage_without_a_visible_mesh_of_the_purposes_is_refused(small):
+    small.stage.Save()
+    assert "no visible mesh" in refused(small.file)
+    mesh = small.mesh()
+    mesh.CreatePurposeAttr("proxy")
+    small.stage.Save()
+    assert "no visible mesh" in refused(small.file)
+    StageScene.open(small.file, Settings(purposes=("proxy",)))
+    mesh.GetPurposeAttr().Set("default")
+    mesh.MakeInvisible()
+    small.stage.Save()
+    assert "no visible mesh" in refused(small.file)
+
+
+def test_a_stage_without_a_usable_light_is_refused(small):
+    small.mesh()
+    for change in (
+        lambda: small.light.GetIntensityAttr().Set(0.0),
+        lambda: (small.light.GetIntensityAttr().Set(1.0), small.light.MakeInvisible()),
+        lambda: small.stage.RemovePrim("/Light"),
+        lambda: UsdLux.DomeLight.Define(small.stage, "/Dome"),
+    ):
+        change()
+        small.stage.Save()
+        assert "no usable light" in refused(small.file)
+
+
+def test_a_light_that_is_lit_later_is_usable(small):
+    small.mesh()
+    small.light.GetIntensityAttr().Set(0.0, 1)
+    small.light.GetIntensityAttr().Set(1.0, 5)
+    assert small.open().at(Shutter.still(5)).lights[0].power == (1, 1, 1)
+
+
+@pytest.mark.parametrize("kind", ["Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane", "BasisCurves", "Points"])
+def test_other_shapes_are_said_once_and_left_out(small, kind):
+    small.mesh()
+    getattr(UsdGeom, kind).Define(small.stage, "/Other")
+    scene = small.open()
+    for _ in range(2):
+        assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/Mesh"]
+    assert [m for m in scene.warnings.messages if "/Other" in m] == scene.warnings.messages != []
+
+
+def test_volumes_and_skinned_meshes_are_said_and_hidden_things_are_not(small):
+    UsdVol.Volume.Define(small.stage, "/Smoke")
+    UsdSkel.BindingAPI.Apply(small.mesh().GetPrim()).CreateJointIndicesPrimvar(False, 1).Set([0])
+    UsdGeom.Sphere.Define(small.stage, "/Hidden").MakeInvisible()
+    UsdGeom.Sphere.Define(small.stage, "/Guide").CreatePurposeAttr("guide")
+    text = "\n".join(small.open().warnings.messages)
+    assert "/Smoke" in text and "/Mesh: skinning" in text
+    assert "/Hidden" not in text and "/Guide" not in text
+
+
+def test_the_mask_restricts_the_stage(small):
+    small.mesh("/World/A")
+    small.mesh("/World/B")
+    UsdGeom.Camera.Define(small.stage, "/Camera")
+    scene = small.open(mask=("/World/B", "/Light"), camera="/Camera")
+    assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/World/B"]
+    assert scene.camera_path == "/Camera"
+    for wrong in ("/Nowhere", "not a path"):
+        assert "--mask" in refused(small.file, mask=(wrong,))
+
+
+def test_rates_units_and_range_are_reported_and_change_nothing(small):
+    small.mesh()
+    UsdGeom.SetStageUpAxis(small.stage, "Z")
+    UsdGeom.SetStageMetersPerUnit(small.stage, 1.0)
+    small.stage.SetFramesPerSecond(12)
+    scene = small.open()
+    assert (scene.start, scene.end, scene.up_axis, scene.meters_per_unit) == (1, 5, "Z", 1.0)
+    assert (scene.time_codes_per_second, scene.frames_per_second) == (24, 12)
+    np.testing.assert_array_equal(scene.at(Shutter.still(1)).meshes[0].points, CORNERS)
+
+
+@pytest.mark.parametrize(("times", "expected"), [((3, 4, 8), (3, 8)), ((), (0, 0))])
+def test_an_unauthored_range_is_that_of_the_samples(tmp_path, times, expected):
+    small = SmallStage(tmp_path)
+    small.stage.ClearMetadata("startTimeCode")
+    small.stage.ClearMetadata("endTimeCode")
+    mesh = small.mesh()
+    for time in times:
+        mesh.GetPointsAttr().Set([Gf.Vec3f(*map(float, p)) for p in CORNERS + time], time)
+    scene = small.open()
+    assert (scene.start, scene.end) == expected
+
+
+def test_reference_shutters_spread_over_what_moves(small):
+    small.mesh("/Still")
+    assert small.open().reference_shutters() == [Shutter.still(1)]
+    small.moving("/Moving", {1: CORNERS, 5: CORNERS + 1})
+    shutters = small.open().reference_shutters()
+    assert shutters == [Shutter.still(1 + 0.5 * k) for k in range(9)]
+
+
+def test_a_moving_camera_alone_needs_one_reference(small):
+    small.mesh()
+    op = UsdGeom.Camera.Define(small.stage, "/Camera").AddTranslateOp()
+    op.Set((0, 0, 0), 1)
+    op.Set((0, 0, 5), 5)
+    assert len(small.open().reference_shutters()) == 1
+
+
+def test_motion_turns_corners_at_samples_of_points_and_of_transforms_above_them_and_of_lights(small):
+    small.moving("/World/Wave", {1: CORNERS, 2: CORNERS + 1, 2.5: CORNERS, 4: CORNERS + 1})
+    small.mesh("/Else/Floor")
+    for path, times in (("/World", (1, 3, 5)), ("/Light", (1.25, 4.5))):
+        op = UsdGeom.Xformable.Get(small.stage, path) or UsdGeom.Xform.Define(small.stage, path)
+        op = op.AddTranslateOp()
+        for time in times:
+            op.Set((0, 0, time), time)
+    camera = UsdGeom.Camera.Define(small.stage, "/Camera").AddTranslateOp()
+    camera.Set((0, 0, 0), 1.75)
+    camera.Set((0, 0, 5), 3.75)
+    source = small.open()
+    assert source.corners(Shutter(2, 1, 3)) == [1.25, 2, 2.5]
+    assert source.corners(Shutter(2, 2, 4.75)) == [2.5, 3, 4, 4.5]
+    assert source.corners(Shutter(4, 4.75, 9)) == [5]
+    assert source.corners(Shutter(2, 2, 2)) == []
+    assert small.open(motion="cubic").corners(Shutter(2, 1, 5)) == []
+
+
+def test_description_is_plain_json_and_tells_what_moves(small):
+    small.preview("/Glass", opacity=0.0)
+    small.bind(small.moving("/World/Wave", {1: CORNERS, 5: CORNERS + 1}), "/Glass")
+    small.mesh("/World/Floor")
+    UsdGeom.Camera.Define(small.stage, "/Camera")
+    UsdGeom.Sphere.Define(small.stage, "/Ball")
+    told = json.loads(json.dumps(small.open().describe()))
+    assert told["meshes"] == [
+        {"path": "/World/Wave", "triangles": 2, "instances": 1, "moves": True, "interactions": ["dielectric"]},
+        {"path": "/World/Floor", "triangles": 2, "instances": 1, "moves": False, "interactions": ["diffuse"]},
+    ]
+    assert told["lights"] == [{"path": "/Light", "kind": "distant", "power": [1, 1, 1], "moves": False}]
+    assert told["cameras"] == [{"path": "/Camera", "used": True}]
+    assert told["frames"] == {"start": 1, "end": 5}
+    assert len(told["warnings"]) == 1
+
+
+def test_a_retimed_sublayer_plays_at_the_stages_rate(small, tmp_path):
+    """Layer offsets and other rates are USD's business: samples arrive in the stage's time codes."""
+    small.moving("/Mesh", {1: CORNERS, 5: CORNERS + 4})
+    small.stage.Save()
+    top = Usd.Stage.CreateNew(str(tmp_path / "top.usda"))
+    top.SetStartTimeCode(1)
+    top.SetEndTimeCode(10)
+    top.SetTimeCodesPerSecond(48)
+    top.GetRootLayer().subLayerPaths.append("./scene.usda")
+    top.Save()
+    (mesh,) = StageScene.open(tmp_path / "top.usda", Settings()).at(Shutter(4, 4, 5)).meshes
+    np.testing.assert_allclose(mesh.motions, 0.5)
+    np.testing.assert_allclose(mesh.points, CORNERS + 1.25)
+
+
+def test_a_stage_is_a_scene_source(small):
+    small.mesh()
+    scene: SceneSource = small.open()
+    assert scene.file == small.file and scene.at(Shutter(1, 1, 2)).shutter == Shutter(1, 1, 2)

@@ -1,0 +1,595 @@
+"""The debug layer holds the photons as traced, opens in any viewer and lies over the scene it came from."""
+
+import json
+import resource
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
+
+from tpdwarp.errors import FrameError, InputError
+from tpdwarp.photons.record import PhotonRecord
+from tpdwarp.usd.write.debug_layer import (
+    OUTLINE_POINTS,
+    PRIMVARS,
+    SWEPT_POINTS,
+    DebugLayerWriter,
+    footprint_outlines,
+    speed_colors,
+    swept_outlines,
+    thinning_ranks,
+    view_path,
+)
+
+CURVES = ("TimeDifferentials", "Footprints", "SweptFootprints")
+PRIMS = (*CURVES, "Photons")
+POINTS_A_PHOTON = {"TimeDifferentials": 2, "Footprints": OUTLINE_POINTS, "SweptFootprints": SWEPT_POINTS, "Photons": 1}
+SETTINGS = {"photons": 64, "mask": ["/World"], "exposure": None}
+
+
+def photons(
+    side: int = 8, seed: int = 3, first_id: int = 0, paths: tuple[str, ...] = ("/World/Floor",)
+) -> PhotonRecord:
+    """A lattice of side × side photons with arbitrary tangent differentials on planes of arbitrary tilt."""
+    count = side * side
+    generator = np.random.default_rng(seed)
+    normals = generator.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+
+    def tangent() -> np.ndarray:
+        vectors = generator.normal(size=(count, 3))
+        return vectors - np.einsum("ni,ni->n", vectors, normals)[:, None] * normals
+
+    cells = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+    return PhotonRecord(
+        ids=np.arange(count, dtype=np.int64) + first_id,
+        positions=generator.uniform(-5, 5, (count, 3)),
+        normals=normals,
+        dxdu=tangent(),
+        dxdv=tangent(),
+        dxdt=tangent(),
+        flux=generator.uniform(0, 1, (count, 3)),
+        emission=cells + 0.5,
+        bounces=generator.integers(1, 4, count).astype(np.int32),
+        receivers=generator.integers(0, max(len(paths), 1), count).astype(np.int32),
+        receiver_paths=paths,
+    )
+
+
+def subset(record: PhotonRecord, rows: np.ndarray) -> PhotonRecord:
+    columns = {name: values[rows] for name, values in vars(record).items() if name != "receiver_paths"}
+    return replace(record, **columns)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "scene" / "shot.usda"
+    path.parent.mkdir()
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, "Z")
+    UsdGeom.SetStageMetersPerUnit(stage, 0.1)
+    stage.SetTimeCodesPerSecond(48)
+    stage.SetFramesPerSecond(24)
+    stage.SetStartTimeCode(1)
+    stage.SetEndTimeCode(10)
+    world = UsdGeom.Xform.Define(stage, "/World")
+    stage.SetDefaultPrim(world.GetPrim())
+    UsdGeom.Sphere.Define(stage, "/World/Floor")
+    stage.Save()
+    return path
+
+
+@pytest.fixture
+def file_size_limit() -> Iterator[Callable[[int], None]]:
+    """Makes writes beyond a file size fail, as they do on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def writer(path: Path, scene: Path, curves: int | None = None) -> DebugLayerWriter:
+    return DebugLayerWriter(path, str(scene), SETTINGS, (2, 4), 0.5, 48, 24, "Z", 0.1, curves)
+
+
+def write(path: Path, scene: Path, frames: dict[float, PhotonRecord], curves: int | None = None) -> Usd.Stage:
+    with writer(path, scene, curves) as layer:
+        for time, record in frames.items():
+            layer.add_frame(time, record, smoothing=1.5)
+    return Usd.Stage.Open(str(path))
+
+
+def prim(stage: Usd.Stage, name: str) -> UsdGeom.PointBased:
+    kind = UsdGeom.Points if name == "Photons" else UsdGeom.BasisCurves
+    return kind(stage.GetPrimAtPath(f"/TPD/{name}"))
+
+
+def validation_errors(stage: Usd.Stage) -> list[str]:
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert validators
+    return [error.GetMessage() for error in UsdValidation.ValidationContext(validators).Validate(stage)]
+
+
+@pytest.mark.parametrize("extension", ["usdc", "usda", "usd"])
+def test_layer_and_view_pass_all_validators(tmp_path: Path, scene: Path, extension: str) -> None:
+    path = tmp_path / f"shot.debug.{extension}"
+    write(path, scene, {2: photons(), 3: photons(0), 4: photons(3)})
+    for written in (path, tmp_path / "shot.view.usda"):
+        assert validation_errors(Usd.Stage.Open(str(written))) == []
+
+
+def test_validators_do_find_missing_metadata() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    stage.DefinePrim("/TPD", "Scope")
+    assert validation_errors(stage)
+
+
+@pytest.mark.parametrize("extension", ["usdc", "usd"])
+def test_layer_is_a_crate_unless_asked_for_text(tmp_path: Path, scene: Path, extension: str) -> None:
+    path = tmp_path / f"a.{extension}"
+    write(path, scene, {2: photons()})
+    assert path.read_bytes().startswith(b"PXR-USDC")
+    write(tmp_path / "a.usda", scene, {2: photons()})
+    assert (tmp_path / "a.usda").read_bytes().startswith(b"#usda")
+
+
+@pytest.mark.parametrize("extension", ["usdc", "usda"])
+@pytest.mark.parametrize("name", PRIMS)
+def test_every_array_has_the_size_its_interpolation_asks_for(
+    tmp_path: Path, scene: Path, name: str, extension: str
+) -> None:
+    frames = {2: photons(8), 3: photons(0), 4: photons(5)}
+    stage = write(tmp_path / f"a.{extension}", scene, frames)
+    shape = prim(stage, name)
+    for time, record in frames.items():
+        points = shape.GetPointsAttr().Get(time)
+        assert len(points) == len(record) * POINTS_A_PHOTON[name]
+        interpolation = "vertex" if name == "Photons" else "uniform"
+        if name != "Photons":
+            assert list(shape.GetCurveVertexCountsAttr().Get(time)) == [POINTS_A_PHOTON[name]] * len(record)
+            assert shape.ComputeUniformDataSize(time) == len(record)
+        primvars = UsdGeom.PrimvarsAPI(shape)
+        for primvar in [primvars.GetPrimvar(key) for key in (*PRIMVARS, "displayColor")]:
+            size = len(primvar.Get(time))
+            assert size == len(record) and primvar.GetInterpolation() == interpolation, primvar.GetName()
+            if name != "Photons" and size > 1:
+                assert shape.ComputeInterpolationForSize(size, time) == interpolation
+        widths = shape.GetWidthsAttr().Get(time)
+        assert shape.GetWidthsInterpolation() == ("vertex" if name == "Photons" else "constant")
+        assert len(widths) == (len(record) if name == "Photons" else 1)
+        assert all(width > 0 for width in widths)
+
+
+@pytest.mark.parametrize("name", PRIMS)
+def test_all_that_changes_has_a_sample_at_every_frame_and_at_no_other_time(
+    tmp_path: Path, scene: Path, name: str
+) -> None:
+    stage = write(tmp_path / "a.usdc", scene, {2: photons(), 3.5: photons(4), 4: photons(0)})
+    shape = prim(stage, name)
+    primvars = UsdGeom.PrimvarsAPI(shape)
+    attributes = [shape.GetPointsAttr(), shape.GetExtentAttr(), shape.GetDisplayColorAttr()]
+    attributes += [primvars.GetPrimvar(key).GetAttr() for key in PRIMVARS]
+    attributes += (
+        [shape.GetIdsAttr(), shape.GetWidthsAttr()] if name == "Photons" else [shape.GetCurveVertexCountsAttr()]
+    )
+    for attribute in attributes:
+        assert attribute.GetTimeSamples() == [2, 3.5, 4], attribute.GetName()
+
+
+def test_photons_come_back_as_they_were_traced(tmp_path: Path, scene: Path) -> None:
+    record = photons(paths=("/World/Floor", "/World/Wall"))
+    stage = write(tmp_path / "a.usdc", scene, {2: record})
+    single = {"rtol": 2**-23, "atol": 1e-30}
+    for name in PRIMS:
+        primvars = UsdGeom.PrimvarsAPI(prim(stage, name))
+
+        def value(key: str, primvars: UsdGeom.PrimvarsAPI = primvars) -> np.ndarray:
+            return np.array(primvars.GetPrimvar(key).Get(2))
+
+        np.testing.assert_array_equal(value("tpd:photonId"), record.ids)
+        np.testing.assert_array_equal(value("tpd:bounces"), record.bounces)
+        np.testing.assert_allclose(value("tpd:flux"), record.flux, **single)
+        np.testing.assert_allclose(value("tpd:DuX"), record.dxdu, **single)
+        np.testing.assert_allclose(value("tpd:DvX"), record.dxdv, **single)
+        np.testing.assert_allclose(value("tpd:DtX"), record.dxdt, **single)
+        np.testing.assert_allclose(value("tpd:emission"), record.emission, **single)
+        paths = list(primvars.GetPrimvar("tpd:receivers").Get())
+        assert [paths[k] for k in value("tpd:receiver")] == [record.receiver_paths[k] for k in record.receivers]
+    np.testing.assert_allclose(prim(stage, "Photons").GetPointsAttr().Get(2), record.positions, **single)
+    np.testing.assert_array_equal(prim(stage, "Photons").GetIdsAttr().Get(2), record.ids)
+
+
+def test_types_are_those_that_viewers_take(tmp_path: Path, scene: Path) -> None:
+    stage = write(tmp_path / "a.usdc", scene, {2: photons()})
+    types = {
+        "photonId": "int[]", "flux": "color3f[]", "DuX": "vector3f[]", "DvX": "vector3f[]", "DtX": "vector3f[]",
+        "emission": "float2[]", "bounces": "int[]", "receiver": "int[]", "receivers": "string[]",
+    }  # fmt: skip
+    for name in PRIMS:
+        found = UsdGeom.PrimvarsAPI(prim(stage, name)).FindPrimvarsWithInheritance()
+        found = {primvar.GetPrimvarName(): str(primvar.GetTypeName()) for primvar in found}
+        assert {key.removeprefix("tpd:"): kind for key, kind in found.items() if key.startswith("tpd:")} == types
+    for name, wrap in zip(CURVES, ("nonperiodic", "periodic", "periodic"), strict=True):
+        assert prim(stage, name).GetTypeAttr().Get() == "linear" and prim(stage, name).GetWrapAttr().Get() == wrap
+        assert not prim(stage, name).GetNormalsAttr().HasAuthoredValue()
+
+
+def test_ids_beyond_32_bits_stay_whole_on_points_and_fold_in_the_primvar(tmp_path: Path, scene: Path) -> None:
+    record = photons(first_id=2**31 - 10)
+    stage = write(tmp_path / "a.usdc", scene, {2: record})
+    points = prim(stage, "Photons")
+    np.testing.assert_array_equal(points.GetIdsAttr().Get(2), record.ids)
+    folded = np.array(UsdGeom.PrimvarsAPI(points).GetPrimvar("tpd:photonId").Get(2))
+    assert folded.min() >= 0
+    np.testing.assert_array_equal(folded, record.ids % 2**31)
+
+
+def test_receivers_keep_their_index_when_a_frame_lists_others(tmp_path: Path, scene: Path) -> None:
+    frames = {2: photons(paths=("/A", "/B")), 3: photons(paths=("/B", "/C", "/A")), 4: photons(0, paths=())}
+    stage = write(tmp_path / "a.usdc", scene, frames)
+    primvars = UsdGeom.PrimvarsAPI(prim(stage, "Footprints"))
+    paths = list(primvars.GetPrimvar("tpd:receivers").Get())
+    assert sorted(paths) == ["/A", "/B", "/C"]
+    assert primvars.GetPrimvar("tpd:receivers").GetInterpolation() == "constant"
+    for time, record in frames.items():
+        written = [paths[k] for k in primvars.GetPrimvar("tpd:receiver").Get(time)]
+        assert written == [record.receiver_paths[k] for k in record.receivers]
+
+
+@pytest.mark.parametrize("name", PRIMS)
+def test_extents_enclose_all_points_and_little_more(tmp_path: Path, scene: Path, name: str) -> None:
+    frames = {2: photons(), 3: photons(4, seed=9)}
+    stage = write(tmp_path / "a.usdc", scene, frames)
+    shape = prim(stage, name)
+    width = shape.GetWidthsAttr().Get(2)[0]
+    for time in frames:
+        points = np.array(shape.GetPointsAttr().Get(time))
+        low, high = np.array(shape.GetExtentAttr().Get(time))
+        # Half a width is enough; USD may pad by a whole one, and by the rounding of coordinates up to 16.
+        slack = width + 16 * 2**-23
+        assert (low <= points.min(axis=0)).all() and (high >= points.max(axis=0)).all()
+        assert (low >= points.min(axis=0) - slack).all() and (high <= points.max(axis=0) + slack).all()
+
+
+def test_frame_without_photons_has_an_empty_extent(tmp_path: Path, scene: Path) -> None:
+    stage = write(tmp_path / "a.usdc", scene, {2: photons(0), 3: photons()})
+    cache = UsdGeom.BBoxCache(2, ["default", "guide"])
+    assert cache.ComputeWorldBound(stage.GetPrimAtPath("/TPD")).GetRange().IsEmpty()
+    cache.SetTime(3)
+    assert not cache.ComputeWorldBound(stage.GetPrimAtPath("/TPD")).GetRange().IsEmpty()
+
+
+def test_time_differentials_run_from_shutter_open_to_shutter_close(tmp_path: Path, scene: Path) -> None:
+    record = photons()
+    stage = write(tmp_path / "a.usdc", scene, {2: record})
+    points = prim(stage, "TimeDifferentials").GetPointsAttr().Get(2)
+    ends = np.array(points).reshape(-1, 2, 3)
+    # Single precision of coordinates below 8.
+    np.testing.assert_allclose(ends[:, 1] - ends[:, 0], record.dxdt, rtol=0, atol=8 * 2**-23)
+    np.testing.assert_allclose(ends.mean(axis=1), record.positions, rtol=0, atol=8 * 2**-23)
+
+
+def shoelace(polygons: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Signed areas of planar polygons, shape [n, k, 3], seen against ``normals``."""
+    crosses = np.cross(polygons, np.roll(polygons, -1, axis=1)).sum(axis=1)
+    return 0.5 * np.einsum("ni,ni->n", crosses, normals)
+
+
+def test_footprint_outline_has_the_area_of_its_inscribed_polygon() -> None:
+    record, smoothing = photons(), 1.5
+    polygons = footprint_outlines(record, smoothing) - record.positions[:, None]
+    cells = np.linalg.norm(np.cross(record.dxdu, record.dxdv), axis=1) * smoothing**2
+    inscribed = np.sin(2 * np.pi / OUTLINE_POINTS) / (2 * np.pi / OUTLINE_POINTS)
+    np.testing.assert_allclose(np.abs(shoelace(polygons, record.normals)), np.pi / 4 * cells * inscribed, rtol=1e-9)
+
+
+def test_footprint_outline_touches_the_sides_of_the_cell() -> None:
+    record = photons()
+    polygons = footprint_outlines(record, 1.0) - record.positions[:, None]
+    for place, axis in ((0, record.dxdu), (OUTLINE_POINTS // 4, record.dxdv)):
+        np.testing.assert_allclose(polygons[:, place], 0.5 * axis, atol=1e-12)
+
+
+def test_swept_outline_is_an_ellipse_longer_by_the_motion() -> None:
+    """Area of the sweep of a convex polygon: its own, and its width across the motion times the motion's length."""
+    record, smoothing = photons(), 1.5
+    polygons = swept_outlines(record, smoothing) - record.positions[:, None]
+    cells = np.cross(record.dxdu, record.dxdv) * smoothing**2
+    step = np.pi / (SWEPT_POINTS // 2 - 1)
+    still = np.pi / 4 * np.linalg.norm(cells, axis=1) * np.sin(step) / step
+    # Half the ellipse's width across the motion is the support function of its two semi-axes.
+    across = np.cross(record.normals, record.dxdt)
+    u, v = (0.5 * smoothing * np.einsum("ni,ni->n", axis, across) for axis in (record.dxdu, record.dxdv))
+    swept = 2 * np.hypot(u, v)
+    np.testing.assert_allclose(np.abs(shoelace(polygons, record.normals)), still + swept, rtol=1e-9)
+
+
+def signed_distances(polygons: np.ndarray, normals: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """For each polygon the least, over its edges, of how far its points lie inside; shape [n]."""
+    polygons = np.where((shoelace(polygons, normals) < 0)[:, None, None], polygons[:, ::-1], polygons)
+    edges = np.roll(polygons, -1, axis=1) - polygons
+    inward = np.cross(normals[:, None], edges)
+    lengths = np.linalg.norm(inward, axis=-1, keepdims=True)
+    inward /= np.where(lengths > 1e-9, lengths, np.inf)
+    offsets = points[:, None] - polygons[:, :, None]
+    return np.einsum("nekc,nec->nek", offsets, inward).min(axis=(1, 2))
+
+
+@pytest.mark.parametrize("motion", [0.0, 1e-3, 1.0, 100.0])
+def test_swept_outline_is_convex_and_holds_the_ellipse_at_every_time(motion: float) -> None:
+    record = replace(photons(), positions=np.zeros((64, 3)))
+    record = replace(record, dxdt=motion * record.dxdt)
+    polygons = swept_outlines(record, 1.0)
+    tolerance = 1e-12 * (1 + np.linalg.norm(record.dxdt, axis=1).max())
+    assert signed_distances(polygons, record.normals, polygons).min() > -tolerance
+    # A polygon inscribed in the half ellipse holds the ellipse shrunk by the cosine of half its step.
+    angles = np.linspace(0, 2 * np.pi, 101)
+    shrunk = 0.5 * np.cos(0.5 * np.pi / (SWEPT_POINTS // 2 - 1))
+    ellipse = shrunk * (
+        np.cos(angles)[:, None] * record.dxdu[:, None] + np.sin(angles)[:, None] * record.dxdv[:, None]
+    )
+    for time in (-0.5, 0.0, 0.5):
+        assert signed_distances(polygons, record.normals, ellipse + time * record.dxdt[:, None]).min() > -tolerance
+
+
+def test_swept_outline_of_a_collapsed_footprint_is_a_parallelogram() -> None:
+    """At a fold D_u x and D_v x are parallel; the ellipse is a segment of half length |(a, b)|."""
+    record = photons()
+    along = record.dxdu / np.linalg.norm(record.dxdu, axis=1, keepdims=True)
+    record = replace(record, dxdu=2.0 * along, dxdv=-1.5 * along, positions=np.zeros((64, 3)))
+    polygons = swept_outlines(record, 1.0)
+    half_length = 0.5 * np.hypot(2.0, 1.5)
+    expected = 2 * half_length * np.linalg.norm(np.cross(along, record.dxdt), axis=1)
+    np.testing.assert_allclose(np.abs(shoelace(polygons, record.normals)), expected, rtol=1e-9)
+
+
+def test_outlines_of_nothing_are_points() -> None:
+    zero = np.zeros((64, 3))
+    record = replace(photons(), dxdu=zero, dxdv=zero, dxdt=zero)
+    for outline in (footprint_outlines(record, 1.0), swept_outlines(record, 1.0)):
+        np.testing.assert_array_equal(outline, np.broadcast_to(record.positions[:, None], outline.shape))
+
+
+def test_speed_colours_grow_lighter_with_speed_and_share_one_scale(tmp_path: Path, scene: Path) -> None:
+    luminances = speed_colors(np.linspace(0, 1, 65), 1.0) @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(luminances) > 0).all()
+    np.testing.assert_array_equal(speed_colors(np.array([5.0]), 2.0), speed_colors(np.array([2.0]), 2.0))
+
+    slow, fast = photons(), replace(photons(), dxdt=10 * photons().dxdt)
+    stage = write(tmp_path / "a.usdc", scene, {2: slow, 3: fast})
+    fastest = stage.GetRootLayer().customLayerData["tpdwarp"]["fastestColor"]
+    speeds = np.concatenate([np.linalg.norm(record.dxdt, axis=1) for record in (slow, fast)])
+    np.testing.assert_allclose(fastest, np.percentile(speeds, 99), rtol=1e-6)
+    for time, record in ((2, slow), (3, fast)):
+        expected = speed_colors(np.linalg.norm(record.dxdt, axis=1), fastest)
+        for name in PRIMS:
+            colors = prim(stage, name).GetDisplayColorAttr().Get(time)
+            # Speeds are kept in single precision, which the ramp's slope of at most 4 a stop magnifies.
+            np.testing.assert_allclose(colors, expected, rtol=0, atol=1e-5)
+
+
+def test_still_photons_all_have_the_slowest_colour(tmp_path: Path, scene: Path) -> None:
+    record = replace(photons(), dxdt=np.zeros((64, 3)))
+    stage = write(tmp_path / "a.usdc", scene, {2: record})
+    colors = prim(stage, "Photons").GetDisplayColorAttr().Get(2)
+    np.testing.assert_allclose(colors, np.tile(speed_colors(np.zeros(1), 1.0), (64, 1)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
+def test_widths_follow_the_size_of_footprints(tmp_path: Path, scene: Path, scale: float) -> None:
+    record = photons()
+    record = replace(record, dxdu=scale * record.dxdu, dxdv=scale * record.dxdv)
+    stage = write(tmp_path / "a.usdc", scene, {1: photons(0), 2: record})
+    diameter = 1.5 * np.sqrt(np.median(np.linalg.norm(np.cross(record.dxdu, record.dxdv), axis=1)))
+    for name in PRIMS:
+        assert 0.01 * diameter < prim(stage, name).GetWidthsAttr().Get(2)[0] < 0.2 * diameter
+
+
+def test_widths_of_collapsed_footprints_follow_the_scene(tmp_path: Path, scene: Path) -> None:
+    record = replace(photons(), dxdv=np.zeros((64, 3)))
+    stage = write(tmp_path / "a.usdc", scene, {2: record})
+    spread = np.linalg.norm(np.ptp(record.positions, axis=0))
+    for name in PRIMS:
+        assert 0 < prim(stage, name).GetWidthsAttr().Get(2)[0] < 0.01 * spread
+
+
+def test_layer_takes_the_metadata_of_its_scene(tmp_path: Path, scene: Path) -> None:
+    write(tmp_path / "shot.debug.usdc", scene, {2: photons()})
+    original = Usd.Stage.Open(str(scene))
+    for path in ("shot.debug.usdc", "shot.view.usda"):
+        stage = Usd.Stage.Open(str(tmp_path / path))
+        for read in (
+            UsdGeom.GetStageUpAxis, UsdGeom.GetStageMetersPerUnit, Usd.Stage.GetTimeCodesPerSecond,
+            Usd.Stage.GetFramesPerSecond, Usd.Stage.GetStartTimeCode, Usd.Stage.GetEndTimeCode,
+        ):  # fmt: skip
+            assert read(stage) == read(original), (path, read)
+
+
+def test_layer_of_a_scene_without_a_range_covers_the_frames(tmp_path: Path, scene: Path) -> None:
+    layer = Sdf.Layer.FindOrOpen(str(scene))
+    layer.ClearStartTimeCode()
+    layer.ClearEndTimeCode()
+    stage = write(tmp_path / "a.usdc", scene, {2: photons()})
+    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (2, 4)
+
+
+def test_layer_records_where_its_photons_come_from(tmp_path: Path, scene: Path) -> None:
+    stage = write(tmp_path / "a.usdc", scene, {2: photons()})
+    recorded = stage.GetRootLayer().customLayerData["tpdwarp"]
+    assert recorded["frameRange"] == Gf.Vec2d(2, 4)
+    assert recorded["exposure"] == 0.5
+    assert recorded["scene"] == str(scene)
+    assert json.loads(recorded["settings"]) == SETTINGS
+    assert recorded["version"]
+
+
+def test_layer_alone_is_a_guide_and_the_view_shows_it_with_the_scene(tmp_path: Path, scene: Path) -> None:
+    debug = write(tmp_path / "shot.debug.usdc", scene, {2: photons()})
+    assert debug.GetDefaultPrim().GetPath() == "/TPD" and debug.GetDefaultPrim().GetTypeName() == "Scope"
+    view = Usd.Stage.Open(str(tmp_path / "shot.view.usda"))
+    for name in PRIMS:
+        assert prim(debug, name).ComputePurpose() == "guide"
+        assert prim(view, name).ComputePurpose() == "default"
+        assert prim(view, name).GetPointsAttr().Get(2) == prim(debug, name).GetPointsAttr().Get(2)
+        assert prim(view, name).GetPointsAttr().GetTimeSamples() == [2]
+    assert view.GetPrimAtPath("/World/Floor").GetTypeName() == "Sphere"
+    assert view.GetDefaultPrim().GetPath() == "/World"
+
+
+def test_view_finds_its_layers_after_all_have_moved_together(tmp_path: Path, scene: Path) -> None:
+    write(tmp_path / "out" / "shot.debug.usdc", scene, {2: photons()})
+    moved = tmp_path / "moved"
+    moved.mkdir()
+    for folder in ("out", "scene"):
+        (tmp_path / folder).rename(moved / folder)
+    view = Usd.Stage.Open(str(moved / "out" / "shot.view.usda"))
+    assert view.GetPrimAtPath("/World/Floor") and view.GetPrimAtPath("/TPD/Photons")
+
+
+@pytest.mark.parametrize(
+    ("debug", "view"),
+    [("shot.debug.usdc", "shot.view.usda"), ("shot.usdc", "shot.view.usda"), ("a.b.debug.usda", "a.b.view.usda")],
+)
+def test_view_is_named_after_the_layer(debug: str, view: str) -> None:
+    assert view_path(f"out/{debug}") == Path("out") / view
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_interrupted_layer_leaves_no_file(tmp_path: Path, scene: Path, error: type) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(error), writer(out / "a.debug.usdc", scene) as layer:
+        layer.add_frame(2, photons(), 1.0)
+        raise error
+    assert list(out.iterdir()) == []
+
+
+def test_layer_appears_on_close_and_alone_with_its_view(tmp_path: Path, scene: Path) -> None:
+    out = tmp_path / "out"
+    layer = writer(out / "a.debug.usdc", scene)
+    layer.add_frame(2, photons(), 1.0)
+    assert not (out / "a.debug.usdc").exists() and not (out / "a.view.usda").exists()
+    layer.close()
+    layer.close()
+    assert sorted(path.name for path in out.iterdir()) == ["a.debug.usdc", "a.view.usda"]
+
+
+@pytest.mark.parametrize("extension", ["usdc", "usda"])
+def test_layer_that_finds_the_disk_full_fails_and_leaves_nothing(
+    tmp_path: Path, scene: Path, extension: str, file_size_limit: Callable[[int], None]
+) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(FrameError, match=rf"a\.{extension}: cannot be written"), writer(
+        out / f"a.{extension}", scene
+    ) as layer:
+        file_size_limit(20000)
+        layer.add_frame(2, photons(16), 1.0)
+    assert list(out.iterdir()) == []
+
+
+def test_crate_goes_to_disk_with_every_frame(tmp_path: Path, scene: Path) -> None:
+    out = tmp_path / "out"
+    with writer(out / "a.usdc", scene) as layer:
+        for count in (1, 2, 3):
+            layer.add_frame(count, photons(16, seed=count), 1.0)
+            written = sum(path.stat().st_size for path in out.iterdir())
+            assert written > count * 256 * sum(POINTS_A_PHOTON.values()) * 12
+
+
+def test_layer_without_frames_is_legal(tmp_path: Path, scene: Path) -> None:
+    stage = write(tmp_path / "a.debug.usdc", scene, {})
+    assert validation_errors(stage) == []
+
+
+@pytest.mark.parametrize("name", ["positions", "dxdu", "dxdv", "dxdt", "flux", "emission"])
+def test_photon_that_is_not_finite_is_named(tmp_path: Path, scene: Path, name: str) -> None:
+    record = photons(first_id=100)
+    getattr(record, name)[7, 1] = np.nan
+    with pytest.raises(FrameError, match=f"frame 2: {name} of photon 107"), writer(tmp_path / "a.usdc", scene) as layer:
+        layer.add_frame(2, record, 1.0)
+
+
+def test_thinned_layer_keeps_the_same_photons_in_every_frame(tmp_path: Path, scene: Path) -> None:
+    everything = photons(16)
+    landed = np.random.default_rng(5).random((6, len(everything))) < 0.9
+    frames = {float(k): subset(everything, rows) for k, rows in enumerate(landed)}
+    stage = write(tmp_path / "a.usdc", scene, frames, curves=50)
+    points = prim(stage, "Photons")
+    kept = {time: set(points.GetIdsAttr().Get(time)) for time in frames}
+    for time, record in frames.items():
+        assert 0 < len(kept[time]) <= 50
+        for earlier in (t for t in frames if t < time):
+            assert kept[time] & set(frames[earlier].ids) <= kept[earlier]
+        assert set(record.ids) >= kept[time]
+    assert len(kept[0.0]) == 50
+
+
+def test_thinning_to_a_power_of_four_leaves_a_coarser_lattice() -> None:
+    record = photons(16)
+    chosen = np.argsort(thinning_ranks(record))[: len(record) // 16]
+    cells = np.floor(record.emission[chosen]).astype(int)
+    assert len(np.unique(cells % 4, axis=0)) == 1 and len(np.unique(cells // 4, axis=0)) == 16
+
+
+@pytest.mark.parametrize("count", [7, 20, 50, 100, 200])
+def test_any_share_of_the_lattice_is_spread_evenly(count: int) -> None:
+    """Each quadrant holds its quarter of the chosen photons to within one a level of the lattice's four."""
+    record = photons(16)
+    cells = np.floor(record.emission[np.argsort(thinning_ranks(record))[:count]]).astype(int)
+    quadrants = np.bincount((cells // 8) @ [1, 2], minlength=4)
+    assert np.abs(quadrants - count / 4).max() <= 4
+
+
+@pytest.mark.parametrize("place", [0.0, 0.5])
+def test_thinning_does_not_depend_on_the_last_digit_of_a_coordinate(place: float) -> None:
+    record = replace(photons(16), emission=photons(16).emission + place)
+    nudged = replace(record, emission=np.nextafter(record.emission.astype(np.float32), np.float32(-1)))
+    np.testing.assert_array_equal(thinning_ranks(record), thinning_ranks(nudged))
+
+
+def test_photons_of_one_lattice_point_have_ranks_of_their_own() -> None:
+    record = replace(photons(32), emission=np.full((1024, 2), 0.5))
+    assert len(np.unique(thinning_ranks(record))) > 1000
+
+
+def test_layer_with_room_for_all_photons_leaves_none_out(tmp_path: Path, scene: Path) -> None:
+    stage = write(tmp_path / "a.usdc", scene, {2: photons(8)}, curves=64)
+    points = prim(stage, "Photons")
+    assert len(points.GetIdsAttr().Get(2)) == 64
+
+
+def test_layers_that_cannot_be_written_are_refused_at_once(tmp_path: Path, scene: Path) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    (tmp_path / "taken.view.usda").mkdir()
+    for path, why in (
+        (tmp_path / "file" / "a.usdc", "cannot be written"),
+        (tmp_path / "taken.debug.usdc", "is a folder"),
+        (tmp_path / "a.abc", r"\.usdc, \.usda, \.usd"),
+        (scene, "is the scene itself"),
+    ):
+        with pytest.raises(InputError, match=why):
+            writer(path, scene)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "scene", "taken.view.usda"]
+    assert Usd.Stage.Open(str(scene)).GetPrimAtPath("/World/Floor")
+
+
+def test_view_over_the_scene_itself_is_refused(tmp_path: Path, scene: Path) -> None:
+    renamed = scene.rename(scene.with_name("shot.view.usda"))
+    with pytest.raises(InputError, match="is the scene itself"):
+        writer(scene.with_name("shot.debug.usdc"), renamed)
+
+
+@pytest.mark.parametrize("content", [None, b"#usda 1.0\n( nonsense", b"binary"])
+def test_scene_that_cannot_be_opened_is_refused_in_one_line(tmp_path: Path, content: bytes | None) -> None:
+    broken = tmp_path / "broken.usda"
+    if content is not None:
+        broken.write_bytes(content)
+    with pytest.raises(InputError) as refusal:
+        writer(tmp_path / "a.usdc", broken)
+    assert str(refusal.value).startswith(str(broken)) and "\n" not in str(refusal.value)
+
+
+def test_thinning_to_nothing_is_refused(tmp_path: Path, scene: Path) -> None:
+    with pytest.raises(InputError, match="--curves"):
+        writer(tmp_path / "a.usdc", scene, curves=0)

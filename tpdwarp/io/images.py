@@ -1,0 +1,373 @@
+"""Reading and writing images; the one module that knows OpenImageIO."""
+
+from __future__ import annotations
+
+import json
+import numbers
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+
+from tpdwarp.errors import FrameError, InputError
+from tpdwarp.io.files import complete_or_absent
+
+DISPLAY_BITS = {".png": "uint8", ".jpg": "uint8", ".jpeg": "uint8", ".tif": "uint16", ".tiff": "uint16"}
+EXTENSIONS = (".exr", *DISPLAY_BITS)
+
+# Colours go out as half. What is measured, or used as a coordinate, does not fit: it needs the range or the digits.
+FLOAT_LAYERS = ("Z", "N", "P", "motion", "irradiance", "photons")
+HALF_MAXIMUM = float(np.finfo(np.float16).max)
+
+# Their writers hide a failed write (PNG) or end the process at one (JPEG).
+SILENT_EXTENSIONS = (".png", ".jpg", ".jpeg")
+
+# OpenImageIO has names of its own for two of OpenEXR's attributes.
+ATTRIBUTE_NAMES = {"capDate": "DateTime", "expTime": "ExposureTime"}
+
+# The configuration built into OpenImageIO, so that an $OCIO meant for other programs changes no picture.
+COLOR_CONFIG = "ocio://default"
+
+
+def check_format(path: str | os.PathLike[str], aovs: Sequence[str] = ()) -> None:
+    """Refuses a file name whose extension is not one that :func:`write_frame` knows.
+
+    Args:
+        path: Where frames will be written.
+        aovs: Channel groups wanted beside the beauty; only EXR holds them.
+
+    Raises:
+        InputError: The extension is unknown, or the format cannot hold ``aovs``.
+    """
+    extension = Path(path).suffix.lower()
+    if extension not in EXTENSIONS:
+        named = f"the image format {extension!r} is unknown" if extension else "the file name has no extension"
+        raise InputError(f"{named} (use one of {', '.join(EXTENSIONS)})", file=os.fspath(path))
+    if aovs and extension != ".exr":
+        raise InputError(f"{extension} holds the beauty only, not {', '.join(aovs)} (use .exr)", file=os.fspath(path))
+
+
+def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
+    """Writes one frame; it appears under its name only when complete.
+
+    EXR takes all channels, R, G, B and A first and the others as given (zip, scan lines): colours as half, limited to
+    ±65504, the layers of ``FLOAT_LAYERS`` as float. The other formats take the beauty only, sRGB encoded: PNG and JPEG
+    with 8 bits, TIFF with 16; PNG and TIFF with alpha, JPEG over black.
+
+    Args:
+        path: The file, with one of ``EXTENSIONS``; its folder exists.
+        channels: Channel name (``R``, ``caustic.G``, ``Z``) to pixels, top row first, shape [h, w]; linear Rec.709,
+            colours multiplied by alpha.
+        metadata: Attributes by their EXR names; see :func:`set_attribute` for the types.
+
+    Raises:
+        InputError: The extension is unknown.
+        FrameError: A pixel is not finite, or the file cannot be written.
+    """
+    check_format(path)
+    refuse_non_finite(path, channels)
+    beauty = [name for name in "RGBA" if name in channels]
+    if Path(path).suffix.lower() == ".exr":
+        names = beauty + [name for name in channels if name not in beauty]
+        depths = ["float" if name.split(".")[0] in FLOAT_LAYERS else "half" for name in names]
+        pixels = np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
+        for index, depth in enumerate(depths):
+            if depth == "half":
+                np.clip(pixels[..., index], -HALF_MAXIMUM, HALF_MAXIMUM, out=pixels[..., index])
+        spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), "float")
+        spec.channelformats = tuple(oiio.TypeDesc(depth) for depth in depths)
+        spec.attribute("compression", "zip")
+        spec.attribute("oiio:ColorSpace", "lin_rec709")
+    else:
+        extension = Path(path).suffix.lower()
+        names = [name for name in beauty if name != "A" or extension not in (".jpg", ".jpeg")]
+        pixels = encode_srgb(np.stack([channels[name] for name in names], axis=-1).astype(np.float32))
+        spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), DISPLAY_BITS[extension])
+        spec.attribute("compression", "jpeg:95" if extension in (".jpg", ".jpeg") else "zip")
+        spec.attribute("jpeg:subsampling", "4:4:4")
+        spec.attribute("oiio:ColorSpace", "sRGB")
+        spec.attribute("oiio:UnassociatedAlpha", 1)
+    spec.channelnames = tuple(names)
+    spec.alpha_channel = names.index("A") if "A" in names else -1
+    spec.z_channel = names.index("Z") if "Z" in names else -1
+    for name, value in metadata.items():
+        set_attribute(spec, name, value)
+    with complete_or_absent(path) as temporary:
+        if Path(path).suffix.lower() in SILENT_EXTENSIONS:
+            write_surely(temporary, path, spec, pixels)
+        else:
+            write_pixels(temporary, path, spec, pixels)
+
+
+def write_pixels(temporary: str, path: str | os.PathLike[str], spec: oiio.ImageSpec, pixels: np.ndarray) -> None:
+    """Writes ``pixels``, shape [h, w, channels], to ``temporary``; errors name ``path``.
+
+    Raises:
+        FrameError: The file cannot be written.
+    """
+    output = oiio.ImageOutput.create(temporary)
+    if not (output and output.open(temporary, spec) and output.write_image(pixels) and output.close()):
+        reason = output.geterror() if output else oiio.geterror()
+        raise FrameError(f"{os.fspath(path)}: cannot be written: {' '.join(reason.split())}")
+
+
+def write_surely(temporary: str, path: str | os.PathLike[str], spec: oiio.ImageSpec, pixels: np.ndarray) -> None:
+    """Like :func:`write_pixels`, for writers that do not tell of a full disk.
+
+    The space is tried before, and the file read after it is written: another process may have taken the space.
+
+    Raises:
+        FrameError: The file cannot be written.
+    """
+    try:
+        Path(temporary).write_bytes(bytes(spec.image_bytes() + len(spec.to_xml()) + 2**16))
+    except OSError as error:
+        raise FrameError(f"{os.fspath(path)}: cannot be written: {error.strerror}") from error
+    write_pixels(temporary, path, spec, pixels)
+    try:
+        read_image(temporary)
+    except InputError as error:
+        raise FrameError(f"{os.fspath(path)}: cannot be written: it came out damaged ({error.message})") from error
+
+
+def refuse_non_finite(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]) -> None:
+    """Checks that every pixel is a number.
+
+    Raises:
+        FrameError: One is not; names the first such pixel, as column and row from the top left.
+    """
+    for name, values in channels.items():
+        finite = np.isfinite(values)
+        if not finite.all():
+            row, column = np.argwhere(~finite)[0]
+            raise FrameError(
+                f"{os.fspath(path)}: channel {name} is {values[row, column]} at pixel ({column}, {row}), "
+                f"one of {np.count_nonzero(~finite)} that are not finite"
+            )
+
+
+def encode_srgb(pixels: np.ndarray) -> np.ndarray:
+    """Linear Rec.709 as sRGB, shape [h, w, 3 or 4]; colours are divided by alpha first, as PNG wants them.
+
+    Without an alpha channel colours are encoded as they are.
+    """
+    image = oiio.ImageBuf(np.ascontiguousarray(pixels, dtype=np.float32))
+    if pixels.shape[-1] == 4:
+        image.specmod().alpha_channel = 3
+        image = oiio.ImageBufAlgo.unpremult(image)
+    image = oiio.ImageBufAlgo.colorconvert(image, "lin_rec709", "sRGB", unpremult=False, colorconfig=COLOR_CONFIG)
+    if image.has_error:
+        raise FrameError(f"sRGB encoding failed: {image.geterror()}")
+    return np.array(image.get_pixels("float"))
+
+
+def smpte_timecode(frame: float, frames_per_second: float) -> str:
+    """The time code ``hh:mm:ss:ff`` of a frame counted from 0, without dropped frames, at the rounded-up rate."""
+    rate = max(1, int(np.ceil(frames_per_second)))
+    seconds, frames = divmod(int(np.floor(frame)), rate)
+    return f"{seconds // 3600 % 24:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}:{frames:02d}"
+
+
+def set_attribute(spec: oiio.ImageSpec, name: str, value: Any) -> None:
+    """Adds one attribute to an image's header.
+
+    A string, whole number, number (single precision) or 4×4 array is stored as such (whole numbers beyond 32 bits as
+    text), two to four numbers as a vector, anything else as JSON. ``framesPerSecond`` becomes a fraction (23.976 is
+    24000/1001) and ``smpte:TimeCode`` is given as ``hh:mm:ss:ff``. None is left out.
+
+    Raises:
+        TypeError: The value has no JSON form.
+    """
+    name = ATTRIBUTE_NAMES.get(name, name)
+    plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if plain is None:
+        return
+    if name == "framesPerSecond":
+        rate = exact_rate(float(plain))
+        spec.attribute(name, oiio.TypeDesc("rational"), (rate.numerator, rate.denominator))
+    elif name == "smpte:TimeCode":
+        # Binary coded decimals, two digits a byte, frames in the lowest.
+        packed = sum(int(pair, 16) << 8 * (3 - place) for place, pair in enumerate(plain.split(":")))
+        spec.attribute(name, oiio.TypeDesc("timecode"), (packed, 0))
+    elif isinstance(plain, str):
+        spec.attribute(name, plain)
+    elif isinstance(plain, numbers.Integral):
+        spec.attribute(name, int(plain) if abs(plain) < 2**31 else str(plain))
+    elif isinstance(plain, numbers.Real):
+        spec.attribute(name, float(plain))
+    elif np.shape(value) == (4, 4):
+        spec.attribute(name, oiio.TypeDesc("matrix"), tuple(float(x) for row in value for x in row))
+    elif is_vector(plain):
+        spec.attribute(name, oiio.TypeDesc(f"float[{len(plain)}]"), tuple(float(x) for x in plain))
+    else:
+        spec.attribute(name, json.dumps(plain))
+
+
+def is_vector(value: Any) -> bool:
+    """Whether ``value`` is a list or tuple of two to four numbers."""
+    return (
+        isinstance(value, list | tuple) and 2 <= len(value) <= 4 and all(isinstance(x, numbers.Real) for x in value)
+    )
+
+
+def exact_rate(frames_per_second: float) -> Fraction:
+    """The fraction meant by a decimal rate: n/1 or the television rates n·1000/1001 where near, else the closest."""
+    for divisor in (Fraction(1), Fraction(1000, 1001)):
+        rate = round(frames_per_second / divisor) * divisor
+        if rate > 0 and abs(float(rate) - frames_per_second) < 5e-4:
+            return rate
+    return Fraction(frames_per_second).limit_denominator(1001)
+
+
+@dataclass(frozen=True, eq=False)
+class StoredImage:
+    """An image as its file holds it.
+
+    Attributes:
+        names: Channel names, in the file's order.
+        depths: Pixel type of each channel (``half``, ``float``, ``uint8``, …).
+        pixels: Values as float32, top row first, shape [h, w, channels].
+        metadata: Attributes, by the names and types that :func:`write_frame` takes.
+        window: Where the pixels lie: column and row of the first, then the display window's column, row, width, height.
+        parts: Images in the file; this is the first.
+    """
+
+    names: tuple[str, ...]
+    depths: tuple[str, ...]
+    pixels: np.ndarray
+    metadata: dict[str, Any]
+    window: tuple[int, ...]
+    parts: int
+
+
+def read_stored(path: str | os.PathLike[str]) -> StoredImage:
+    """Reads all of an image: channels with their types, and attributes.
+
+    Values are what the file holds (PNG, JPEG and TIFF: encoded, in 0 … 1, colours not multiplied by alpha). Attributes
+    of EXR have the names and types that :func:`write_frame` takes, matrices as [4, 4] arrays.
+
+    Raises:
+        InputError: The file is missing, damaged or no image.
+    """
+    as_stored = oiio.ImageSpec()
+    as_stored.attribute("oiio:UnassociatedAlpha", 1)
+    source = oiio.ImageInput.open(os.fspath(path), as_stored)
+    if source is None:
+        raise InputError(f"cannot be read: {oiio.geterror()}", file=os.fspath(path))
+    spec = source.spec()
+    pixels = source.read_image(0, 0, 0, spec.nchannels, "float")
+    if pixels is None:
+        raise InputError(f"cannot be read: {source.geterror()}", file=os.fspath(path))
+    parts = 1
+    while source.seek_subimage(parts, 0):
+        parts += 1
+    source.close()
+    file_names = {own: name for name, own in ATTRIBUTE_NAMES.items()}
+    metadata = {
+        file_names.get(entry.name, entry.name): attribute_value(entry.name, entry.type, entry.value)
+        for entry in spec.extra_attribs
+    }
+    depths = tuple(str(spec.channelformat(index)) for index in range(spec.nchannels))
+    window = (spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+    return StoredImage(tuple(spec.channelnames), depths, pixels, metadata, window, parts)
+
+
+def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """All channels, as float32, shape [h, w], and all attributes of an image; see :func:`read_stored`.
+
+    Raises:
+        InputError: The file is missing, damaged or no image.
+    """
+    stored = read_stored(path)
+    planes = {name: np.ascontiguousarray(stored.pixels[..., index]) for index, name in enumerate(stored.names)}
+    return planes, stored.metadata
+
+
+def attribute_value(name: str, kind: oiio.TypeDesc, value: Any) -> Any:
+    """An attribute of an image's header as the Python value that :func:`set_attribute` takes for it."""
+    if kind == oiio.TypeDesc("matrix"):
+        return np.array(value, dtype=np.float64).reshape(4, 4)
+    if kind == oiio.TypeDesc("rational"):
+        return value[0] / value[1]
+    if name == "smpte:TimeCode":
+        return ":".join(f"{value[0] >> shift & 0xFF:02x}" for shift in (24, 16, 8, 0))
+    return value
+
+
+def flip_difference(
+    image: np.ndarray, baseline: np.ndarray, maximum_luminance: float, median_luminance: float
+) -> np.ndarray:
+    """HDR-ꟻLIP: how strongly an eye flipping between two images sees a difference, 0 … 1, shape [h, w].
+
+    Args:
+        image, baseline: Linear Rec.709, shape [h, w, 3].
+        maximum_luminance, median_luminance: What the exposures are laid out over. They are given, and not measured
+            from the baseline, so that the same difference has the same value in every frame.
+
+    Raises:
+        FrameError: The images cannot be compared.
+    """
+    found = oiio.ImageBufAlgo.FLIP_diff(
+        oiio.ImageBuf(np.ascontiguousarray(baseline, dtype=np.float32)),
+        oiio.ImageBuf(np.ascontiguousarray(image, dtype=np.float32)),
+        hdr=1,
+        maxluminance=maximum_luminance,
+        medianluminance=median_luminance,
+        nthreads=1,
+    )
+    if found.has_error:
+        raise FrameError(f"FLIP failed: {found.geterror()}")
+    return np.asarray(found.get_pixels("float"))[..., 0]
+
+
+def decode_srgb(pixels: np.ndarray) -> np.ndarray:
+    """sRGB as linear Rec.709, shape [h, w, 3]."""
+    image = oiio.ImageBuf(np.ascontiguousarray(pixels, dtype=np.float32))
+    image = oiio.ImageBufAlgo.colorconvert(image, "sRGB", "lin_rec709", unpremult=False, colorconfig=COLOR_CONFIG)
+    if image.has_error:
+        raise FrameError(f"sRGB decoding failed: {image.geterror()}")
+    return np.asarray(image.get_pixels("float"))
+
+
+def encoded_picture(pixels: np.ndarray, extension: str, quality: int = 85) -> bytes:
+    """A small picture as the bytes of a ``.png`` or ``.jpg`` file, for pages that carry their pictures with them.
+
+    Args:
+        pixels: Values as they are stored, uint8, shape [h, w] or [h, w, 3].
+        extension: ``.png`` or ``.jpg``.
+        quality: Of JPEG, in percent.
+
+    Raises:
+        FrameError: It cannot be encoded.
+    """
+    planes = pixels if pixels.ndim == 3 else pixels[..., None]
+    spec = oiio.ImageSpec(planes.shape[1], planes.shape[0], planes.shape[2], "uint8")
+    spec.attribute("compression", f"jpeg:{quality}" if extension == ".jpg" else "zip:9")
+    spec.attribute("jpeg:subsampling", "4:4:4")
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, f"picture{extension}")
+        write_pixels(path, path, spec, np.ascontiguousarray(planes))
+        return Path(path).read_bytes()
+
+
+def with_text(pixels: np.ndarray, lines: Sequence[tuple[int, int, str]], size: int) -> np.ndarray:
+    """A picture with lines of white text drawn on it, in OpenImageIO's default font.
+
+    Args:
+        pixels: Values as they are stored, uint8, shape [h, w, 3].
+        lines: Column and row of the left end of each base line, and its text.
+        size: Height of the letters in pixels.
+
+    Returns:
+        A new picture; without the text where no font is installed.
+    """
+    image = oiio.ImageBuf(np.ascontiguousarray(pixels))
+    for column, row, text in lines:
+        oiio.ImageBufAlgo.render_text(image, column, row, text, size, "", (1.0, 1.0, 1.0))
+    return np.array(image.get_pixels("uint8")).reshape(pixels.shape)

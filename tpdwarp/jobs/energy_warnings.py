@@ -1,0 +1,42 @@
+"""Warnings about light that goes astray, once for a sequence."""
+
+from __future__ import annotations
+
+from tpdwarp.errors import logger
+from tpdwarp.io.frame_names import frame_text
+from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.scene.description import SceneSource, Shutter
+from tpdwarp.scene.requirements import requirements_of
+
+LOST_SHARE = 0.01
+
+
+class EnergyWatch:
+    """Looks at the energy account of each frame.
+
+    Args:
+        source: The scene that is traced.
+    """
+
+    def __init__(self, source: SceneSource) -> None:
+        self._source = source
+        self._warned_of_loss = self._warned_of_no_caustic = False
+
+    def __call__(self, frame: float, shutter: Shutter, energy: EnergyAccount) -> None:
+        """Warns at the first frame that loses more than 1 % of the flux sent, and at the first without a caustic."""
+        if not self._warned_of_loss and energy.lost_total > LOST_SHARE * energy.sent > 0:
+            self._warned_of_loss = True
+            causes = sorted(energy.lost, key=lambda cause: energy.lost[cause], reverse=True)
+            shares = ", ".join(f"{cause} {energy.lost[cause] / energy.sent:.1%}" for cause in causes[:3])
+            logger.warning(
+                f"{self._source.file}: frame {frame_text(frame)} loses {energy.lost_total / energy.sent:.1%} "
+                f"of the flux sent ({shares}); the statistics have every frame"
+            )
+        # Only a frame to which no flux was sent can lack a specular surface, so that most scenes are not read twice.
+        if not self._warned_of_no_caustic and energy.sent == 0:
+            if not requirements_of(self._source.at(shutter)).caustics:
+                logger.warning(
+                    f"{self._source.file}: frame {frame_text(frame)} has no surface that reflects or refracts, "
+                    "so there can be no caustic (bind a material with opacity 0, or with metallic 1 and roughness 0)"
+                )
+            self._warned_of_no_caustic = True

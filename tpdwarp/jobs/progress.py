@@ -1,0 +1,191 @@
+"""What is shown while a sequence is under way."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from typing import TYPE_CHECKING, TextIO
+
+from tpdwarp.errors import InputError
+from tpdwarp.io.frame_names import frame_text
+
+if TYPE_CHECKING:
+    from tpdwarp.jobs.results import FrameOutcome
+
+KINDS = ("auto", "bar", "plain", "alf", "none")
+
+
+class Progress:
+    """Shows nothing; the base of those that do. Messages go to ``stderr``, whatever is shown."""
+
+    def start(self, count: int) -> None:
+        """A sequence of ``count`` frames begins."""
+
+    def begin(self, frame: float) -> None:
+        """Work on ``frame`` begins."""
+
+    def end(self, outcome: FrameOutcome) -> None:
+        """A frame has been written, traced, skipped, or has failed."""
+
+    def finish(self) -> None:
+        """The sequence is over, well or not."""
+
+    def message(self, line: str) -> None:
+        """Prints a line for people to read."""
+        print(line, file=sys.stderr, flush=True)
+
+
+class PlainProgress(Progress):
+    """One line a frame.
+
+    Args:
+        stream: Where to; None for standard output.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stdout
+        self._count = self._done = 0
+
+    def start(self, count: int) -> None:
+        self._count, self._done = count, 0
+
+    def end(self, outcome: FrameOutcome) -> None:
+        self._done += 1
+        what = f"{outcome.status} {outcome.path}".strip()
+        note = f": {outcome.reason}" if outcome.reason else f", {outcome.total_seconds:.2f} s"
+        line = f"frame {frame_text(outcome.frame)} ({self._done}/{self._count}) {what}{note}"
+        print(line, file=self._stream, flush=True)
+
+
+class AlfProgress(Progress):
+    """Lines ``ALF_PROGRESS n%``, as farm wrappers read them.
+
+    Args:
+        stream: Where to; None for standard output.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stdout
+        self._count = self._done = 0
+
+    def start(self, count: int) -> None:
+        self._count, self._done = count, 0
+        self._show()
+
+    def end(self, outcome: FrameOutcome) -> None:
+        self._done += 1
+        self._show()
+
+    def _show(self) -> None:
+        print(f"ALF_PROGRESS {100 * self._done // max(1, self._count)}%", file=self._stream, flush=True)
+
+
+class OccasionalProgress(Progress):
+    """A line now and then, for logs of long sequences whose frames take no time to speak of.
+
+    Args:
+        stream: Where to; None for standard error.
+        interval: Seconds between lines; what is over sooner says nothing.
+    """
+
+    def __init__(self, stream: TextIO | None = None, interval: float = 10.0) -> None:
+        self._stream = stream or sys.stderr
+        self._interval = interval
+        self._count = self._done = self._failed = 0
+        self._started = self._said = 0.0
+
+    def start(self, count: int) -> None:
+        self._count, self._done, self._failed = count, 0, 0
+        self._started = self._said = time.monotonic()
+
+    def end(self, outcome: FrameOutcome) -> None:
+        self._done += 1
+        self._failed += outcome.status == "failed"
+        now = time.monotonic()
+        if now - self._said >= self._interval:
+            self._said = now
+            gone = now - self._started
+            left = gone / self._done * (self._count - self._done)
+            failed = f", {self._failed} failed" if self._failed else ""
+            line = f"{self._done}/{self._count} frames{failed}, {clock(gone)} gone, {clock(left)} left"
+            print(line, file=self._stream, flush=True)
+
+
+class BarProgress(Progress):
+    """One line that is drawn over and over, with the time that is left; messages are printed above it.
+
+    Args:
+        stream: A terminal; None for standard error.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._count = self._done = self._worked = self._failed = 0
+        self._seconds = self._started = 0.0
+        self._line = ""
+
+    def start(self, count: int) -> None:
+        self._count, self._done, self._worked, self._failed = count, 0, 0, 0
+        self._started = time.monotonic()
+
+    def begin(self, frame: float) -> None:
+        self._draw(f"frame {frame_text(frame)}")
+
+    def end(self, outcome: FrameOutcome) -> None:
+        self._done += 1
+        self._failed += outcome.status == "failed"
+        if outcome.status != "skipped":
+            self._worked += 1
+            self._seconds += outcome.total_seconds
+        self._draw(f"frame {frame_text(outcome.frame)}")
+
+    def finish(self) -> None:
+        if self._line:
+            self._stream.write("\n")
+            self._stream.flush()
+            self._line = ""
+
+    def message(self, line: str) -> None:
+        if self._line:
+            self._stream.write("\r\x1b[K")
+        self._stream.write(f"{line}\n{self._line}")
+        self._stream.flush()
+
+    def _draw(self, what: str) -> None:
+        columns = shutil.get_terminal_size().columns - 1
+        if self._worked:
+            left = self._seconds / self._worked * (self._count - self._done)
+            times = f"{clock(time.monotonic() - self._started)} gone, {clock(left)} left"
+        else:
+            times = "first frame"
+        failed = f", {self._failed} failed" if self._failed else ""
+        text = f" {self._done}/{self._count} {what}{failed}, {times}"
+        width = max(0, min(40, columns - len(text) - 2))
+        full = width * self._done // max(1, self._count)
+        self._line = f"[{'#' * full}{'.' * (width - full)}]{text}"[: max(0, columns)]
+        self._stream.write(f"\r\x1b[K{self._line}")
+        self._stream.flush()
+
+
+def clock(seconds: float) -> str:
+    """``m:ss``, or ``h:mm:ss`` from an hour on."""
+    minutes, rest = divmod(max(0, round(seconds)), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+def progress_of(kind: str | Progress | None) -> Progress:
+    """The progress called ``kind``; ``auto`` is the bar on a terminal and plain lines elsewhere, None shows nothing.
+
+    Raises:
+        InputError: There is no such kind.
+    """
+    if isinstance(kind, Progress):
+        return kind
+    if kind == "auto":
+        kind = "bar" if sys.stderr.isatty() else "plain"
+    makers = {"bar": BarProgress, "plain": PlainProgress, "alf": AlfProgress, "none": Progress, None: Progress}
+    if kind not in makers:
+        raise InputError(f"--progress must be one of {', '.join(KINDS)}, not {kind!r}")
+    return makers[kind]()

@@ -1,0 +1,262 @@
+"""Choosing photons and segments for a wanted error, without a reference.
+
+A few pixels of a few frames are rendered with more and more photons m in each of K segments. The change D from the last
+picture but one to the last tells the error of the former; if errors fall by a factor r from one to the other, it is
+
+    e = D/(1 − r²),
+
+halfway between errors that have nothing in common, D/√(1 + r²), and errors of one shape, D/(1 − r). Errors of pictures
+with fewer photons are their changes to the last one. The change from K to 2K segments tells the error in time, and a
+part of that in space, which falls as that does with more photons and so is told apart. Both add up as squares. Of the
+frames looked at, the one that errs most counts. Where a stage's samples cut the shutter into equal parts, segments are
+these or 2, 4, … for each of them.
+Whichever buys more accuracy for its photons, m or K, is raised until the wanted error is within reach of the power law
+that the last changes make.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import takewhile
+
+import numpy as np
+
+from tpdwarp.errors import logger
+from tpdwarp.rendering.pilot import Pilot
+from tpdwarp.scene.description import SceneSource, Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.trajectories.fit import FEWEST_GUIDES
+from tpdwarp.trajectories.segments import corners_within, most_corners
+
+MOST_STILLS = 3
+FIRST_PHOTONS = 64
+# No smaller error is believed before so many photons were seen.
+FEWEST_SEEN = 4096
+MOST_PHOTONS = 1 << 23
+MOST_SEGMENTS = 64
+# Corners of motion are met where the shutter is cut into no more equal parts than these.
+MOST_PARTS = 8
+# How errors fall from m to 4m photons: what is believed at least and at most, and before two changes are known.
+FALL = (0.15, 0.7)
+UNKNOWN_FALL = 0.4
+# So many times photons may be quadrupled by the power law beyond those whose error is told by the next.
+FARTHEST = 1.5
+# How errors in time fall from K to 2K segments, at least and at most: bent ways follow the light to third order.
+TIME_FALL = (0.0625, 0.7)
+# And from m to 4m photons: smaller footprints change less while the shutter is open, but their ways err as much.
+TIME_FALL_BY_PHOTONS = (0.75, 1.0)
+# Least part of the change with the segments that is taken for one in time.
+LEAST_IN_TIME = 0.25
+# Frames count as no darker than by this part of the light of all.
+LEAST_LIGHT = 0.1
+TINY = 1e-12
+
+Pictures = Callable[[int, int], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What reaches a wanted error.
+
+    Attributes:
+        photons: Photons of each segment.
+        segments: Segments of the shutter.
+        error: Relative RMSE expected of it.
+    """
+
+    photons: int
+    segments: int
+    error: float
+
+
+@dataclass(frozen=True)
+class ErrorTarget:
+    """A wanted error and what was chosen for it.
+
+    Attributes:
+        wanted, expected: Relative RMSE of the light from photons.
+        photons: Photons a frame.
+        segments: Segments of the shutter.
+    """
+
+    wanted: float
+    expected: float
+    photons: int
+    segments: int
+
+
+def settled(
+    source: SceneSource, settings: Settings, shutters: Sequence[Shutter], width: int, height: int
+) -> tuple[Settings, ErrorTarget]:
+    """``settings`` with the photons and segments that ``settings.target_error`` asks for.
+
+    Args:
+        source: The scene.
+        settings: How it is rendered.
+        shutters: Of frames spread over the animation, not of the frames at hand: so all have the same lattices.
+        width, height: Pixels of the frames.
+    """
+    # The middles of equal parts of the animation.
+    apart = math.ceil(len(shutters) / MOST_STILLS)
+    pictures = Pilot(source, settings, shutters[(apart - 1) // 2 :: apart], width, height)
+    choice = chosen(pictures, settings.target_error, numbers_of_segments(source, shutters))
+    if choice.error > 1.05 * settings.target_error:
+        logger.warning(
+            f"--target-error {settings.target_error:g} is out of reach: {choice.photons * choice.segments} photons in "
+            f"{choice.segments} segments are expected to err by {choice.error:.2g}"
+        )
+    photons = choice.photons * choice.segments
+    target = ErrorTarget(settings.target_error, choice.error, photons, choice.segments)
+    return replace(settings, photons=photons, segments=choice.segments, target_error=None), target
+
+
+def numbers_of_segments(source: SceneSource, shutters: Sequence[Shutter]) -> tuple[int, ...]:
+    """Numbers of segments to choose from: one, and those that begin where motion turns corners."""
+    moving = [shutter for shutter in shutters if shutter.exposure > 0]
+    if not moving:
+        return (1,)
+    corners = set().union(*(corners_within(source, shutter) for shutter in moving))
+    fewest = next((count for count in range(1, MOST_PARTS + 1) if not most_corners(corners, count)), 1)
+    doubled = takewhile(lambda count: count <= MOST_SEGMENTS, (fewest << k for k in itertools.count()))
+    return tuple(sorted({1, *doubled}))
+
+
+def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
+    """The cheapest choice expected to err by no more than ``wanted`` (relative RMSE), or the best there is.
+
+    Args:
+        picture: Makes a picture from photons a segment and segments.
+        wanted: The wanted error.
+        numbers: Numbers of segments to choose from, from one on.
+    """
+    following = dict(itertools.pairwise(numbers))
+    preceding = {more: fewer for fewer, more in following.items()}
+    found: dict[tuple[int, int], np.ndarray] = {}
+
+    def at(photons: int, segments: int) -> np.ndarray:
+        if (photons, segments) not in found:
+            found[photons, segments] = picture(photons, segments)
+        return found[photons, segments]
+
+    def in_space(photons: int, segments: int) -> _ErrorInSpace:
+        counts = [m for m in (4 * photons >> 2 * k for k in range(12)) if m >= FIRST_PHOTONS][::-1]
+        return _ErrorInSpace.of(counts, [at(m, segments) for m in counts])
+
+    def in_time(photons: int, segments: int, fall: float) -> _ErrorInTime:
+        if segments not in following:
+            return _ErrorInTime(photons, 0.0, 1.0)
+        # With fewer photons than guides are traced for bent ways, these are too few to tell the error in time.
+        enough = min(4 * photons, max(photons, FEWEST_GUIDES))
+        jump, coarse = (_change(at(m, segments), at(m, following[segments])) for m in (enough, enough // 4))
+        # Its part in space is as much smaller with more photons as the error in space; that in time stays.
+        apart = (jump**2 - (fall * coarse) ** 2) / (1.0 - fall**2)
+        time_fall = TIME_FALL[0]
+        if segments in preceding:
+            # Light that folds while the shutter is open gains less from another segment.
+            before = _change(at(enough, preceding[segments]), at(enough, segments))
+            time_fall = float(np.clip(jump / max(before, TINY), *TIME_FALL))
+        error = math.sqrt(max(apart, (LEAST_IN_TIME * jump) ** 2)) / (1.0 - time_fall**2)
+        by_photons = float(np.clip(jump / max(coarse, TINY), *TIME_FALL_BY_PHOTONS))
+        return _ErrorInTime(enough, error, by_photons)
+
+    photons, segments = FIRST_PHOTONS, 1
+    while True:
+        space = in_space(photons, segments)
+        time = in_time(photons, segments, space.fall)
+
+        def error(m: float, space: _ErrorInSpace = space, time: _ErrorInTime = time) -> float:
+            return math.hypot(space(m), time(m))
+
+        if 4 * photons >= FEWEST_SEEN:
+            most = min(4.0**FARTHEST * photons, MOST_PHOTONS / segments)
+            if error(most) <= wanted:
+                fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
+                return Choice(fewest, segments, error(fewest))
+            if 4 * photons * segments >= MOST_PHOTONS:
+                return Choice(4 * photons, segments, error(4 * photons))
+            if segments in following:
+                more = following[segments]
+                by_photons = math.log(error(photons) / error(4 * photons)) / math.log(4)
+                with_segments = max(math.hypot(space(photons), TIME_FALL[0] * time(photons)), TINY)
+                by_segments = math.log(error(photons) / with_segments) / math.log(more / segments)
+                if by_segments > by_photons:
+                    # Errors in space may have been those of photons that went far astray: fewer may do now.
+                    photons, segments = max(FIRST_PHOTONS, photons // 16), more
+                    continue
+        photons *= 4
+
+
+@dataclass(frozen=True)
+class _ErrorInTime:
+    """Error in time by the number of photons in each segment.
+
+    Attributes:
+        photons: Those it was told with; fewer err as much.
+        error: With these.
+        fall: How it falls from each number to four times as many.
+    """
+
+    photons: float
+    error: float
+    fall: float
+
+    def __call__(self, photons: float) -> float:
+        return self.error * self.fall ** max(0.0, math.log(photons / self.photons) / math.log(4))
+
+
+@dataclass(frozen=True)
+class _ErrorInSpace:
+    """Error by the number of photons in each segment: a power law between those seen, and beyond them.
+
+    Attributes:
+        counts: Numbers of photons, each four times the one before.
+        errors: Of these.
+        fall: How errors fall from one to the next beyond the last.
+    """
+
+    counts: Sequence[int]
+    errors: Sequence[float]
+    fall: float
+
+    @classmethod
+    def of(cls, counts: Sequence[int], pictures: Sequence[np.ndarray]) -> _ErrorInSpace:
+        steps = [_change(a, b) for a, b in itertools.pairwise(pictures)][-3:]
+        fall = latest = UNKNOWN_FALL
+        if len(steps) > 1:
+            # One step alone may be small, or large, by chance.
+            fall = (steps[-1] / max(steps[0], TINY)) ** (1.0 / (len(steps) - 1))
+            # Once cells are finer than folds, errors fall faster and faster.
+            latest = min(fall, math.sqrt(fall * steps[-1] / max(steps[-2], TINY)))
+            fall, latest = (float(np.clip(value, *FALL)) for value in (fall, latest))
+        last = latest * steps[-1] / (1.0 - latest**2)
+        before = [math.hypot(_change(picture, pictures[-1]), last) for picture in pictures[:-2]]
+        return cls(counts, (*before, last / latest, last), fall)
+
+    def __call__(self, photons: float) -> float:
+        errors = np.maximum(self.errors, TINY)
+        beyond = max(0.0, math.log(photons / self.counts[-1]) / math.log(4))
+        between = np.interp(math.log(photons), np.log(self.counts), np.log(errors))
+        return math.exp(between) * self.fall**beyond
+
+
+def _fewest(error: Callable[[float], float], wanted: float, least: int, most: float) -> int:
+    """The fewest photons from ``least`` to ``most`` from which on the error stays within ``wanted``."""
+    steps = least * (most / least) ** np.linspace(1.0, 0.0, 400)
+    fewest = most
+    for photons in steps:
+        if error(photons) > wanted:
+            break
+        fewest = photons
+    return math.ceil(fewest)
+
+
+def _change(a: np.ndarray, b: np.ndarray) -> float:
+    """RMS difference of the frame [f, n, 3] that differs most, by its own light: no frame is to err by more."""
+    levels = b.mean(axis=(1, 2))
+    levels = np.maximum(levels, LEAST_LIGHT * levels.mean())
+    if not levels.all():
+        return 0.0
+    return float(np.sqrt(np.mean(((a - b) / levels[:, None, None]) ** 2, axis=(1, 2)).max()))

@@ -1,0 +1,178 @@
+"""Surfaces in contact, parted: glass that stands on a table, or touches other glass, gets a gap that rays can tell.
+
+Of surfaces closer than the distance at which rays start off a surface, single precision cannot say which comes first,
+and light that leaves one passes the other by. So a specular triangle in the plane of a triangle of another mesh is
+moved off it by some times that distance: off a diffuse surface to its front, off a specular one that faces it to its
+own inside. Specular ones that face the same way are one surface written twice, of which rays meet one; they stay.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.scene.device.ray_offset import LIFT, lift_off
+
+# In units of how far off rays start and how finely those from afar meet what is there: what counts as contact, and how
+# far it is moved.
+CONTACT = wp.constant(2.0)
+GAP = wp.constant(4.0)
+PARALLEL = wp.constant(0.9999)
+# Four half units in the last place of single precision.
+ROUNDING = wp.constant(2.4e-7)
+# Moves of one vertex that differ in direction by less than about the inverse of this are one.
+DIRECTIONS = 64
+
+
+@wp.struct
+class Triangle:
+    """Corners, unit normal, how near it rays cannot tell surfaces apart, and how well its own plane is known."""
+
+    a: wp.vec3
+    b: wp.vec3
+    c: wp.vec3
+    n: wp.vec3
+    blur: float
+    rounding: float
+
+
+@wp.func
+def _triangle(points: wp.array(dtype=wp.vec3), corner: wp.vec3i) -> Triangle:
+    t = Triangle()
+    t.a = points[corner[0]]
+    t.b = points[corner[1]]
+    t.c = points[corner[2]]
+    t.n = wp.normalize(wp.cross(t.b - t.a, t.c - t.a))
+    edges = wp.abs(t.b - t.a) + wp.abs(t.c - t.a)
+    grain = wp.max(wp.max(wp.abs(t.a), wp.abs(t.b)), wp.abs(t.c))
+    t.blur = lift_off(t.n, grain, edges[0] + edges[1] + edges[2]) + LIFT * wp.max(grain)
+    t.rounding = ROUNDING * wp.dot(wp.abs(t.n), grain)
+    return t
+
+
+@wp.func
+def _off_plane(t: Triangle, other: Triangle) -> float:
+    """How far the corner of ``t`` that lies farthest off the plane of ``other`` does so."""
+    origin = wp.vec3d(other.a)
+    n = wp.normalize(wp.cross(wp.vec3d(other.b) - origin, wp.vec3d(other.c) - origin))
+    off = wp.abs(wp.dot(n, wp.vec3d(t.a) - origin))
+    off = wp.max(off, wp.abs(wp.dot(n, wp.vec3d(t.b) - origin)))
+    return float(wp.max(off, wp.abs(wp.dot(n, wp.vec3d(t.c) - origin))))
+
+
+@wp.func
+def _move(n: wp.vec3, other: wp.vec3, other_is_diffuse: bool, gap: float) -> wp.vec3:
+    if other_is_diffuse:
+        return gap * other
+    if wp.dot(n, other) < 0.0:
+        return -gap * n
+    return wp.vec3(0.0, 0.0, 0.0)
+
+
+@wp.kernel(enable_backward=False)
+def find_contacts(
+    base: int,
+    # Scene
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    triangles: wp.array(dtype=wp.vec3i),
+    object_of: wp.array(dtype=wp.int32),
+    diffuse: wp.array(dtype=wp.int32),
+    # In
+    chosen: wp.array(dtype=wp.int32),
+    # Out
+    moves: wp.array(dtype=wp.vec3),
+):
+    """Where to move each specular triangle that lies in the plane of one of another mesh, one thread a chosen one."""
+    i = chosen[base + wp.tid()]
+    mine = _triangle(points, triangles[i])
+    grown = 2.0 * CONTACT * wp.vec3(mine.blur, mine.blur, mine.blur)
+    low = wp.min(wp.min(mine.a, mine.b), mine.c) - grown
+    high = wp.max(wp.max(mine.a, mine.b), mine.c) + grown
+    query = wp.mesh_query_aabb(mesh, low, high)
+    face = int(0)
+    while wp.mesh_query_aabb_next(query, face):
+        if object_of[face] != object_of[i] and (diffuse[i] == 0 or diffuse[face] == 0):
+            theirs = _triangle(points, triangles[face])
+            # A huge floor is no reason to move a tiny lens far, but by what its plane is rounded.
+            blur = wp.max(mine.blur, theirs.blur)
+            if diffuse[i] == 1:
+                blur = theirs.blur + mine.rounding
+            elif diffuse[face] == 1:
+                blur = mine.blur + theirs.rounding
+            off = wp.min(_off_plane(mine, theirs), _off_plane(theirs, mine))
+            if wp.abs(wp.dot(mine.n, theirs.n)) > PARALLEL and off < CONTACT * blur:
+                if diffuse[i] == 0:
+                    moves[i] = _move(mine.n, theirs.n, diffuse[face] == 1, GAP * blur)
+                if diffuse[face] == 0:
+                    moves[face] = _move(theirs.n, mine.n, diffuse[i] == 1, GAP * blur)
+
+
+def parted(
+    mesh: wp.Mesh,
+    triangles: np.ndarray,
+    object_of: np.ndarray,
+    diffuse: np.ndarray,
+    boxes: np.ndarray,
+    launcher: Launcher,
+) -> np.ndarray | None:
+    """The scene's points with surfaces in contact parted.
+
+    Args:
+        mesh: The scene's triangles, in the tracer's units.
+        triangles: Its corners, shape [t, 3].
+        object_of: The mesh of the stage that each triangle belongs to, in their order, shape [t].
+        diffuse: 1 for diffuse triangles, 0 for specular ones, shape [t].
+        boxes: Lower and upper corner of each mesh of the stage, shape [m, 2, 3].
+        launcher: Where to look for contacts.
+
+    Returns:
+        Points, shape [n, 3] float32; None where nothing is in contact.
+    """
+    points = mesh.points.numpy()
+    chosen = _suspects(points, triangles, object_of, diffuse, boxes)
+    if not len(chosen):
+        return None
+    moves = launcher.zeros(len(triangles), wp.vec3)
+    arrays = [
+        launcher.array(triangles, wp.vec3i), *(launcher.array(a, wp.int32) for a in (object_of, diffuse, chosen))
+    ]
+    launcher(find_contacts, len(chosen), [mesh.id, mesh.points, *arrays, moves])
+    found = moves.numpy()
+    touching = np.flatnonzero(np.any(found, axis=1))
+    if not len(touching):
+        return None
+    # A vertex in an edge or a corner of contact moves off all surfaces there, but off each of them once.
+    vertices, ways = triangles[touching].ravel(), np.repeat(found[touching], 3, axis=0)
+    directions = np.rint(DIRECTIONS * ways / np.linalg.norm(ways, axis=1, keepdims=True)).astype(np.int64)
+    _, once = np.unique(np.column_stack([vertices, directions]), axis=0, return_index=True)
+    changed = points.copy()
+    np.add.at(changed, vertices[once], ways[once])
+    return changed
+
+
+def _suspects(
+    points: np.ndarray, triangles: np.ndarray, object_of: np.ndarray, diffuse: np.ndarray, boxes: np.ndarray
+) -> np.ndarray:
+    """Triangles to look around for contacts, shape [k] int32: of two meshes that may touch, those of the smaller."""
+    counts = np.bincount(object_of, minlength=len(boxes))
+    ends = np.cumsum(counts)
+    special = np.bincount(object_of, weights=diffuse == 0, minlength=len(boxes)) > 0
+    # Grown by more than what counts as contact.
+    slack = 4.0e-5 * np.abs(boxes).max(axis=(1, 2))[:, None]
+    low, high = boxes[:, 0] - slack, boxes[:, 1] + slack
+    found = [np.zeros(0, np.int32)]
+    for first in np.flatnonzero(special):
+        near = np.all((low[first] <= high) & (low <= high[first]), axis=1)
+        # Pairs of specular meshes come up once.
+        near[:first] &= ~special[:first]
+        near[first] = False
+        for second in np.flatnonzero(near):
+            smaller = min(first, second, key=lambda number: counts[number])
+            rows = np.arange(ends[smaller] - counts[smaller], ends[smaller], dtype=np.int32)
+            corners = points[triangles[rows]]
+            meet_low, meet_high = np.maximum(low[first], low[second]), np.minimum(high[first], high[second])
+            inside = (corners.min(axis=1) <= meet_high) & (corners.max(axis=1) >= meet_low)
+            found.append(rows[inside.all(axis=1)])
+    return np.unique(np.concatenate(found))

@@ -1,0 +1,174 @@
+"""The scene on the device: one mesh BVH over all triangles at mid shutter, with their motion over the shutter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.device.contact import parted
+from tpdwarp.scene.normalization import Normalization
+
+
+@wp.struct
+class Surfaces:
+    """Triangles with everything a ray needs to know where it lands; positions in the tracer's units.
+
+    ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly. ``grain`` is how
+    large the coordinates of the scene are along each axis.
+    """
+
+    mesh: wp.uint64
+    time: float
+    grain: wp.vec3
+    triangles: wp.array(dtype=wp.vec3i)
+    points: wp.array(dtype=wp.vec3)
+    motions: wp.array(dtype=wp.vec3)
+    normals: wp.array(dtype=wp.vec3)
+    normal_motions: wp.array(dtype=wp.vec3)
+    normal_indices: wp.array(dtype=wp.vec3i)
+    colors: wp.array(dtype=wp.vec3)
+    color_indices: wp.array(dtype=wp.vec3i)
+    material_of: wp.array(dtype=wp.int32)
+    object_of: wp.array(dtype=wp.int32)
+    interaction: wp.array(dtype=wp.int32)
+    tint: wp.array(dtype=wp.vec3)
+    ior: wp.array(dtype=wp.float32)
+
+
+@dataclass
+class Geometry:
+    """Device-side scene over one shutter.
+
+    Attributes:
+        surfaces: The kernel's view of it.
+        mesh: The BVH (kept alive with ``surfaces``).
+        moves: Whether any vertex moves over the shutter.
+        paths: Prim path of each object, indexed by ``surfaces.object_of``.
+    """
+
+    surfaces: Surfaces
+    mesh: wp.Mesh
+    moves: bool
+    paths: tuple[str, ...]
+    _moved: wp.Mesh | None = None
+
+    def at(self, time: float, launcher: Launcher) -> Surfaces:
+        """The same surfaces with their points moved to ``time`` in the shutter (−½ … ½).
+
+        The BVH is refitted: what is returned is good until the next call.
+        """
+        if not self.moves:
+            return replace_time(self.surfaces, time)
+        if self._moved is None:
+            self._moved = _mesh(self.surfaces.points.numpy(), self.surfaces.triangles.numpy(), launcher)
+        points = self.surfaces.points.numpy() + np.float32(time) * self.surfaces.motions.numpy()
+        self._moved.points.assign(points)
+        self._moved.refit()
+        surfaces = replace_time(self.surfaces, time)
+        surfaces.mesh, surfaces.points = self._moved.id, self._moved.points
+        return surfaces
+
+
+def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
+    """A copy that stands at ``time``: normals, lights and the camera follow it, points are the caller's business."""
+    copy = Surfaces()
+    for name in Surfaces.vars:
+        setattr(copy, name, getattr(surfaces, name))
+    copy.time = time
+    return copy
+
+
+def _mesh(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> wp.Mesh:
+    return wp.Mesh(
+        points=wp.array(points, dtype=wp.vec3, device=launcher.device),
+        indices=wp.array(triangles.ravel(), dtype=wp.int32, device=launcher.device),
+    )
+
+
+def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
+    filled = [a for a in arrays if len(a)]
+    if not filled:
+        return np.zeros((0, width), dtype)
+    return np.concatenate(filled).astype(dtype)
+
+
+NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
+
+
+def geometry_of(
+    scene: SceneAtShutter, normalization: Normalization, launcher: Launcher, *, with_motions: bool
+) -> Geometry:
+    """Packs the meshes of ``scene`` into one geometry on the launcher's device.
+
+    Args:
+        with_motions: Whether kernels will read motions (also where only a light or the camera moves).
+    """
+    moves = with_motions
+    points, motions, triangles = [], [], []
+    normals, normal_motions, normal_indices = [], [], []
+    colors, color_indices, material_of, object_of = [], [], [], []
+    materials: dict[object, int] = {}
+    vertex_count = normal_count = color_count = 0
+    # A frame may show nothing at all; a tree of triangles wants at least one.
+    for number, mesh in enumerate(scene.meshes or (NOTHING,)):
+        points.append(normalization.points(mesh.points))
+        if moves:
+            motions.append(_or_zeros(mesh.motions, mesh.points) * normalization.scale)
+        triangles.append(mesh.triangles + vertex_count)
+        vertex_count += len(mesh.points)
+        normal_indices.append(_indices(mesh, mesh.normal_indices, normal_count))
+        if mesh.normals is not None:
+            normals.append(mesh.normals)
+            if moves:
+                normal_motions.append(_or_zeros(mesh.normal_motions, mesh.normals))
+            normal_count += len(mesh.normals)
+        color_indices.append(_indices(mesh, mesh.color_indices, color_count))
+        if mesh.colors is not None:
+            colors.append(mesh.colors)
+            color_count += len(mesh.colors)
+        slots = np.array([materials.setdefault(m, len(materials)) for m in mesh.materials], np.int32)
+        chosen = mesh.triangle_materials
+        material_of.append(slots[chosen] if chosen is not None else np.full(len(mesh.triangles), slots[0], np.int32))
+        object_of.append(np.full(len(mesh.triangles), number, np.int32))
+
+    corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
+    mesh = _mesh(vertices, corners, launcher)
+    owners, materials_of = np.concatenate(object_of), np.concatenate(material_of)
+    table = list(materials)
+    diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
+    boxes = np.array([(placed.min(axis=0), placed.max(axis=0)) for placed in points])
+    apart = parted(mesh, corners, owners, diffuse, boxes, launcher)
+    if apart is not None:
+        mesh.points.assign(apart)
+        mesh.refit()
+    surfaces = Surfaces()
+    extent = np.abs(vertices).max(axis=0).astype(float)
+    surfaces.grain = wp.vec3(*(extent + 1e-3 * extent.max()))
+    surfaces.mesh, surfaces.time, surfaces.points = mesh.id, 0.0, mesh.points
+    surfaces.triangles = launcher.array(corners, wp.vec3i)
+    surfaces.motions = launcher.array(_stack(motions, 3, np.float32), wp.vec3)
+    surfaces.normals = launcher.array(_stack(normals, 3, np.float32), wp.vec3)
+    surfaces.normal_motions = launcher.array(_stack(normal_motions, 3, np.float32), wp.vec3)
+    surfaces.normal_indices = launcher.array(np.concatenate(normal_indices), wp.vec3i)
+    surfaces.colors = launcher.array(_stack(colors, 3, np.float32), wp.vec3)
+    surfaces.color_indices = launcher.array(np.concatenate(color_indices), wp.vec3i)
+    surfaces.material_of = launcher.array(materials_of, wp.int32)
+    surfaces.object_of = launcher.array(owners, wp.int32)
+    surfaces.interaction = launcher.array(np.array([int(m.interaction) for m in table], np.int32), wp.int32)
+    surfaces.tint = launcher.array(np.array([m.color for m in table], np.float32), wp.vec3)
+    surfaces.ior = launcher.array(np.array([m.ior for m in table], np.float32), wp.float32)
+    return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), tuple(mesh.path for mesh in scene.meshes))
+
+
+def _or_zeros(values: np.ndarray | None, like: np.ndarray) -> np.ndarray:
+    return np.zeros_like(like) if values is None else values
+
+
+def _indices(mesh: MeshAtShutter, indices: np.ndarray | None, offset: int) -> np.ndarray:
+    if indices is None:
+        return np.full((len(mesh.triangles), 3), -1, np.int32)
+    return np.where(indices >= 0, indices + offset, -1).astype(np.int32)

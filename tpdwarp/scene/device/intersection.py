@@ -1,0 +1,205 @@
+"""Where a ray meets the scene: the hit, the surface's motion there, its shading normal and how that varies."""
+
+import warp as wp
+
+from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.ray_offset import lift_off
+
+# A ray starts a little off the surface it leaves, on the side it leaves to, and is shifted sideways by less than that
+# (a part of the coordinates of the triangle at hand, some 16 units in their last place), because rays that pass exactly
+# through vertices and edges can slip between triangles; the hit is then found by intersecting the true ray with the
+# triangle's plane.
+SHIFT = wp.constant(1.0e-6)
+# Below this cosine a plane is too nearly along the ray to say where they meet.
+GRAZING = wp.constant(1.0e-7)
+COPLANAR = wp.constant(0.999999)
+# What lies in the plane left is so many lifts of its own off it at most: four half units in the last place.
+OWN_PLANE = wp.constant(0.06)
+MOST_ATTEMPTS = wp.constant(8)
+
+
+@wp.struct
+class Hit:
+    """A point of a triangle: position, unit geometric normal (not flipped), motion, dual basis g1, g2 of its edges.
+
+    ``lift`` is how far off it rays have to start, ``grain`` how large its coordinates are along each axis, ``retried``
+    is 1 where it was missed at first.
+    """
+
+    triangle: int
+    distance: float
+    position: wp.vec3
+    n_g: wp.vec3
+    motion: wp.vec3
+    beta: wp.vec3
+    g1: wp.vec3
+    g2: wp.vec3
+    lift: float
+    grain: wp.vec3
+    retried: int
+
+
+@wp.struct
+class ShadingNormal:
+    """Interpolated normal N = Σ β_i n_i: unit n, |N|, and what D_a N needs (n_1 − n_0, n_2 − n_0, Σ β_i D_t n_i)."""
+
+    n: wp.vec3
+    length: float
+    along1: wp.vec3
+    along2: wp.vec3
+    rate: wp.vec3
+
+
+@wp.func
+def along(x: wp.vec3, w: wp.vec3, distance: float) -> wp.vec3:
+    """x + λω in double precision, for ways that are long beside where they lead."""
+    return wp.vec3(wp.vec3d(x) + wp.float64(distance) * wp.vec3d(w))
+
+
+@wp.func
+def closest_hit(
+    surfaces: Surfaces,
+    x: wp.vec3,
+    w: wp.vec3,
+    lift: wp.vec3,
+    grain: wp.vec3,
+    start: float,
+    end: float,
+    moves: bool,
+    stream: wp.uint32,
+) -> Hit:
+    """First surface along x + λω for λ in [start, end]; ``triangle`` is −1 where there is none.
+
+    Where the ray meets the triangle's plane is found in double precision: long thin triangles need it. A ray that finds
+    the plane again that it just left starts anew from farther off.
+    """
+    hit = Hit()
+    hit.triangle = -1
+    off = wp.normalize(lift)
+    lifted = wp.length(lift)
+    farther = float(1.0)
+    missed = int(0)
+    attempt = int(0)
+    while hit.triangle < 0 and missed < 2 and attempt < MOST_ATTEMPTS:
+        attempt += 1
+        shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5)
+        shift = SHIFT * wp.cw_mul(shift, grain)
+        shift = shift - wp.dot(shift, off) * off
+        query = wp.mesh_query_ray(surfaces.mesh, along(x, w, start) + farther * lift + shift, w, end - start)
+        if not query.result:
+            missed += 1
+        else:
+            corner = surfaces.triangles[query.face]
+            q0 = surfaces.points[corner[0]]
+            q1 = surfaces.points[corner[1]]
+            q2 = surfaces.points[corner[2]]
+            origin = wp.vec3d(q0)
+            e1 = wp.vec3d(q1) - origin
+            e2 = wp.vec3d(q2) - origin
+            area = wp.cross(e1, e2)
+            square = wp.dot(area, area)
+            offset = wp.vec3d(x) - origin
+            # Both times the area; the plane's normal itself need not be known in double precision.
+            height = wp.dot(area, offset)
+            cosine = wp.dot(area, wp.vec3d(w))
+            length = wp.sqrt(square)
+            inverse = wp.float64(1.0) / square
+            hit.n_g = wp.vec3(area * (length * inverse))
+            hit.grain = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
+            edges = wp.abs(q1 - q0) + wp.abs(q2 - q0)
+            size = edges[0] + edges[1] + edges[2]
+            hit.lift = lift_off(hit.n_g, hit.grain, size)
+            hit.grain = hit.grain + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
+            own = wp.max(lifted, OWN_PLANE * hit.lift)
+            if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(height) < length * wp.float64(own):
+                farther *= 8.0
+            elif wp.isfinite(inverse):
+                distance = wp.float64(start + query.t)
+                if wp.abs(cosine) > wp.float64(GRAZING) * length:
+                    distance = -height / cosine
+                offset = offset + distance * wp.vec3d(w)
+                g1 = wp.cross(e2, area) * inverse
+                g2 = wp.cross(area, e1) * inverse
+                b1 = wp.dot(g1, offset)
+                b2 = wp.dot(g2, offset)
+                hit.triangle = query.face
+                hit.retried = missed
+                hit.distance = float(distance)
+                hit.position = wp.vec3(origin + offset)
+                hit.g1 = wp.vec3(g1)
+                hit.g2 = wp.vec3(g2)
+                hit.beta = wp.vec3(wp.float32(wp.float64(1.0) - b1 - b2), wp.float32(b1), wp.float32(b2))
+                if moves:
+                    hit.motion = (
+                        hit.beta[0] * surfaces.motions[corner[0]]
+                        + hit.beta[1] * surfaces.motions[corner[1]]
+                        + hit.beta[2] * surfaces.motions[corner[2]]
+                    )
+    return hit
+
+
+@wp.func
+def occluded(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, lift: wp.vec3, distance: float) -> bool:
+    """Whether anything stands between x and x + distance·ω."""
+    return wp.mesh_query_ray_anyhit(surfaces.mesh, x + lift, w, distance)
+
+
+@wp.func
+def shading_normal(surfaces: Surfaces, hit: Hit, flat: bool, moves: bool) -> ShadingNormal:
+    """The interpolated normal at ``hit``, or the geometric one with its own motion (``flat``, or none authored)."""
+    s = ShadingNormal()
+    index = surfaces.normal_indices[hit.triangle]
+    if index[0] >= 0 and not flat:
+        n0 = surfaces.normals[index[0]]
+        n1 = surfaces.normals[index[1]]
+        n2 = surfaces.normals[index[2]]
+        if moves:
+            r0 = surfaces.normal_motions[index[0]]
+            r1 = surfaces.normal_motions[index[1]]
+            r2 = surfaces.normal_motions[index[2]]
+            n0 = n0 + surfaces.time * r0
+            n1 = n1 + surfaces.time * r1
+            n2 = n2 + surfaces.time * r2
+            s.rate = hit.beta[0] * r0 + hit.beta[1] * r1 + hit.beta[2] * r2
+        N = hit.beta[0] * n0 + hit.beta[1] * n1 + hit.beta[2] * n2
+        s.length = wp.length(N)
+        if s.length > 1.0e-6:
+            s.n = N / s.length
+            s.along1 = n1 - n0
+            s.along2 = n2 - n0
+            return s
+    s.n = hit.n_g
+    s.length = 1.0
+    s.along1 = wp.vec3(0.0, 0.0, 0.0)
+    s.along2 = wp.vec3(0.0, 0.0, 0.0)
+    s.rate = wp.vec3(0.0, 0.0, 0.0)
+    if moves:
+        corner = surfaces.triangles[hit.triangle]
+        q0 = surfaces.points[corner[0]]
+        m0 = surfaces.motions[corner[0]]
+        e1 = surfaces.points[corner[1]] - q0
+        e2 = surfaces.points[corner[2]] - q0
+        rate = wp.cross(surfaces.motions[corner[1]] - m0, e2) + wp.cross(e1, surfaces.motions[corner[2]] - m0)
+        s.rate = rate / wp.length(wp.cross(e1, e2))
+    return s
+
+
+@wp.func
+def normal_variation(s: ShadingNormal, hit: Hit, drift: wp.vec3) -> wp.vec3:
+    """Σ_j (n_j − n_0) D_a β_j for a point that drifts by D_a x' − δ q̇ over the triangle."""
+    return s.along1 * wp.dot(hit.g1, drift) + s.along2 * wp.dot(hit.g2, drift)
+
+
+@wp.func
+def diffuse_color(surfaces: Surfaces, hit: Hit) -> wp.vec3:
+    """Albedo at ``hit``: display colours where the mesh has them, else the material's."""
+    index = surfaces.color_indices[hit.triangle]
+    if index[0] >= 0:
+        color = (
+            hit.beta[0] * surfaces.colors[index[0]]
+            + hit.beta[1] * surfaces.colors[index[1]]
+            + hit.beta[2] * surfaces.colors[index[2]]
+        )
+        # On an edge a coordinate may round to less than zero, and so would a colour that is zero there.
+        return wp.max(color, wp.vec3(0.0, 0.0, 0.0))
+    return surfaces.tint[surfaces.material_of[hit.triangle]]

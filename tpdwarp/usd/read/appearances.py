@@ -1,0 +1,109 @@
+"""What a mesh looks like at a frame: a material for each triangle, and its display colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdShade
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.scene.description import Interaction, Material
+from tpdwarp.usd.read.materials import BRIGHTEST, Materials, Surface
+from tpdwarp.usd.read.primvars import flattened
+from tpdwarp.usd.read.topology import Topology
+from tpdwarp.usd.read.values import indices_at, text_at
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """Materials and colours of a mesh's triangles, as in ``MeshAtShutter``."""
+
+    materials: tuple[Material, ...]
+    triangle_materials: np.ndarray
+    colors: np.ndarray | None
+    color_indices: np.ndarray | None
+    varies: bool
+
+
+def appearance_of(
+    prim: Usd.Prim, topology: Topology, point_count: int, frame: float, materials: Materials, warnings: WarnOnce
+) -> Appearance:
+    """Materials and display colours of a mesh at a time code.
+
+    Args:
+        prim: The mesh, as placed (inherited bindings and primvars count).
+        topology: Its triangles.
+        point_count: Its points.
+        frame: Time code.
+        materials: Reads the bound materials.
+        warnings: Takes what is not supported, and names the file in errors.
+
+    Raises:
+        InputError: Unusable material inputs, negative display colours, subset indices out of range.
+    """
+    surfaces: list[Surface] = [materials.bound(prim, frame)]
+    face_surfaces = np.zeros(topology.face_count, dtype=np.int32)
+    subsets_vary = False
+    for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
+        if text_at(subset.GetElementTypeAttr()) != UsdGeom.Tokens.face:
+            warnings(str(subset.GetPath()), "binds a material to something other than faces and is ignored")
+            continue
+        subsets_vary |= subset.GetIndicesAttr().ValueMightBeTimeVarying()
+        faces = indices_at(subset.GetIndicesAttr(), frame)
+        if len(faces) and (faces.min() < 0 or faces.max() >= topology.face_count):
+            raise InputError(
+                f"names a face outside the {topology.face_count} faces of the mesh (correct the subset)",
+                warnings.file,
+                f"{subset.GetPath()}.indices",
+            )
+        surface = materials.bound(subset.GetPrim(), frame)
+        if surface not in surfaces:
+            surfaces.append(surface)
+        face_surfaces[faces] = surfaces.index(surface)
+    used = np.unique(face_surfaces[topology.faces])
+    renumbered = np.zeros(len(surfaces), dtype=np.int32)
+    renumbered[used] = np.arange(len(used))
+    surfaces = [surfaces[i] for i in used]
+    triangle_materials = renumbered[face_surfaces[topology.faces]]
+    open_to_color = np.array(
+        [s.by_display_color and s.material.interaction == Interaction.DIFFUSE for s in surfaces], dtype=bool
+    )
+    colors = indices = None
+    colors_vary = False
+    if open_to_color.any():
+        colors, indices, colors_vary = _display_colors(prim, topology, point_count, frame, warnings)
+    if indices is not None and not open_to_color.all():
+        indices = np.where(open_to_color[triangle_materials][:, None], indices, -1).astype(np.int32)
+    return Appearance(
+        tuple(surface.material for surface in surfaces),
+        triangle_materials,
+        colors,
+        indices,
+        subsets_vary or colors_vary or any(surface.varies for surface in surfaces),
+    )
+
+
+def _display_colors(
+    prim: Usd.Prim, topology: Topology, point_count: int, frame: float, warnings: WarnOnce
+) -> tuple[np.ndarray | None, np.ndarray | None, bool]:
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+    if not primvar or not primvar.HasValue():
+        return None, None, False
+    path = str(primvar.GetAttr().GetPath())
+    curve = flattened(primvar, warnings.file)
+    colors = curve.at(frame)
+    if colors is None or len(colors) == 0:
+        return None, None, curve.varies
+    if colors.min() < 0 or colors.max() > BRIGHTEST:
+        raise InputError(
+            f"holds a colour from {colors.min():g} to {colors.max():g} (author values of 0 to {BRIGHTEST:g})",
+            warnings.file,
+            path,
+        )
+    interpolation = str(primvar.GetInterpolation())
+    indices = topology.elements(interpolation, len(colors), point_count)
+    if indices is None:
+        warnings(path, f"does not fit its interpolation ({interpolation}) and is ignored")
+        return None, None, curve.varies
+    return colors, np.ascontiguousarray(indices, dtype=np.int32), curve.varies

@@ -1,0 +1,140 @@
+"""What a stage holds: one walk over its prims sorts out meshes, instancers, lights, cameras and the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from pxr import Usd, UsdGeom, UsdLux, UsdSkel
+
+from tpdwarp.errors import WarnOnce
+from tpdwarp.usd.read.instances import Instancer, Prototype
+from tpdwarp.usd.read.transforms import Transforms
+
+# Prototypes are often abstract (class prims), which an ordinary traversal passes over.
+PROTOTYPE_PRIMS = Usd.PrimIsActive & Usd.PrimIsDefined & Usd.PrimIsLoaded
+# Boundable prims that draw nothing of their own.
+DRAWN_OTHERWISE = (UsdGeom.PointInstancer, UsdSkel.Root, UsdSkel.Skeleton)
+
+
+@dataclass
+class Contents:
+    """The prims that matter, in stage order.
+
+    Attributes:
+        meshes: Meshes of an included purpose, native instances included.
+        instancers: Point instancers of an included purpose that are not nested in another's prototype.
+        lights: Distant and sphere lights.
+        cameras: Cameras.
+    """
+
+    meshes: list[Usd.Prim] = field(default_factory=list)
+    instancers: list[Instancer] = field(default_factory=list)
+    lights: list[Usd.Prim] = field(default_factory=list)
+    cameras: list[Usd.Prim] = field(default_factory=list)
+
+
+class Walker:
+    """Sorts the prims of a stage.
+
+    Args:
+        purposes: Purposes included.
+        transforms: Transforms of the stage.
+        warnings: Takes what is left out.
+    """
+
+    def __init__(self, purposes: frozenset[str], transforms: Transforms, warnings: WarnOnce) -> None:
+        self._purposes, self._transforms, self._warnings = purposes, transforms, warnings
+        self._prototypes: dict[str, Prototype] = {}
+        self._walking: set[str] = set()
+
+    def walk(self, stage: Usd.Stage) -> Contents:
+        """Everything on the stage that can be rendered; what cannot is warned about, once by prim."""
+        contents = Contents()
+        for prim in self._prims(stage.GetPseudoRoot(), Usd.PrimDefaultPredicate):
+            if prim.IsA(UsdGeom.Camera):
+                contents.cameras.append(prim)
+            elif prim.IsA(UsdLux.DistantLight) or prim.IsA(UsdLux.SphereLight):
+                contents.lights.append(prim)
+            elif self._included(prim):
+                if prim.IsA(UsdGeom.Mesh):
+                    contents.meshes.append(prim)
+                elif prim.IsA(UsdGeom.PointInstancer):
+                    contents.instancers.append(self._instancer(prim))
+                self._warn_unsupported(prim)
+        return contents
+
+    def _prims(self, root: Usd.Prim, predicate: object) -> Iterator[Usd.Prim]:
+        """Prims below a root, without what lies inside instancers: that is drawn as prototypes only."""
+        prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies(predicate)))
+        for prim in prims:
+            if prim.IsA(UsdGeom.PointInstancer):
+                prims.PruneChildren()
+            yield prim
+
+    def _included(self, prim: Usd.Prim) -> bool:
+        imageable = UsdGeom.Imageable(prim)
+        return bool(imageable) and str(imageable.ComputePurpose()) in self._purposes
+
+    def _instancer(self, prim: Usd.Prim) -> Instancer:
+        instancer = UsdGeom.PointInstancer(prim)
+        stage = prim.GetStage()
+        prototypes = []
+        for path in instancer.GetPrototypesRel().GetForwardedTargets():
+            root = stage.GetPrimAtPath(path)
+            if not root:
+                self._warnings(f"{prim.GetPath()}.prototypes", f"names {path}, which does not exist")
+            prototypes.append(self._prototype(root) if root else Prototype(prim))
+        return Instancer(instancer, prototypes, self._transforms, self._warnings)
+
+    def _prototype(self, root: Usd.Prim) -> Prototype:
+        key = str(root.GetPath())
+        if key in self._walking:
+            self._warnings(key, "is a prototype that holds itself: that instance is left out")
+            return Prototype(root)
+        if key in self._prototypes:
+            return self._prototypes[key]
+        prototype = self._prototypes[key] = Prototype(root)
+        self._walking.add(key)
+        for prim in self._prims(root, PROTOTYPE_PRIMS):
+            if prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Mesh):
+                self._warnings(str(prim.GetPath()), "a light in a prototype is left out")
+            elif not self._included(prim):
+                continue
+            elif prim.IsA(UsdGeom.Mesh):
+                prototype.meshes.append(prim)
+            elif prim.IsA(UsdGeom.PointInstancer):
+                prototype.instancers.append(self._instancer(prim))
+            self._warn_unsupported(prim)
+        self._walking.remove(key)
+        return prototype
+
+    def _warn_unsupported(self, prim: Usd.Prim) -> None:
+        path, kind = str(prim.GetPath()), prim.GetTypeName()
+        if not may_be_visible(prim):
+            return
+        if prim.IsA(UsdGeom.Mesh):
+            if prim.HasAPI(UsdLux.LightAPI):
+                self._warnings(path, "the mesh is rendered, but the light it emits is not")
+            if UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue():
+                self._warnings(path, "skinning is not evaluated: the mesh is rendered as it is authored (bake it)")
+        elif prim.HasAPI(UsdLux.LightAPI):
+            self._warnings(path, f"a {kind} is not rendered: only DistantLight and SphereLight are")
+        elif prim.IsA(UsdGeom.Boundable) and not any(prim.IsA(drawn) for drawn in DRAWN_OTHERWISE):
+            self._warnings(path, f"a {kind} is not rendered: only meshes are")
+
+
+def visibility_varies(prim: Usd.Prim) -> bool:
+    """Whether a prim may appear or vanish over time, by itself or with an ancestor."""
+    while prim and not prim.IsPseudoRoot():
+        attribute = UsdGeom.Imageable(prim).GetVisibilityAttr() if prim.IsA(UsdGeom.Imageable) else None
+        if attribute and attribute.ValueMightBeTimeVarying():
+            return True
+        prim = prim.GetParent()
+    return False
+
+
+def may_be_visible(prim: Usd.Prim) -> bool:
+    """Whether a prim is visible at some time."""
+    visible = UsdGeom.Imageable(prim).ComputeVisibility(Usd.TimeCode.EarliestTime()) != UsdGeom.Tokens.invisible
+    return visible or visibility_varies(prim)

@@ -1,0 +1,52 @@
+"""Frames of lights and cameras: a position and unit axes over a shutter."""
+
+from __future__ import annotations
+
+import numpy as np
+from pxr import Usd
+
+from tpdwarp.errors import InputError
+from tpdwarp.scene.description import Shutter
+from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
+from tpdwarp.usd.read.transforms import Transforms, union
+
+
+def frame_over(
+    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float], file: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Position [3], axes [3, 3] (rows x, y, z), and the motions of both over a shutter.
+
+    Scale and shear are left out: z keeps its direction, y its plane with z, and x completes a right-handed frame.
+
+    Raises:
+        InputError: A transform that has no z axis or is not finite.
+    """
+
+    def state(time: float) -> tuple[np.ndarray, ...]:
+        matrix = transforms.world(prim, time)
+        return matrix[3, :3], _axes(matrix[:3, :3], prim, file)
+
+    shutter = blur_scaled(shutter, blur_scale(prim, shutter.frame))
+    span = union(animation, transforms.span(prim))
+    with np.errstate(over="ignore", invalid="ignore"):
+        (position, axes), motions = over_shutter(state, shutter, span, transforms.cubic)
+    if not all(np.isfinite(values).all() for values in (position, axes, *(motions or ()))):
+        raise InputError(
+            f"its transform leaves the range of numbers within the shutter of frame {shutter.frame:g} (correct it)",
+            file,
+            str(prim.GetPath()),
+        )
+    position_motion, axes_motion = motions if motions is not None else (np.zeros(3), np.zeros((3, 3)))
+    return position, _axes(axes, prim, file), position_motion, axes_motion
+
+
+def _axes(rows: np.ndarray, prim: Usd.Prim, file: str) -> np.ndarray:
+    # Directions only: squares of very large or very small entries would leave the range of numbers.
+    rows = rows / max(np.abs(rows).max(), np.finfo(float).tiny)
+    z = rows[2]
+    y = rows[1] - z * (rows[1] @ z) / max(z @ z, 1e-300)
+    lengths = np.linalg.norm(z), np.linalg.norm(y)
+    if min(lengths) == 0:
+        raise InputError("its transform is flattened to nothing (author a scale above 0)", file, str(prim.GetPath()))
+    z, y = z / lengths[0], y / lengths[1]
+    return np.stack([np.cross(y, z), y, z])

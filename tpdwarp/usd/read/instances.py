@@ -1,0 +1,211 @@
+"""Point instancers: the meshes they place, at any depth of nesting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.meshes import PlacedMesh, Placement
+from tpdwarp.usd.read.samples import sample_times
+from tpdwarp.usd.read.transforms import Transforms, union, usable
+from tpdwarp.usd.read.values import ROWS, indices_at, value_at
+
+MATRICES_KEPT = 12
+
+
+@dataclass
+class Prototype:
+    """What lies below a prototype's root: its meshes, and instancers nested in it."""
+
+    root: Usd.Prim
+    meshes: list[Usd.Prim] = field(default_factory=list)
+    instancers: list[Instancer] = field(default_factory=list)
+
+
+class Instancer:
+    """A PointInstancer's prototypes and matrices; instance motion is USD's own, linear or along velocities.
+
+    Args:
+        instancer: The prim.
+        prototypes: Its prototypes, in order.
+        transforms: Transforms of the stage.
+        warnings: Takes what is not supported, and names the file in errors.
+    """
+
+    def __init__(
+        self,
+        instancer: UsdGeom.PointInstancer,
+        prototypes: list[Prototype],
+        transforms: Transforms,
+        warnings: WarnOnce,
+    ) -> None:
+        self.instancer, self.prototypes = instancer, prototypes
+        self.path = str(instancer.GetPath())
+        self._transforms, self._warnings = transforms, warnings
+        self._matrices: dict[tuple[float, float], np.ndarray] = {}
+        self.span = self._span()
+
+    @property
+    def holds_meshes(self) -> bool:
+        """Whether any prototype has a mesh, at any depth."""
+        return any(
+            prototype.meshes or any(nested.holds_meshes for nested in prototype.instancers)
+            for prototype in self.prototypes
+        )
+
+    def instances(self, frame: float) -> list[tuple[int, Prototype]]:
+        """Index and prototype of each instance that is not masked at a time code.
+
+        Raises:
+            InputError: A prototype index out of range.
+        """
+        if not self.instancer.GetProtoIndicesAttr().HasValue():
+            self._warnings(self.path, "has no protoIndices and is left out")
+            return []
+        chosen = indices_at(self.instancer.GetProtoIndicesAttr(), frame)
+        if len(chosen) and (chosen.min() < 0 or chosen.max() >= len(self.prototypes)):
+            raise InputError(
+                f"names a prototype outside the {len(self.prototypes)} targets of prototypes (correct the indices)",
+                self._warnings.file,
+                f"{self.path}.protoIndices",
+            )
+        mask = np.array(self.instancer.ComputeMaskAtTime(frame), dtype=bool)
+        if len(mask) == 0:
+            mask = np.ones(len(chosen), dtype=bool)
+        return [(i, self.prototypes[chosen[i]]) for i in np.flatnonzero(mask)]
+
+    def matrix(self, index: int, time: float, frame: float) -> np.ndarray:
+        """Matrix of one instance to the instancer's own space, shape [4, 4], without its prototype's own transform.
+
+        Raises:
+            InputError: Positions that do not match ``protoIndices``.
+        """
+        key = time, frame
+        if key not in self._matrices:
+            while len(self._matrices) >= MATRICES_KEPT:
+                del self._matrices[next(iter(self._matrices))]
+            self._matrices[key] = self._compute(time, frame)
+        return self._matrices[key][index]
+
+    def _compute(self, time: float, frame: float) -> np.ndarray:
+        exclude, ignore = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+        computed = self.instancer.ComputeInstanceTransformsAtTimes([time], frame, exclude, ignore)
+        count = len(indices_at(self.instancer.GetProtoIndicesAttr(), frame))
+        matrices = np.array(computed[0]) if len(computed) else np.zeros((0, 4, 4))
+        if len(matrices) != count:
+            raise InputError(
+                f"do not match the {count} instances of protoIndices at time code {frame:g} (author one each)",
+                self._warnings.file,
+                f"{self.path}.positions",
+            )
+        for index in np.flatnonzero(~np.isfinite(matrices).all(axis=(1, 2))):
+            usable(matrices[index], time, f"{self.path}[{index}]")
+        if time != frame:
+            self._warn_held(time, frame)
+        return matrices
+
+    def _warn_held(self, time: float, frame: float) -> None:
+        positions = self.instancer.GetPositionsAttr()
+        if self.instancer.GetVelocitiesAttr().HasAuthoredValue() or not positions.ValueMightBeTimeVarying():
+            return
+        times = positions.GetTimeSamples()
+        low, high = min(time, frame), max(time, frame)
+        first = max((t for t in times if t <= low), default=times[0])
+        last = min((t for t in times if t >= high), default=times[-1])
+        before, after = value_at(positions, first, ROWS), value_at(positions, last, ROWS)
+        if before is not None and after is not None and len(before) != len(after):
+            self._warnings(
+                self.path,
+                "its instances change in number within a shutter and it has no velocities: "
+                "they are held over the shutter (author velocities to blur them)",
+            )
+
+    def _span(self) -> tuple[float, float] | None:
+        of = self.instancer
+        span = None
+        attributes = (
+            of.GetProtoIndicesAttr(),
+            of.GetPositionsAttr(),
+            of.GetOrientationsAttr(),
+            of.GetOrientationsfAttr(),
+            of.GetScalesAttr(),
+            of.GetIdsAttr(),
+        )
+        rates = (of.GetVelocitiesAttr(), of.GetAngularVelocitiesAttr(), of.GetAccelerationsAttr())
+        moving = any(rate.HasAuthoredValue() for rate in rates)
+        for attribute in attributes:
+            times = sample_times(attribute)
+            if len(times) > 1 or (times and moving):
+                span = union(span, (times[0], times[-1]))
+        return span
+
+
+class OfInstance:
+    """The placement of a prim below one instance's prototype."""
+
+    def __init__(
+        self,
+        prim: Usd.Prim,
+        root: Usd.Prim,
+        instancer: Instancer,
+        index: int,
+        parent: Placement,
+        transforms: Transforms,
+    ) -> None:
+        self._prim, self._root, self._instancer, self._index = prim, root, instancer, index
+        self._parent, self._transforms = parent, transforms
+        inner = union(transforms.span(prim, root), transforms.own_span(root))
+        self.span = union(union(inner, instancer.span), parent.span)
+
+    def world(self, time: float, frame: float) -> np.ndarray:
+        inner = self._transforms.below(self._prim, self._root, time) @ self._transforms.own(self._root, time)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return inner @ self._instancer.matrix(self._index, time, frame) @ self._parent.world(time, frame)
+
+
+class InstancedMeshes:
+    """All meshes of one instancer on the stage, by frame.
+
+    Args:
+        instancer: The instancer.
+        placement: Where it stands.
+        make: Makes a placed mesh from its label, prim and placement.
+        transforms: Transforms of the stage.
+    """
+
+    def __init__(
+        self,
+        instancer: Instancer,
+        placement: Placement,
+        make: Callable[[str, Usd.Prim, Placement], PlacedMesh],
+        transforms: Transforms,
+    ) -> None:
+        self.instancer, self._placement, self._make, self._transforms = instancer, placement, make, transforms
+        self._made: dict[tuple[str, str], PlacedMesh] = {}
+
+    def meshes(self, frame: float) -> Iterator[PlacedMesh]:
+        """The meshes of every instance at a time code; the same objects on later calls."""
+        yield from self._below(self.instancer, self.instancer.path, self._placement, frame)
+
+    def _below(self, instancer: Instancer, label: str, placement: Placement, frame: float) -> Iterator[PlacedMesh]:
+        for index, prototype in instancer.instances(frame):
+            for mesh in prototype.meshes:
+                name = f"{label}[{index}]{_name_below(mesh, prototype.root)}"
+                key = name, str(mesh.GetPath())
+                if key not in self._made:
+                    where = OfInstance(mesh, prototype.root, instancer, index, placement, self._transforms)
+                    self._made[key] = self._make(name, mesh, where)
+                yield self._made[key]
+            for nested in prototype.instancers:
+                prim = nested.instancer.GetPrim()
+                where = OfInstance(prim, prototype.root, instancer, index, placement, self._transforms)
+                name = f"{label}[{index}]{_name_below(prim, prototype.root)}"
+                yield from self._below(nested, name, where, frame)
+
+
+def _name_below(prim: Usd.Prim, root: Usd.Prim) -> str:
+    return str(prim.GetPath())[len(str(root.GetPath().GetParentPath()).rstrip("/")) :]

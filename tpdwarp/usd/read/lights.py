@@ -1,0 +1,160 @@
+"""UsdLux lights, read as lights without extent: distant lights and points."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdLux
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.scene.description import LightAtShutter, LightKind, Shutter
+from tpdwarp.usd.read.coordinate_frames import frame_over
+from tpdwarp.usd.read.transforms import Transforms
+from tpdwarp.usd.read.values import number_at, raw_at, value_at
+
+EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
+
+# What photographs of suns and what the account of energy hold; squares of it stay numbers.
+LARGEST = 1e60
+
+
+class Light:
+    """A DistantLight or a SphereLight.
+
+    With L = intensity × 2^exposure × color (× the blackbody colour, × ``diffuse``):
+
+    - DistantLight, angle 0: L is the irradiance at normal incidence. With an angle, the parallel light of the same
+      irradiance as the disc of radiance L, that is L π sin²(angle/2), or L with ``normalize``; this is warned about.
+    - SphereLight of radius r (in the world) or treated as a point: the point of the sphere's radiant intensity L π r²,
+      or L / 4 with ``normalize``. The point for a sphere that does not ask for it is warned about.
+    - SphereLight of radius 0: L is the radiant intensity itself, because there is no area to carry a radiance.
+    """
+
+    def __init__(
+        self, prim: Usd.Prim, transforms: Transforms, animation: tuple[float, float], warnings: WarnOnce
+    ) -> None:
+        self.prim, self.path = prim, str(prim.GetPath())
+        self._transforms, self._animation, self._warnings = transforms, animation, warnings
+        self._api = UsdLux.LightAPI(prim)
+        self.kind = LightKind.DISTANT if prim.IsA(UsdLux.DistantLight) else LightKind.POINT
+        self.varies = transforms.span(prim) is not None
+        self._inputs = [
+            a for a in prim.GetAttributes() if a.GetName().startswith("inputs:") or a.GetName() == "treatAsPoint"
+        ]
+        self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
+        self._warn_unsupported()
+
+    def visible(self, frame: float) -> bool:
+        return UsdGeom.Imageable(self.prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
+
+    def over(self, shutter: Shutter) -> LightAtShutter | None:
+        """The light over ``shutter``; None where it is invisible or gives no light.
+
+        Raises:
+            InputError: An intensity or a colour that is negative or not finite, or an unusable transform.
+        """
+        if not self.visible(shutter.frame):
+            return None
+        power = self.power(shutter.frame)
+        if not any(power):
+            return None
+        position, axes, position_motion, axes_motion = frame_over(
+            self.prim, shutter, self._transforms, self._animation, self._warnings.file
+        )
+        return LightAtShutter(self.path, self.kind, power, position, axes, position_motion, axes_motion)
+
+    def power(self, frame: float) -> tuple[float, float, float]:
+        """Irradiance at normal incidence [W/m²] (distant) or radiant intensity [W/sr] (point) at a time code.
+
+        Raises:
+            InputError: An intensity or a colour that is negative, not finite or beyond all measure.
+        """
+        intensity = self._number(self._api.GetIntensityAttr(), frame)
+        diffuse = self._number(self._api.GetDiffuseAttr(), frame)
+        exposure = self._number(self._api.GetExposureAttr(), frame, may_be_negative=True)
+        color = value_at(self._api.GetColorAttr(), frame, (3,))
+        if not np.isfinite(color).all() or color.min() < 0:
+            self._refuse(self._api.GetColorAttr(), f"holds {tuple(map(float, color))}")
+        if number_at(self._api.GetEnableColorTemperatureAttr(), frame):
+            kelvin = self._number(self._api.GetColorTemperatureAttr(), frame)
+            color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
+        with np.errstate(over="ignore"):
+            scale = intensity * np.exp2(exposure) * diffuse
+        scale *= self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._sphere_factor(frame)
+        with np.errstate(over="ignore", invalid="ignore"):
+            power = scale * color
+        if not power.max() <= LARGEST:
+            raise InputError(
+                f"its intensity, exposure and colour come to {power.max():g} together (author less than {LARGEST:g})",
+                self._warnings.file,
+                self.path,
+            )
+        return tuple(map(float, power))
+
+    def _distant_factor(self, frame: float) -> float:
+        angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
+        if angle == 0:
+            return 1.0
+        self._warnings(
+            f"{self.path}.inputs:angle", "the light's disc is rendered as parallel light (author 0 to agree)"
+        )
+        if number_at(self._api.GetNormalizeAttr(), frame):
+            return 1.0
+        return math.pi * math.sin(math.radians(0.5 * min(angle, 180.0))) ** 2
+
+    def _sphere_factor(self, frame: float) -> float:
+        sphere = UsdLux.SphereLight(self.prim)
+        radius = self._number(sphere.GetRadiusAttr(), frame)
+        if radius == 0:
+            return 1.0
+        if not number_at(sphere.GetTreatAsPointAttr(), frame):
+            self._warnings(
+                f"{self.path}.inputs:radius",
+                "the sphere is rendered as a point of the same radiant intensity (author treatAsPoint to agree)",
+            )
+        if number_at(self._api.GetNormalizeAttr(), frame):
+            return 0.25
+        # The mean scale: an ellipsoid's radiant intensity differs by direction.
+        scale = abs(np.linalg.det(self._transforms.world(self.prim, frame)[:3, :3])) ** (1.0 / 3.0)
+        return math.pi * (radius * scale) ** 2
+
+    def _number(self, attribute: Usd.Attribute, frame: float, may_be_negative: bool = False) -> float:
+        value = number_at(attribute, frame)
+        if not math.isfinite(value) or (value < 0 and not may_be_negative):
+            self._refuse(attribute, f"holds {value:g}")
+        return value
+
+    def _refuse(self, attribute: Usd.Attribute, why: str) -> None:
+        wanted = "a finite value" if attribute.GetName() == "inputs:exposure" else "a finite value of 0 or more"
+        raise InputError(f"{why} (author {wanted})", self._warnings.file, str(attribute.GetPath()))
+
+    def _warn_unsupported(self) -> None:
+        shaping, shadow = UsdLux.ShapingAPI(self.prim), UsdLux.ShadowAPI(self.prim)
+        if _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
+            shaping.GetShapingFocusAttr(), 0.0
+        ):
+            self._warnings(self.path, "the light's shaping cone and focus are not rendered")
+        ies = shaping.GetShapingIesFileAttr()
+        if ies and ies.HasAuthoredValue():
+            self._warnings(self.path, "the light's IES profile is not rendered")
+        if _authored(shadow.GetShadowEnableAttr(), True):
+            self._warnings(self.path, "the light throws shadows although it asks for none")
+        if _authored(self._api.GetSpecularAttr(), 1.0):
+            self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
+        if self._api.GetFiltersRel().HasAuthoredTargets():
+            self._warnings(self.path, "light filters are not rendered")
+        for collection in (self._api.GetLightLinkCollectionAPI(), self._api.GetShadowLinkCollectionAPI()):
+            include_root = collection.GetIncludeRootAttr()
+            whole = raw_at(include_root, None) if include_root else None
+            limited = [collection.GetIncludesRel(), collection.GetExcludesRel()]
+            if whole is False or any(rel.HasAuthoredTargets() for rel in limited if rel):
+                self._warnings(self.path, "light linking is ignored: the light shines on everything")
+
+
+def _authored(attribute: Usd.Attribute, neutral: float, below: bool = False) -> bool:
+    """Whether an attribute is authored with something else than its neutral value (or, ``below``, less than that)."""
+    if not attribute or not attribute.HasAuthoredValue():
+        return False
+    value = number_at(attribute, EARLIEST)
+    return value < neutral if below else value != neutral

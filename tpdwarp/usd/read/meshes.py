@@ -1,0 +1,162 @@
+"""A mesh where it stands: its shape over a shutter, carried into the world, with its materials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.scene.description import MeshAtShutter, Shutter
+from tpdwarp.usd.read.appearances import Appearance, appearance_of
+from tpdwarp.usd.read.materials import Materials
+from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
+from tpdwarp.usd.read.normals import transform_normals, unit
+from tpdwarp.usd.read.shapes import Shape
+from tpdwarp.usd.read.topology import Topology
+from tpdwarp.usd.read.transforms import Transforms, union, usable
+
+
+class Placement(Protocol):
+    """Where a prim stands in the world."""
+
+    span: tuple[float, float] | None
+
+    def world(self, time: float, frame: float) -> np.ndarray:
+        """Local-to-world matrix at ``time`` for a shutter around ``frame``, shape [4, 4]."""
+        ...
+
+
+class OnStage:
+    """The placement of a prim that is on the stage itself (native instances included)."""
+
+    def __init__(self, prim: Usd.Prim, transforms: Transforms) -> None:
+        self._prim, self._transforms = prim, transforms
+        self.span = transforms.span(prim)
+
+    def world(self, time: float, frame: float) -> np.ndarray:
+        return self._transforms.world(self._prim, time)
+
+
+class PlacedMesh:
+    """One mesh, or one instance of it.
+
+    Args:
+        label: Path it is known by.
+        prim: The mesh prim as placed (its visibility, materials and inherited primvars count).
+        shape: Its shape, shared between instances.
+        placement: Where it stands.
+        animation: First and last time code of the stage.
+        cubic: Whether motion is cubic.
+        materials: Reads the bound materials.
+        warnings: Takes what is not supported, and names the file in errors.
+    """
+
+    def __init__(
+        self,
+        label: str,
+        prim: Usd.Prim,
+        shape: Shape,
+        placement: Placement,
+        animation: tuple[float, float],
+        cubic: bool,
+        materials: Materials,
+        warnings: WarnOnce,
+    ) -> None:
+        self.label, self.prim, self.shape, self.placement = label, prim, shape, placement
+        self._cubic, self._materials, self._warnings = cubic, materials, warnings
+        self._own_span = union(shape.span, placement.span)
+        self.span = union(animation, self._own_span)
+        self._imageable = UsdGeom.Imageable(prim)
+        self._geometry: _Geometry | None = None
+        self._appearance: tuple[Topology, Appearance] | None = None
+        self._whole: MeshAtShutter | None = None
+
+    @property
+    def varies(self) -> bool:
+        """Whether its points or its place may change with time."""
+        return self._own_span is not None
+
+    def visible(self, frame: float) -> bool:
+        return self._imageable.ComputeVisibility(frame) != UsdGeom.Tokens.invisible
+
+    def over(self, shutter: Shutter) -> MeshAtShutter | None:
+        """The mesh over ``shutter``; None where it is invisible or has no triangles.
+
+        Raises:
+            InputError: Points, faces, transforms or materials that cannot be used.
+        """
+        if not self.visible(shutter.frame):
+            return None
+        if self.varies or self._geometry is None:
+            self._geometry = self._evaluate(shutter)
+            self._whole = None
+        geometry = self._geometry
+        if geometry is None:
+            return None
+        known = self._appearance
+        if known is None or known[1].varies or known[0] is not geometry.topology:
+            appearance = appearance_of(
+                self.prim, geometry.topology, geometry.point_count, shutter.frame, self._materials, self._warnings
+            )
+            self._appearance = geometry.topology, appearance
+            self._whole = None
+        if self._whole is None:
+            appearance = self._appearance[1]
+            self._whole = replace(
+                geometry.mesh,
+                materials=appearance.materials,
+                triangle_materials=appearance.triangle_materials,
+                colors=appearance.colors,
+                color_indices=appearance.color_indices,
+            )
+        return self._whole
+
+    def _evaluate(self, shutter: Shutter) -> _Geometry | None:
+        frame = shutter.frame
+        shutter = blur_scaled(shutter, blur_scale(self.prim, frame))
+        shape = self.shape.at(shutter, self.span)
+        if shape is None:
+            return None
+
+        def state(time: float) -> tuple[np.ndarray, ...]:
+            matrix = self._world(time, frame)
+            points = shape.points(time) @ matrix[:3, :3] + matrix[3, :3]
+            return (points,) if shape.normals is None else (points, transform_normals(shape.normals(time), matrix))
+
+        with np.errstate(over="ignore", invalid="ignore"):
+            middle, motions = over_shutter(state, shutter, self.span, self._cubic)
+        if not all(np.isfinite(values).all() for values in (*middle, *(motions or ()))):
+            raise InputError(
+                f"its points leave the range of numbers within the shutter of frame {frame:g} "
+                "(correct its points or its transform)",
+                self._warnings.file,
+                self.label,
+            )
+        held = self._world(min(max(shutter.middle, self.span[0]), self.span[1]), frame)
+        topology = shape.topology.mirrored if np.linalg.det(held[:3, :3]) < 0 else shape.topology
+        shaded = shape.normals is not None
+        mesh = MeshAtShutter(
+            self.label,
+            middle[0],
+            topology.triangles,
+            motions=None if motions is None else motions[0],
+            normals=unit(middle[1]) if shaded else None,
+            normal_motions=motions[1] if shaded and motions is not None else None,
+            normal_indices=np.ascontiguousarray(shape.normal_elements(topology), dtype=np.int32) if shaded else None,
+        )
+        return _Geometry(mesh, topology, shape.point_count)
+
+    def _world(self, time: float, frame: float) -> np.ndarray:
+        return usable(self.placement.world(time, frame), time, self.label, self._warnings.file)
+
+
+@dataclass(frozen=True, eq=False)
+class _Geometry:
+    """A mesh without its materials, and what they are spread over."""
+
+    mesh: MeshAtShutter
+    topology: Topology
+    point_count: int

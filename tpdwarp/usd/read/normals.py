@@ -1,0 +1,46 @@
+"""Normals of triangles: of faces, smooth over vertices, and authored ones carried into the world."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tpdwarp.usd.read.topology import Topology
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors [n, 3] scaled to length one; zero vectors become (0, 0, 1), for want of any direction."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(lengths > 0, vectors / np.where(lengths > 0, lengths, 1.0), [0.0, 0.0, 1.0])
+
+
+def area_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Twice the vector area of each triangle, pointing to its front, shape [m, 3]."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def smooth_normals(points: np.ndarray, topology: Topology) -> np.ndarray:
+    """Unit vertex normals weighted by the area of the faces around each point, shape [v, 3].
+
+    A face counts with its whole vector area at each of its corners, so that the diagonals of its fan do not matter.
+    """
+    areas = area_vectors(points, topology.triangles)
+    face_areas = np.stack(
+        [np.bincount(topology.faces, weights=areas[:, k], minlength=topology.face_count) for k in range(3)], axis=1
+    )
+    vertices, faces = topology.face_corners
+    spread = face_areas[faces]
+    summed = np.stack([np.bincount(vertices, weights=spread[:, k], minlength=len(points)) for k in range(3)], axis=1)
+    return unit(summed)
+
+
+def transform_normals(normals: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Unit normals [n, 3] carried by a row-vector matrix [4, 4]: multiplied by the inverse transpose, front kept front.
+
+    The cofactors stand in for the inverse, so that a matrix which flattens things still has normals.
+    """
+    a, b, c = matrix[:3, :3]
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+    if np.dot(a, cofactors[0]) < 0:
+        cofactors = -cofactors
+    return unit(normals @ cofactors)

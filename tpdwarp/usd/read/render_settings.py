@@ -1,0 +1,138 @@
+"""RenderSettings: the camera, size and shutter a stage asks for, and how an aperture is fitted to an image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Sdf, Usd, UsdRender
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.values import text_at, texts_at, value_at
+
+EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
+
+POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """What a RenderSettings prim (and its first product, whose authored values win) asks for.
+
+    Attributes:
+        path: Prim path; empty where the stage has no render settings.
+        camera: Camera path, or empty.
+        resolution: Width and height in pixels; None where not authored.
+        pixel_aspect: Width of a pixel over its height.
+        policy: How the aperture is fitted to the image.
+        still: Whether motion blur is disabled.
+        purposes: Purposes included; None where not authored.
+        material_purpose: Material purpose looked for first.
+    """
+
+    path: str = ""
+    camera: str = ""
+    resolution: tuple[int, int] | None = None
+    pixel_aspect: float = 1.0
+    policy: str = POLICIES[0]
+    still: bool = False
+    purposes: tuple[str, ...] | None = None
+    material_purpose: str = "full"
+
+
+def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce) -> RenderRequest:
+    """The render settings at ``path``, or the stage's own where it is empty.
+
+    Raises:
+        InputError: No RenderSettings at ``path``, or values that mean nothing.
+    """
+    if path:
+        settings = UsdRender.Settings(stage.GetPrimAtPath(path)) if Sdf.Path.IsValidPathString(path) else None
+        if not settings:
+            raise InputError("is no RenderSettings prim (correct --renderSettingsPrimPath)", warnings.file, path)
+    else:
+        settings = UsdRender.Settings.GetStageRenderSettings(stage)
+        if not settings:
+            return RenderRequest()
+    product = _product(stage, settings, warnings)
+    prims = [settings] if product is None else [product, settings]
+
+    def authored(name: str) -> Usd.Attribute | None:
+        attributes = (base.GetPrim().GetAttribute(name) for base in prims)
+        return next((found for found in attributes if found and found.HasAuthoredValue()), None)
+
+    def value(name: str, default: float | tuple[float, ...]) -> np.ndarray:
+        found = authored(name)
+        held = None if found is None else value_at(found, EARLIEST, np.shape(default))
+        return np.array(default) if held is None else held
+
+    resolution = tuple(map(int, value("resolution", (0, 0))))
+    if authored("resolution") and min(resolution) < 1:
+        raise InputError(f"holds {resolution} (author sizes above 0)", warnings.file, _where(authored("resolution")))
+    pixel_aspect = float(value("pixelAspectRatio", 1.0))
+    if not 0 < pixel_aspect < float("inf"):
+        raise InputError(
+            f"holds {pixel_aspect:g} (author a ratio above 0)", warnings.file, _where(authored("pixelAspectRatio"))
+        )
+    chosen = authored("aspectRatioConformPolicy")
+    policy = text_at(chosen, EARLIEST) if chosen else POLICIES[0]
+    if policy not in POLICIES:
+        warnings(_where(chosen), f"knows no {policy!r}; {POLICIES[0]} is used")
+        policy = POLICIES[0]
+    if tuple(value("dataWindowNDC", (0, 0, 1, 1))) != (0, 0, 1, 1):
+        warnings(_where(authored("dataWindowNDC")), "is ignored: the whole image is rendered")
+    cameras = [camera for base in prims for camera in base.GetCameraRel().GetForwardedTargets()]
+    purposes = settings.GetIncludedPurposesAttr()
+    materials = settings.GetMaterialBindingPurposesAttr()
+    order = texts_at(materials) if materials.HasAuthoredValue() else ("full",)
+    return RenderRequest(
+        str(settings.GetPath()),
+        str(cameras[0]) if cameras else "",
+        resolution if authored("resolution") else None,
+        pixel_aspect,
+        policy,
+        bool(value("disableMotionBlur", False)) or bool(value("instantaneousShutter", False)),
+        texts_at(purposes) if purposes.HasAuthoredValue() else None,
+        order[0] if order else "",
+    )
+
+
+def conformed(
+    window: tuple[float, float, float, float], aspect: float, policy: str
+) -> tuple[float, float, float, float]:
+    """A window (left, right, bottom, top) fitted to an image's aspect about its centre.
+
+    Args:
+        window: The camera's own window.
+        aspect: Width of the image over its height.
+        policy: One of :data:`POLICIES`; ``adjustPixelAspectRatio`` leaves the window as it is.
+    """
+    left, right, bottom, top = window
+    width, height = right - left, top - bottom
+    wider = aspect > width / height
+    if policy == "adjustPixelAspectRatio":
+        return window
+    by_width = {
+        "expandAperture": wider,
+        "cropAperture": not wider,
+        "adjustApertureWidth": True,
+        "adjustApertureHeight": False,
+    }[policy]
+    if by_width:
+        width = height * aspect
+    else:
+        height = width / aspect
+    x, y = 0.5 * (left + right), 0.5 * (bottom + top)
+    return x - 0.5 * width, x + 0.5 * width, y - 0.5 * height, y + 0.5 * height
+
+
+def _product(stage: Usd.Stage, settings: UsdRender.Settings, warnings: WarnOnce) -> UsdRender.Product | None:
+    targets = settings.GetProductsRel().GetForwardedTargets()
+    products = [product for path in targets if (product := UsdRender.Product(stage.GetPrimAtPath(path)))]
+    for extra in products[1:]:
+        warnings(str(extra.GetPath()), "is left out: only the first product of the render settings is rendered")
+    return products[0] if products else None
+
+
+def _where(attribute: Usd.Attribute | None) -> str:
+    return "" if attribute is None else str(attribute.GetPath())

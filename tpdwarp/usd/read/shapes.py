@@ -1,0 +1,296 @@
+"""The shape of a mesh prim in its own space over a shutter: triangles, points and normals at any time.
+
+Where faces and points keep their numbers, points are interpolated between samples. Where they change within the
+shutter, or a single sample carries velocities, the points of the sample at the frame move along ``velocities``
+(and ``accelerations``); without velocities they are held, and that is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pxr import Usd, UsdGeom, Vt
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.scene.description import Shutter
+from tpdwarp.usd.read.motion import touched
+from tpdwarp.usd.read.normals import area_vectors, smooth_normals, unit
+from tpdwarp.usd.read.primvars import flattened, require_finite
+from tpdwarp.usd.read.samples import SampledArray, of_attribute
+from tpdwarp.usd.read.topology import Topology, triangulate
+from tpdwarp.usd.read.transforms import union
+from tpdwarp.usd.read.values import ROWS, indices_at, text_at, value_at
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeAtShutter:
+    """A mesh in its own space over one shutter.
+
+    Attributes:
+        topology: Its triangles, the same over the whole shutter.
+        point_count: Number of points.
+        points: Positions at a time code, shape [v, 3].
+        normals: Unit normals at a time code, shape [k, 3]; None for flat shading.
+        normal_elements: Normal of each corner of a topology (which may be mirrored), shape [m, 3].
+    """
+
+    topology: Topology
+    point_count: int
+    points: Callable[[float], np.ndarray]
+    normals: Callable[[float], np.ndarray] | None
+    normal_elements: Callable[[Topology], np.ndarray] | None
+
+
+class Shape:
+    """A mesh prim's points, normals and faces over time.
+
+    Args:
+        mesh: The mesh.
+        time_codes_per_second: Converts ``velocities`` to displacements by time code.
+        cubic: Whether points and normals are interpolated by the cubic Hermite through their samples.
+        warnings: Takes what is not supported, and names the file in errors.
+    """
+
+    def __init__(self, mesh: UsdGeom.Mesh, time_codes_per_second: float, cubic: bool, warnings: WarnOnce) -> None:
+        self.mesh, self.warnings = mesh, warnings
+        self.path, self.file = str(mesh.GetPath()), warnings.file
+        self._per_second = time_codes_per_second
+        self._face_attributes = [
+            mesh.GetFaceVertexCountsAttr(),
+            mesh.GetFaceVertexIndicesAttr(),
+            mesh.GetHoleIndicesAttr(),
+        ]
+        self._faces_vary = any(attribute.ValueMightBeTimeVarying() for attribute in self._face_attributes)
+        self._same_faces: dict[tuple[float, float], bool] = {}
+        self._last: tuple[list[np.ndarray], Topology] | None = None
+        self._still: list[ShapeAtShutter | None] = []
+        linked = self._linked if self._faces_vary else None
+        attribute = mesh.GetPointsAttr()
+        self._points = of_attribute(
+            attribute,
+            cubic,
+            check=lambda value, time: require_finite(value, self.file, f"{self.path}.points", time),
+            shape=ROWS,
+            tangent=self._velocities if mesh.GetVelocitiesAttr().HasAuthoredValue() else None,
+            linked=linked,
+        )
+        self._scheme = text_at(mesh.GetSubdivisionSchemeAttr())
+        self._normals, self._normals_attribute, self._normals_interpolation = self._authored_normals(cubic, linked)
+        self.span = self._span()
+
+    @property
+    def varies(self) -> bool:
+        return self.span is not None
+
+    def at(self, shutter: Shutter, span: tuple[float, float]) -> ShapeAtShutter | None:
+        """The shape over ``shutter``; None (and a warning) where there is nothing to see.
+
+        Args:
+            shutter: The shutter.
+            span: First and last time code of the animation of the placed mesh.
+
+        Raises:
+            InputError: Points that are not finite, or faces that do not fit the points.
+        """
+        if self.varies:
+            return self._evaluate(shutter, span)
+        if not self._still:
+            self._still = [_frozen(self._evaluate(shutter, span), shutter.frame)]
+        return self._still[0]
+
+    def _evaluate(self, shutter: Shutter, span: tuple[float, float]) -> ShapeAtShutter | None:
+        first, last = touched(shutter, span)
+        base = self._points.base(shutter.frame)
+        middle = min(max(shutter.middle, span[0]), span[1])
+        connected = self._points.connected(first, last)
+        stored = self._points.at(middle) if connected else self._points.sample(base)
+        if stored is None or len(stored) == 0:
+            self.warnings(self.path, "the mesh has no points and is left out")
+            return None
+        topology = self._topology(middle if connected or base is None else base, len(stored))
+        if len(topology.triangles) == 0:
+            self.warnings(self.path, "the mesh has no faces and is left out")
+            return None
+        points = self._moving_points(connected, base, stored)
+        normals = elements = None
+        if self._normals is not None:
+            normals, elements = self._normals_over(connected, first, last, middle, base, topology, points, len(stored))
+        if normals is None and self._scheme in ("catmullClark", "loop"):
+            normals, elements = (lambda time: smooth_normals(points(time), topology)), (lambda faces: faces.triangles)
+        return ShapeAtShutter(topology, len(stored), points, normals, elements)
+
+    def _moving_points(self, connected: bool, base: float | None, stored: np.ndarray) -> Callable[[float], np.ndarray]:
+        by_velocity = base is not None and (not connected or len(self._points.times) == 1)
+        velocities = self._velocities(base) if by_velocity else None
+        if velocities is not None and velocities.shape == stored.shape:
+            accelerations = self._rate(self.mesh.GetAccelerationsAttr(), base, 2)
+            bend = 0.0 if accelerations is None or accelerations.shape != stored.shape else 0.5 * accelerations
+
+            def carried(time: float) -> np.ndarray:
+                return stored + (time - base) * (velocities + (time - base) * bend)
+
+            return carried
+        if connected:
+            return self._points.at
+        self.warnings(
+            self.path,
+            "its points or faces change in number within a shutter and it has no fitting velocities: "
+            "it is held over the shutter (author velocities to blur it)",
+        )
+        return lambda time: stored
+
+    def _normals_over(
+        self,
+        connected: bool,
+        first: float,
+        last: float,
+        middle: float,
+        base: float | None,
+        topology: Topology,
+        points: Callable[[float], np.ndarray],
+        point_count: int,
+    ) -> tuple[Callable[[float], np.ndarray] | None, Callable[[Topology], np.ndarray] | None]:
+        """Authored normals; zero ones are replaced by the normals of their triangles, appended after the others."""
+        moving = connected and self._normals.connected(first, last)
+        held = self._normals.at(middle if connected or base is None else base)
+        fitting = None if held is None else topology.elements(self._normals_interpolation, len(held), point_count)
+        if fitting is None:
+            self.warnings(
+                self._normals_attribute,
+                f"does not fit its interpolation ({self._normals_interpolation}) and is ignored",
+            )
+            return None, None
+        zero = ~np.any(held, axis=1)
+        faceless = np.flatnonzero(zero[fitting].any(axis=1))
+        count = len(held)
+
+        def normals(time: float) -> np.ndarray:
+            authored = unit(self._normals.at(time) if moving else held)
+            if len(faceless) == 0:
+                return authored
+            return np.concatenate([authored, unit(area_vectors(points(time), topology.triangles[faceless]))])
+
+        def elements(faces: Topology) -> np.ndarray:
+            indices = faces.elements(self._normals_interpolation, count, point_count)
+            if len(faceless) == 0:
+                return indices
+            own = np.zeros(len(indices), dtype=np.int32)
+            own[faceless] = count + np.arange(len(faceless))
+            return np.where(zero[indices], own[:, None], indices)
+
+        return normals, elements
+
+    def _topology(self, time: float, point_count: int) -> Topology:
+        if self._last is not None and not self._faces_vary:
+            counts, indices, holes = self._last[0]
+        else:
+            counts, indices, holes = (indices_at(attribute, time) for attribute in self._face_attributes)
+        known = self._last
+        if known is not None and _same([counts, indices, holes], known[0]):
+            if len(indices) and indices.max() >= point_count:
+                self._refuse("faceVertexIndices", f"index {indices.max()} is out of range for {point_count} points")
+            return known[1]
+        self._validate(counts, indices, holes, point_count)
+        left_handed = text_at(self.mesh.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded
+        topology = triangulate(counts, indices, holes, left_handed)
+        self._last = [counts, indices, holes], topology
+        return topology
+
+    def _validate(self, counts: np.ndarray, indices: np.ndarray, holes: np.ndarray, point_count: int) -> None:
+        if len(counts) and counts.min() < 0:
+            self._refuse("faceVertexCounts", f"holds {counts.min()}; a face cannot have a negative number of corners")
+        valid, why = UsdGeom.Mesh.ValidateTopology(
+            Vt.IntArray.FromNumpy(indices.astype(np.int32)), Vt.IntArray.FromNumpy(counts.astype(np.int32)), point_count
+        )
+        if not valid:
+            self._refuse("faceVertexCounts" if counts.sum() != len(indices) else "faceVertexIndices", why)
+        if len(holes) and (holes.min() < 0 or holes.max() >= len(counts)):
+            self._refuse("holeIndices", f"names a face outside the {len(counts)} faces")
+        if len(counts) and counts.min() < 3:
+            self.warnings(self.path, "faces of fewer than three corners are left out")
+
+    def _refuse(self, attribute: str, why: str) -> None:
+        raise InputError(f"{why.rstrip('.')} (correct the mesh's topology)", self.file, f"{self.path}.{attribute}")
+
+    def _linked(self, first: float, second: float) -> bool:
+        """Whether two samples have the same faces."""
+        key = (first, second)
+        if key not in self._same_faces:
+            self._same_faces[key] = all(
+                attribute.Get(first) == attribute.Get(second) for attribute in self._face_attributes
+            )
+        return self._same_faces[key]
+
+    def _velocities(self, time: float) -> np.ndarray | None:
+        """Velocities at a sample, by time code."""
+        return self._rate(self.mesh.GetVelocitiesAttr(), time, 1)
+
+    def _rate(self, attribute: Usd.Attribute, time: float, order: int) -> np.ndarray | None:
+        if not attribute.HasAuthoredValue():
+            return None
+        value = value_at(attribute, time, ROWS)
+        if value is None:
+            return None
+        require_finite(value, self.file, str(attribute.GetPath()), time)
+        return value / self._per_second**order
+
+    def _authored_normals(
+        self, cubic: bool, linked: Callable[[float, float], bool] | None
+    ) -> tuple[SampledArray | None, str, str]:
+        primvar = UsdGeom.PrimvarsAPI(self.mesh).GetPrimvar("normals")
+        attribute = self.mesh.GetNormalsAttr()
+        authored = primvar.HasValue() or attribute.HasAuthoredValue()
+        if self._scheme != "none":
+            aside = ", and its authored normals are ignored, as USD asks for subdivision surfaces" if authored else ""
+            self.warnings(
+                self.path,
+                f"the {self._scheme} subdivision surface is rendered as its control polygons{aside} "
+                "(author subdivisionScheme = none for a polygonal mesh)",
+            )
+        if self._scheme != "none" or not authored:
+            return None, "", ""
+        if primvar.HasValue():
+            curve = flattened(primvar, self.file, cubic, linked)
+            return curve, str(primvar.GetAttr().GetPath()), str(primvar.GetInterpolation())
+        curve = of_attribute(
+            attribute,
+            cubic,
+            check=lambda value, time: require_finite(value, self.file, f"{self.path}.normals", time),
+            shape=ROWS,
+            linked=linked,
+        )
+        return curve, f"{self.path}.normals", str(self.mesh.GetNormalsInterpolation())
+
+    def _span(self) -> tuple[float, float] | None:
+        """First and last sample time of what can vary; None for a shape that never changes."""
+        times = [attribute.GetTimeSamples() for attribute in self._face_attributes]
+        times.append(self._points.times)
+        if self._normals is not None:
+            times.append(self._normals.times)
+        span = None
+        for authored in times:
+            if len(authored) > 1:
+                span = union(span, (authored[0], authored[-1]))
+        if self.mesh.GetVelocitiesAttr().HasAuthoredValue():
+            if self._points.times:
+                span = union(span, self._points.span)
+            else:
+                self.warnings(
+                    f"{self.path}.velocities", "is ignored: points without time samples do not say when they hold"
+                )
+        return span
+
+
+def _frozen(shape: ShapeAtShutter | None, time: float) -> ShapeAtShutter | None:
+    """A shape that never changes, evaluated once."""
+    if shape is None:
+        return None
+    points = shape.points(time)
+    normals = None if shape.normals is None else shape.normals(time)
+    return replace(shape, points=lambda time: points, normals=None if normals is None else lambda time: normals)
+
+
+def _same(ours: list[np.ndarray], theirs: list[np.ndarray]) -> bool:
+    return all(a is b or np.array_equal(a, b) for a, b in zip(ours, theirs, strict=True))

@@ -1,0 +1,379 @@
+"""A USD stage as a source of scenes: opened and checked once, then asked for the scene over any shutter."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from typing import Any
+
+from pxr import Sdf, Usd, UsdGeom
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.usd.read.cameras import Camera
+from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
+from tpdwarp.usd.read.diagnostics import usd_diagnostics
+from tpdwarp.usd.read.instances import InstancedMeshes
+from tpdwarp.usd.read.lights import Light
+from tpdwarp.usd.read.materials import Materials
+from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
+from tpdwarp.usd.read.motion_breaks import corners_of
+from tpdwarp.usd.read.render_settings import RenderRequest, read_request
+from tpdwarp.usd.read.samples import sample_times
+from tpdwarp.usd.read.shapes import Shape
+from tpdwarp.usd.read.transforms import Transforms, union
+
+DEFAULT_WIDTH = 960
+MOST_PIXELS = 2**30
+HIGHEST_RATE = 1e6
+LONGEST_SHUTTER = 1e6
+REFERENCE_COUNT = 9
+
+
+class StageScene:
+    """A stage on disk, as :class:`tpdwarp.scene.description.SceneSource`. Made by :meth:`open`.
+
+    Numbers stay in the stage's own world space and units; ``up_axis`` and ``meters_per_unit`` are reported only.
+    Points that are not finite and faces that do not fit are refused when a frame that needs them is asked for.
+
+    Attributes:
+        file: The stage's file.
+        start, end: First and last time code, as authored on the stage, else the range of its authored samples.
+        time_codes_per_second, frames_per_second: Rates of the stage.
+        up_axis: ``Y`` or ``Z``.
+        meters_per_unit: Metres in one scene unit.
+        camera_path: The camera looked through; None where the stage has none.
+        warnings: What was found that is not supported, once by prim.
+    """
+
+    def __init__(self, file: str, stage: Usd.Stage, settings: Settings, warnings: WarnOnce) -> None:
+        self.file, self.warnings = file, warnings
+        self._stage, self._settings = stage, settings
+        self.time_codes_per_second = self._rate("timeCodesPerSecond", stage.GetTimeCodesPerSecond())
+        self.frames_per_second = self._rate("framesPerSecond", stage.GetFramesPerSecond())
+        self.up_axis = str(UsdGeom.GetStageUpAxis(stage))
+        if self.up_axis not in ("Y", "Z"):
+            raise InputError(f"holds {self.up_axis!r} (author Y or Z)", file, "the stage's upAxis")
+        self.meters_per_unit = UsdGeom.GetStageMetersPerUnit(stage)
+        self.start, self.end = _time_range(stage)
+        self._request = read_request(stage, settings.render_settings, warnings)
+        self._cubic = settings.motion == "cubic"
+        self._transforms = Transforms(self._cubic)
+        self._materials = Materials(warnings, self._request.material_purpose)
+        self._shapes: dict[str, Shape] = {}
+        contents = Walker(_purposes(settings, self._request), self._transforms, warnings).walk(stage)
+        self._meshes = [
+            self._place(str(prim.GetPath()), prim, OnStage(prim, self._transforms)) for prim in contents.meshes
+        ]
+        self._instancers = [
+            InstancedMeshes(
+                instancer, OnStage(instancer.instancer.GetPrim(), self._transforms), self._place, self._transforms
+            )
+            for instancer in contents.instancers
+        ]
+        self._lights = [Light(prim, self._transforms, self._animation, warnings) for prim in contents.lights]
+        self._cameras = [str(prim.GetPath()) for prim in contents.cameras]
+        self.camera_path = self._choose_camera()
+        self._camera = (
+            None
+            if self.camera_path is None
+            else Camera(stage.GetPrimAtPath(self.camera_path), self._transforms, self._animation, warnings)
+        )
+        self._require_meshes()
+        self._require_lights()
+
+    @classmethod
+    def open(cls, file: str | os.PathLike[str], settings: Settings) -> StageScene:
+        """Opens a stage and checks that it can be rendered.
+
+        Args:
+            file: A USD file.
+            settings: ``motion``, ``purposes``, ``mask``, ``camera``, ``render_settings``, ``image_width``,
+                ``shutter`` and ``exposure`` are used.
+
+        Raises:
+            InputError: The file cannot be read; no visible mesh; no usable light; no such camera, mask or render
+                settings.
+        """
+        name = os.fspath(file)
+        if not os.path.exists(name):
+            raise InputError("no such file", name)
+        if os.path.isdir(name):
+            raise InputError("is a folder (name a USD file)", name)
+        warnings = WarnOnce(name)
+        with usd_diagnostics(warnings):
+            return cls(name, _open_stage(name, settings), settings, warnings)
+
+    def at(self, shutter: Shutter) -> SceneAtShutter:
+        """The scene over ``shutter``; what does not move is the same object on every call.
+
+        Raises:
+            InputError: Geometry, materials, lights or a camera that cannot be used.
+        """
+        with usd_diagnostics(self.warnings):
+            self._warn_outside(shutter)
+            meshes = tuple(mesh for placed in self._placed(shutter.frame) if (mesh := placed.over(shutter)) is not None)
+            lights = tuple(found for light in self._lights if (found := light.over(shutter)) is not None)
+            camera = None
+            if self._camera is not None:
+                width, height = self.resolution()
+                aspect = width * self._request.pixel_aspect / height
+                camera = self._camera.over(shutter, aspect, self._request.policy)
+            return SceneAtShutter(shutter, meshes, lights, camera)
+
+    def reference_shutters(self) -> list[Shutter]:
+        """Up to nine stills spread evenly over the animation, the first at its start; one where nothing moves."""
+        with usd_diagnostics(self.warnings):
+            if self.end <= self.start or not self._changes():
+                return [Shutter.still(self.start)]
+        step = (self.end - self.start) / (REFERENCE_COUNT - 1)
+        return [Shutter.still(self.start + step * k) for k in range(REFERENCE_COUNT)]
+
+    def corners(self, shutter: Shutter) -> list[float]:
+        """Times within ``shutter`` at which motion may change abruptly: those of time samples, unless it is cubic."""
+        if self._cubic:
+            return []
+        with usd_diagnostics(self.warnings):
+            prims = [mesh.prim for mesh in self._placed(shutter.frame)]
+            prims += [of.instancer.instancer.GetPrim() for of in self._instancers]
+            prims += [light.prim for light in self._lights]
+            return corners_of(prims, shutter.open, shutter.close)
+
+    def require_camera(self) -> None:
+        """Refuses a stage without a camera.
+
+        Raises:
+            InputError: There is none.
+        """
+        if self.camera_path is None:
+            raise InputError("the stage has no camera (add a Camera prim, or name one in a sublayer)", self.file)
+
+    def resolution(self) -> tuple[int, int]:
+        """Width and height of the image in pixels.
+
+        ``settings.image_width`` comes first, its height from the camera's aspect (rounded down, as usdrecord does);
+        then the render settings' resolution; then a width of 960.
+
+        Raises:
+            InputError: There is no camera, or its aperture has no size.
+        """
+        if self._settings.image_width is None and self._request.resolution is not None:
+            return self._checked(*self._request.resolution)
+        self.require_camera()
+        width = self._settings.image_width or DEFAULT_WIDTH
+        with usd_diagnostics(self.warnings):
+            height = width * self._request.pixel_aspect / self._camera.aspect(self.start)
+        # Apertures are stored in single precision, whose rounding must not cost a row.
+        return self._checked(width, height * (1 + 1e-6))
+
+    def _checked(self, width: int, height: float) -> tuple[int, int]:
+        if not width * max(1.0, height) <= MOST_PIXELS:
+            raise InputError(
+                f"an image of {width} × {height:.6g} pixels is more than {MOST_PIXELS} (correct the resolution, "
+                "the camera's apertures or --imageWidth)",
+                self.file,
+                self._request.path or self.camera_path or "",
+            )
+        return width, max(1, math.floor(height))
+
+    def shutter(self, frame: float, settings: Settings) -> Shutter:
+        """The shutter of a frame.
+
+        ``settings.shutter`` or ``settings.exposure`` come first; then a still where the render settings disable motion
+        blur; then the camera's ``shutter:open`` and ``shutter:close``; a still without a camera.
+
+        Args:
+            frame: Time code of the frame.
+            settings: The settings.
+
+        Raises:
+            InputError: The camera's shutter closes before it opens, or the shutter is absurdly long.
+        """
+        if settings.shutter is not None:
+            opening, closing = settings.shutter
+        elif settings.exposure is not None:
+            opening, closing = 0.0, settings.exposure
+        elif self._request.still or self._camera is None:
+            opening, closing = 0.0, 0.0
+        else:
+            with usd_diagnostics(self.warnings):
+                opening, closing = self._camera.shutter_interval(frame)
+        if max(abs(opening), abs(closing)) > LONGEST_SHUTTER:
+            raise InputError(
+                f"a shutter from {opening:g} to {closing:g} frames is too long (author or ask for less than "
+                f"{LONGEST_SHUTTER:g})",
+                self.file,
+                "" if self._camera is None else self._camera.path,
+            )
+        return Shutter(frame, frame + opening, frame + closing)
+
+    def describe(self) -> dict[str, Any]:
+        """What the stage holds, as plain JSON values: evaluated at its start.
+
+        Raises:
+            InputError: As :meth:`at`.
+        """
+        with usd_diagnostics(self.warnings):
+            return {
+                "file": self.file,
+                "frames": {"start": self.start, "end": self.end},
+                "time_codes_per_second": self.time_codes_per_second,
+                "frames_per_second": self.frames_per_second,
+                "up_axis": self.up_axis,
+                "meters_per_unit": self.meters_per_unit,
+                "meshes": self._described_meshes(),
+                "lights": [self._described_light(light) for light in self._lights],
+                "cameras": [{"path": path, "used": path == self.camera_path} for path in self._cameras],
+                "render_settings": self._request.path,
+                "warnings": list(self.warnings.messages),
+            }
+
+    @property
+    def _animation(self) -> tuple[float, float]:
+        return self.start, self.end
+
+    def _rate(self, name: str, value: float) -> float:
+        if not 1 / HIGHEST_RATE <= value <= HIGHEST_RATE:
+            raise InputError(
+                f"holds {value:g} (author a rate above 0, at most {HIGHEST_RATE:g})", self.file, f"the stage's {name}"
+            )
+        return value
+
+    def _described_meshes(self) -> list[dict[str, Any]]:
+        described: dict[str, dict[str, Any]] = {}
+        for placed in self._placed(self.start):
+            mesh = placed.over(Shutter.still(self.start))
+            entry = described.setdefault(
+                str(placed.prim.GetPath()),
+                {
+                    "path": str(placed.prim.GetPath()),
+                    "triangles": 0 if mesh is None else len(mesh.triangles),
+                    "instances": 0,
+                    "moves": False,
+                    "interactions": _interactions(mesh),
+                },
+            )
+            entry["instances"] += 1
+            entry["moves"] |= placed.varies
+        return list(described.values())
+
+    def _described_light(self, light: Light) -> dict[str, Any]:
+        return {
+            "path": light.path,
+            "kind": light.kind.name.lower(),
+            "power": list(light.power(self.start)),
+            "moves": light.varies,
+        }
+
+    def _place(self, label: str, prim: Usd.Prim, placement: Placement) -> PlacedMesh:
+        original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        key = str(original.GetPath())
+        if key not in self._shapes:
+            mesh = UsdGeom.Mesh(prim)
+            self._shapes[key] = Shape(mesh, self.time_codes_per_second, self._cubic, self.warnings)
+        return PlacedMesh(
+            label, prim, self._shapes[key], placement, self._animation, self._cubic, self._materials, self.warnings
+        )
+
+    def _placed(self, frame: float) -> Iterator[PlacedMesh]:
+        yield from self._meshes
+        for instancer in self._instancers:
+            yield from instancer.meshes(frame)
+
+    def _changes(self) -> bool:
+        """Whether any mesh or light ever moves, appears or vanishes."""
+        if any(mesh.varies or visibility_varies(mesh.prim) for mesh in self._placed(self.start)):
+            return True
+        if any(instancer.instancer.span is not None for instancer in self._instancers):
+            return True
+        return any(light.varies or visibility_varies(light.prim) for light in self._lights)
+
+    def _warn_outside(self, shutter: Shutter) -> None:
+        span = self._animation
+        for placed in self._meshes:
+            span = union(span, placed.span)
+        for instancer in self._instancers:
+            span = union(span, instancer.instancer.span)
+        if not span[0] <= shutter.frame <= span[1] and self._changes():
+            self.warnings("", f"frames outside {span[0]:g} … {span[1]:g} hold the ends of the animation")
+
+    def _choose_camera(self) -> str | None:
+        wanted = self._settings.camera
+        there_are = f"there are {', '.join(self._cameras)}" if self._cameras else "the stage has none"
+        if wanted and not wanted.startswith("/"):
+            named = [path for path in self._cameras if path.rsplit("/", 1)[-1] == wanted]
+            if not named:
+                raise InputError(f"no camera is named so ({there_are})", self.file, wanted)
+            if len(named) > 1:
+                self.warnings(named[0], f"is used; other cameras are named {wanted} too")
+            return named[0]
+        path = wanted or self._request.camera
+        if path:
+            if path not in self._cameras:
+                exists = Sdf.Path.IsValidPathString(path) and bool(self._stage.GetPrimAtPath(path))
+                what = "is no camera" if exists else "no such camera"
+                raise InputError(f"{what} ({there_are})", self.file, path)
+            return path
+        if len(self._cameras) > 1:
+            self.warnings(
+                self._cameras[0], f"is used, the first of {len(self._cameras)} cameras (choose with --camera)"
+            )
+        return self._cameras[0] if self._cameras else None
+
+    def _require_meshes(self) -> None:
+        prims = [mesh.prim for mesh in self._meshes]
+        prims += [of.instancer.instancer.GetPrim() for of in self._instancers if of.instancer.holds_meshes]
+        if not any(may_be_visible(prim) for prim in prims):
+            raise InputError("no visible mesh of an included purpose (add one, or see --purposes)", self.file)
+
+    def _require_lights(self) -> None:
+        for light in self._lights:
+            if may_be_visible(light.prim) and (light.power_varies or any(light.power(self.start))):
+                return
+        raise InputError("no usable light (add a DistantLight or a SphereLight)", self.file)
+
+
+def _interactions(mesh: MeshAtShutter | None) -> list[str]:
+    return [] if mesh is None else sorted({material.interaction.name.lower() for material in mesh.materials})
+
+
+def _open_stage(file: str, settings: Settings) -> Usd.Stage:
+    if not settings.mask:
+        return Usd.Stage.Open(file)
+    mask = Usd.StagePopulationMask()
+    for path in settings.mask:
+        if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsoluteRootOrPrimPath():
+            raise InputError("is no prim path (correct --mask)", file, path)
+        mask.Add(path)
+    # What is asked for by name is wanted whatever the mask says.
+    for path in (settings.camera, settings.render_settings):
+        if path.startswith("/") and Sdf.Path.IsValidPathString(path):
+            mask.Add(path)
+    stage = Usd.Stage.OpenMasked(file, mask)
+    for path in settings.mask:
+        if not stage.GetPrimAtPath(path):
+            raise InputError("no such prim (correct --mask)", file, path)
+    stage.ExpandPopulationMask()
+    return stage
+
+
+def _time_range(stage: Usd.Stage) -> tuple[float, float]:
+    if stage.HasAuthoredTimeCodeRange():
+        start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+        return start, max(start, end)
+    span = None
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
+        for attribute in prim.GetAuthoredAttributes():
+            times = sample_times(attribute)
+            if times:
+                span = union(span, (times[0], times[-1]))
+    return span or (0.0, 0.0)
+
+
+def _purposes(settings: Settings, request: RenderRequest) -> frozenset[str]:
+    """The purposes rendered: those of the render settings unless the user asked for others."""
+    if request.purposes is not None and settings.purposes == Settings().purposes:
+        return frozenset(request.purposes)
+    return frozenset({"default", *settings.purposes})

@@ -1,0 +1,250 @@
+"""What the camera sees: visible points on diffuse surfaces, through and in specular ones, and their direct light.
+
+Camera paths branch at dielectrics like photons do: a mask names a path, the first pass follows refraction only and
+reports the reflections worth following.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.footprints.gather import QueryArrays
+from tpdwarp.photons.beam import arrive, leave, meet
+from tpdwarp.photons.tracing import DIELECTRIC, next_paths
+from tpdwarp.scene.description import LightAtShutter, LightKind
+from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.intersection import closest_hit, diffuse_color, occluded, shading_normal
+from tpdwarp.scene.normalization import Normalization
+from tpdwarp.scene.requirements import Requirements
+from tpdwarp.view.camera import Camera, camera_ray
+
+SMALLEST_THROUGHPUT = 4.0e-3
+# Where glass sweeps by, a pixel's view can race over the receiver; beyond this way (unit scene) a shutter it is noise.
+FASTEST_QUERY = wp.constant(0.25)
+INV_PI = wp.constant(0.3183098861837907)
+FAR = wp.constant(1.0e6)
+
+
+@wp.struct
+class LightArrays:
+    """Lights in the tracer's units: direction of travel or position, and how these change over the shutter.
+
+    ``power`` is irradiance at normal incidence per square unit, or radiant intensity.
+    """
+
+    distant: wp.array(dtype=wp.int32)
+    place: wp.array(dtype=wp.vec3)
+    place_motion: wp.array(dtype=wp.vec3)
+    power: wp.array(dtype=wp.vec3)
+
+
+@wp.struct
+class VisibleArrays:
+    """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π."""
+
+    weight: wp.array(dtype=wp.vec3)
+    direct: wp.array(dtype=wp.vec3)
+    branches: wp.array(dtype=wp.int32)
+    first_position: wp.array(dtype=wp.vec3)
+    first_normal: wp.array(dtype=wp.vec3)
+    first_depth: wp.array(dtype=wp.float32)
+
+
+def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher) -> LightArrays:
+    """The kernel's view of ``lights``."""
+    out = LightArrays()
+    distant = np.array([light.kind == LightKind.DISTANT for light in lights], bool)
+    place, motion, power = (np.zeros((len(lights), 3)) for _ in range(3))
+    for i, light in enumerate(lights):
+        power[i] = normalization.light_power(light)
+        if distant[i]:
+            place[i], motion[i] = -light.axes[2], -light.axes_motion[2]
+        else:
+            place[i] = normalization.points(light.position[None])[0]
+            motion[i] = light.position_motion * normalization.scale
+    out.distant = launcher.array(distant.astype(np.int32), wp.int32)
+    out.place = launcher.array(place.astype(np.float32), wp.vec3)
+    out.place_motion = launcher.array(motion.astype(np.float32), wp.vec3)
+    out.power = launcher.array(power.astype(np.float32), wp.vec3)
+    return out
+
+
+@wp.func
+def direct_irradiance(
+    surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp.vec3, n_g: wp.vec3, lift: wp.vec3
+) -> wp.vec3:
+    """Irradiance from lights that nothing hides; whatever is specular hides them too (its light comes as photons).
+
+    The cosine is that of the shading normal ``n``; what the surface itself hides, ``n_g`` decides.
+    """
+    total = wp.vec3(0.0, 0.0, 0.0)
+    for k in range(lights.power.shape[0]):
+        place = lights.place[k] + surfaces.time * lights.place_motion[k]
+        if lights.distant[k] == 1:
+            w = -wp.normalize(place)
+            cosine = wp.dot(n, w)
+            if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
+                if not occluded(surfaces, x, w, lift, FAR):
+                    total += lights.power[k] * cosine
+        else:
+            d = place - x
+            distance = wp.length(d)
+            w = d / distance
+            cosine = wp.dot(n, w)
+            if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
+                if not occluded(surfaces, x, w, lift, distance):
+                    total += lights.power[k] * (cosine / (distance * distance))
+    return total
+
+
+@cache
+def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel:
+    """The kernel that follows one camera path to the diffuse surface it ends on."""
+    both, specular = refraction and reflection, refraction or reflection
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def see(
+        base: int,
+        # Scene
+        surfaces: Surfaces,
+        lights: LightArrays,
+        camera: Camera,
+        # In
+        films: wp.array(dtype=wp.vec2),
+        items: wp.array(dtype=wp.int32),
+        masks: wp.array(dtype=wp.int32),
+        bounces: int,
+        smallest_throughput: float,
+        segments: float,
+        # Out
+        queries: QueryArrays,
+        out: VisibleArrays,
+    ):
+        i = base + wp.tid()
+        item = items[i]
+        mask = masks[i]
+        stream = wp.rand_init(7919, item)
+        beam = camera_ray(camera, films[item], surfaces.time)
+        depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
+        # The origin lies in what is specular: an eye close to it looks at what may be tiny beside the scene.
+        closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
+        beam.grain = wp.min(surfaces.grain, wp.vec3(closeness, closeness, closeness))
+        start = camera.near / depth_scale
+        end = camera.far / depth_scale
+        throughput = wp.vec3(1.0, 1.0, 1.0)
+        branches = int(0)
+        newest = int(0)
+        while (mask >> newest) > 0:
+            newest += 1
+        queries.receiver[i] = -1
+        out.first_depth[i] = -1.0
+
+        for bounce in range(bounces + 1):
+            hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, beam.grain, start, end, wp.static(moves), stream)
+            if hit.triangle < 0:
+                break
+            beam = arrive(beam, hit, wp.static(moves))
+            side = -wp.sign(wp.dot(hit.n_g, beam.w))
+            n_g = side * hit.n_g
+            n = side * shading_normal(surfaces, hit, False, wp.static(moves)).n
+            if bounce == 0:
+                out.first_position[i] = beam.x
+                out.first_normal[i] = n
+                out.first_depth[i] = hit.distance * depth_scale
+            material = surfaces.material_of[hit.triangle]
+            interaction = surfaces.interaction[material]
+            if interaction == 0:
+                weight = wp.cw_mul(throughput, diffuse_color(surfaces, hit)) * INV_PI
+                irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.lift * n_g)
+                out.weight[i] = weight
+                out.direct[i] = wp.cw_mul(weight, irradiance)
+                queries.receiver[i] = surfaces.object_of[hit.triangle]
+                queries.normal[i] = n_g
+                queries.position[i] = beam.x
+                if wp.static(moves):
+                    motion = segments * beam.dxdt
+                    speed = wp.length(motion)
+                    if not wp.isfinite(speed):
+                        motion = wp.vec3(0.0, 0.0, 0.0)
+                    elif speed > FASTEST_QUERY:
+                        motion = motion * (FASTEST_QUERY / speed)
+                    queries.motion[i] = motion
+                break
+            if wp.static(specular):
+                if bounce == bounces:
+                    break
+                dielectric = wp.static(refraction)
+                if wp.static(both):
+                    dielectric = interaction == DIELECTRIC
+                at = meet(surfaces, hit, beam.w, dielectric, wp.static(moves))
+                reflected = True
+                if dielectric:
+                    if at.reflectance < 1.0:
+                        reflected = (mask & (1 << bounce)) != 0
+                        share = throughput * at.reflectance
+                        if reflected:
+                            throughput = share
+                        else:
+                            throughput = throughput - share
+                            if bounce >= newest and wp.max(share) >= smallest_throughput:
+                                branches = branches | (1 << bounce)
+                else:
+                    throughput = wp.cw_mul(throughput, surfaces.tint[material])
+                beam = leave(surfaces, beam, hit, at, reflected, wp.static(moves))
+                start = 0.0
+                end = FAR
+            else:
+                break
+
+        out.branches[i] = branches
+
+    return see
+
+
+@dataclass
+class VisiblePoints:
+    """Camera paths of one pass: ``items`` index the film positions they start from; queries where they ended."""
+
+    items: np.ndarray
+    queries: QueryArrays
+    arrays: VisibleArrays
+    first: bool
+
+
+def visible_points(
+    surfaces: Surfaces,
+    lights: LightArrays,
+    camera: Camera,
+    films: np.ndarray,
+    requirements: Requirements,
+    launcher: Launcher,
+    *,
+    moves: bool,
+    segments: int = 1,
+) -> Iterator[VisiblePoints]:
+    """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
+
+    Args:
+        moves: Whether queries carry their motion.
+        segments: Segments of the shutter; scene and camera are those of one of them.
+    """
+    items = np.arange(len(films), dtype=np.int32)
+    masks = np.zeros(len(films), np.int32)
+    device_films = launcher.array(films.astype(np.float32), wp.vec2)
+    kernel = visible_kernel(moves, requirements.refraction, requirements.reflection)
+    first = True
+    while len(items):
+        queries, out = launcher.rows(QueryArrays, len(items)), launcher.rows(VisibleArrays, len(items))
+        paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
+        scene = [surfaces, lights, camera, device_films]
+        limits = [requirements.bounces, SMALLEST_THROUGHPUT, float(segments)]
+        launcher(kernel, len(items), [*scene, *paths, *limits, queries, out])
+        yield VisiblePoints(items, queries, out, first)
+        items, masks = next_paths(items, masks, out.branches.numpy())
+        first = False
