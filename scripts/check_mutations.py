@@ -30,7 +30,7 @@ from tpdwarp.checks.findings import CheckResult
 from tpdwarp.checks.limits import LIMITS_FILE
 from tpdwarp.estimators import base
 from tpdwarp.io.images import read_image, write_frame
-from tpdwarp.photons.tracing import PhotonMap
+from tpdwarp.photons.photon_map import PhotonMap
 from usd_scenes.authoring.wave import write_wave
 
 FRAMES = 4

@@ -13,6 +13,7 @@ import pytest
 
 from tests.view.scenes import looking_down, turning_rod_source, wave_source
 from tpdwarp.presets import PRESETS
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
@@ -23,7 +24,7 @@ EDGES = np.linspace(-1, 1, COLUMNS + 1)
 
 
 def frame_of(source: SceneSource, shutter: Shutter, width: int, height: int, **settings) -> Frame:
-    return render_frame(source, shutter, Settings(aovs=("irradiance",), **settings), width, height)
+    return render_frame(RenderContext(source, Settings(aovs=("irradiance",), **settings)), shutter, width, height)
 
 
 def irradiance(frame: Frame) -> np.ndarray:

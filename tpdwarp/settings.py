@@ -1,4 +1,8 @@
-"""Settings of a render or a trace: one frozen dataclass, validated once, the same for Python and the command line."""
+"""Settings of a render or a trace, validated once, the same for Python and the command line.
+
+Four small groups say what each room needs to know: the stage reader takes :class:`StageSettings`, the photon tracer and
+the estimators :class:`LightSettings`. :class:`Settings` is all four behind flat names, and so can be given to either.
+"""
 
 from __future__ import annotations
 
@@ -24,18 +28,81 @@ PURPOSES = ("default", "render", "proxy", "guide")
 AOVS = ("caustic", "direct", "irradiance", "Z", "N", "P", "motion", "photons")
 
 
+
+def _refuse(name: str, why: str) -> None:
+    raise InputError(f"--{name.replace('_', '-')} {why}")
+
+
+class _Group:
+    """A group of settings, checked when it is made."""
+
+    def __post_init__(self) -> None:
+        for group in type(self).__mro__:
+            if "_check" in vars(group):
+                group._check(self)
+        for name, allowed in CHOICES.items():
+            if getattr(self, name, allowed[0]) not in allowed:
+                _refuse(name, f"must be one of {', '.join(allowed)}, not {getattr(self, name)!r}")
+
+    def _check_counts(self, *names: str) -> None:
+        for name in names:
+            value = getattr(self, name)
+            if value is None or (name, value) == ("segments", "auto"):
+                continue
+            if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+                _refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")
+
+    def _check_known(self, option: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
+        unknown = [entry for entry in given if entry not in known]
+        if unknown:
+            _refuse(option, f"knows no {unknown[0]!r}; there are {', '.join(known)}")
+
+
 @dataclass(frozen=True)
-class Settings:
-    """How frames are rendered.
+class StageSettings(_Group):
+    """How a stage is read.
 
     Attributes:
-        photons: Photons emitted towards specular geometry, a frame.
-        samples: Camera samples a pixel.
-        segments: Parts of the shutter traced apart; ``auto``: what pays, by mesh.
-        target_error: Wanted relative RMSE of caustics; chooses photons and segments.
         exposure: Exposure in frames, opening at the frame; None takes the camera's ``shutter:open/close``.
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
+        image_width: Width in pixels; None takes the render settings' resolution, or 960.
+        complexity: As in usdrecord; no effect on polygonal meshes.
+        purposes: Purposes rendered beside ``default``.
+        mask: Prim paths that alone are read; empty for all.
+        camera: Camera path or name; empty takes the render settings' camera, or the only one.
+        render_settings: Path of the RenderSettings prim; empty takes the stage's own.
+    """
+
+    exposure: float | None = None
+    shutter: tuple[float, float] | None = None
+    motion: str = "linear"
+    image_width: int | None = None
+    complexity: float = 1.0
+    purposes: tuple[str, ...] = ("render",)
+    mask: tuple[str, ...] = ()
+    camera: str = ""
+    render_settings: str = ""
+
+    def _check(self) -> None:
+        self._check_counts("image_width")
+        self._check_known("purposes", self.purposes, PURPOSES)
+        if self.exposure is not None and not (math.isfinite(self.exposure) and self.exposure >= 0):
+            _refuse("exposure", f"must be 0 frames or more, not {self.exposure}")
+        if self.shutter is not None:
+            opening, closing = self.shutter
+            if not (math.isfinite(opening) and math.isfinite(closing) and opening <= closing):
+                _refuse("shutter", f"must open before it closes, not {opening} {closing}")
+
+
+@dataclass(frozen=True)
+class LightSettings(_Group):
+    """How photons are traced and their light is estimated.
+
+    Attributes:
+        photons: Photons emitted towards specular geometry, a frame.
+        segments: Parts of the shutter that are traced apart, each with its share of the photons; ``auto`` chooses.
+        target_error: Wanted relative RMSE of caustics; chooses photons and segments.
         estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``tdpm`` (nearest photons),
             ``accumulation`` (brute force), ``distribution`` (random times).
         kernel: Filter kernel of a footprint.
@@ -44,31 +111,17 @@ class Settings:
         anchor: What a photon rides on over the shutter: the ``surface`` it first hit, or its emission point
             (``light``).
         trace_at: When in the shutter ``tpd`` traces: ``middle``, or ``open`` (the paper's forward differences).
-        path: Way of a B-spline footprint of ``tpd``: ``straight`` along D_t x, or ``curved`` as it changes.
+        path: Trajectory of a B-spline footprint of ``tpd``: ``straight`` along D_t x, or ``curved`` as it changes.
         smoothing: Footprint size in lattice cells.
         time_filter: Shutter response of Eq. 9, for ``swept``.
-        seed: Seed of all random choices.
-        device: Warp device, for instance ``cpu`` or ``cuda:0``.
-        threads: CPU threads; 0 for all cores.
-        accumulation_times: Instants that ``accumulation`` averages, or random times stem from.
+        accumulation_times: Instants that ``accumulation`` averages, or from which random times are taken.
         tdpm_neighbours: Photons in an estimate of ``tdpm``.
         tdpm_between: In-between frames of ``tdpm``; else times are random.
-        image_width: Width in pixels; None takes the render settings' resolution, or 960.
-        complexity: As in usdrecord; no effect on polygonal meshes.
-        purposes: Purposes rendered beside ``default``.
-        mask: Prim paths that alone are read; empty for all.
-        camera: Camera path or name; empty takes the render settings' camera, or the only one.
-        render_settings: Path of the RenderSettings prim; empty takes the stage's own.
-        aovs: Extra channel groups to write.
     """
 
     photons: int = 65536
-    samples: int = 4
     segments: int | str = 1
     target_error: float | None = None
-    exposure: float | None = None
-    shutter: tuple[float, float] | None = None
-    motion: str = "linear"
     estimator: str = "tpd"
     kernel: str = "bspline"
     footprint: str = "shutter"
@@ -78,67 +131,75 @@ class Settings:
     path: str = "curved"
     smoothing: float = 1.0
     time_filter: str = "none"
-    seed: int = 0
-    device: str = "cpu"
-    threads: int = 0
     accumulation_times: int = 64
     tdpm_neighbours: int = 100
     tdpm_between: int | None = None
-    image_width: int | None = None
-    complexity: float = 1.0
-    purposes: tuple[str, ...] = ("render",)
-    mask: tuple[str, ...] = ()
-    camera: str = ""
-    render_settings: str = ""
-    aovs: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        def refuse(name: str, why: str) -> None:
-            raise InputError(f"--{name.replace('_', '-')} {why}")
-
+    def _check(self) -> None:
         if isinstance(self.segments, str) and self.segments != "auto":
-            refuse("segments", f"must be a whole number above 0 or auto, not {self.segments!r}")
-        for name in ("photons", "samples", "segments", "accumulation_times", "tdpm_neighbours", "image_width"):
-            value = getattr(self, name)
-            if value is None or (name, value) == ("segments", "auto"):
-                continue
-            if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-                refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")
+            _refuse("segments", f"must be a whole number above 0 or auto, not {self.segments!r}")
+        self._check_counts("photons", "segments", "accumulation_times", "tdpm_neighbours")
         if self.target_error is not None:
             if not 1e-4 <= self.target_error <= 1:
-                refuse("target_error", f"must lie in 0.0001 … 1, not {self.target_error}")
+                _refuse("target_error", f"must lie in 0.0001 … 1, not {self.target_error}")
             method = (self.estimator, self.kernel, self.emission, self.trace_at)
             if method != ("tpd", "bspline", "lattice", "middle"):
-                refuse("target_error", "is for tpd on a lattice (leave --estimator, --kernel and --emission out)")
+                _refuse("target_error", "is for tpd on a lattice (leave --estimator, --kernel and --emission out)")
         if self.photons > 2**28:
-            refuse("photons", f"must be at most {2**28}, not {self.photons}")
+            _refuse("photons", f"must be at most {2**28}, not {self.photons}")
         if self.tdpm_neighbours < 2:
-            refuse("tdpm_neighbours", "must be at least 2: the last of them marks the edge and adds nothing")
+            _refuse("tdpm_neighbours", "must be at least 2: the last of them marks the edge and adds nothing")
         if self.tdpm_between is not None and (not isinstance(self.tdpm_between, int) or self.tdpm_between < 0):
-            refuse("tdpm_between", f"must be a whole number, 0 or more, not {self.tdpm_between}")
-        if not isinstance(self.threads, int) or self.threads < 0:
-            refuse("threads", f"must be 0 (all cores) or more, not {self.threads}")
-        if not 0 <= self.seed < 2**31:
-            refuse("seed", f"must lie in 0 … 2^31−1, not {self.seed}")
+            _refuse("tdpm_between", f"must be a whole number, 0 or more, not {self.tdpm_between}")
         if not (math.isfinite(self.smoothing) and self.smoothing > 0):
-            refuse("smoothing", f"must be above 0, not {self.smoothing}")
-        if self.exposure is not None and not (math.isfinite(self.exposure) and self.exposure >= 0):
-            refuse("exposure", f"must be 0 frames or more, not {self.exposure}")
-        if self.shutter is not None:
-            opening, closing = self.shutter
-            if not (math.isfinite(opening) and math.isfinite(closing) and opening <= closing):
-                refuse("shutter", f"must open before it closes, not {opening} {closing}")
-        for name, allowed in CHOICES.items():
-            if getattr(self, name) not in allowed:
-                refuse(name, f"must be one of {', '.join(allowed)}, not {getattr(self, name)!r}")
+            _refuse("smoothing", f"must be above 0, not {self.smoothing}")
         if self.time_filter != "none" and self.footprint != "swept":
-            refuse("time_filter", "weights the swept footprint of Eq. 9 (add --footprint swept)")
+            _refuse("time_filter", "weights the swept footprint of Eq. 9 (add --footprint swept)")
         if self.kernel == "bspline" and self.footprint == "swept":
-            refuse("footprint", "swept is defined for the radial kernels of Eq. 7 (add --kernel epanechnikov)")
-        for name, given, known in (("aov", self.aovs, AOVS), ("purposes", self.purposes, PURPOSES)):
-            unknown = [entry for entry in given if entry not in known]
-            if unknown:
-                refuse(name, f"knows no {unknown[0]!r}; there are {', '.join(known)}")
+            _refuse("footprint", "swept is defined for the radial kernels of Eq. 7 (add --kernel epanechnikov)")
+
+
+@dataclass(frozen=True)
+class ViewSettings(_Group):
+    """What the camera records.
+
+    Attributes:
+        samples: Camera samples a pixel.
+        aovs: Extra channel groups to write.
+    """
+
+    samples: int = 4
+    aovs: tuple[str, ...] = ()
+
+    def _check(self) -> None:
+        self._check_counts("samples")
+        self._check_known("aov", self.aovs, AOVS)
+
+
+@dataclass(frozen=True)
+class MachineSettings(_Group):
+    """Where and how reproducibly it is computed.
+
+    Attributes:
+        seed: Seed of all random choices.
+        device: Warp device, for instance ``cpu`` or ``cuda:0``.
+        threads: CPU threads; 0 for all cores.
+    """
+
+    seed: int = 0
+    device: str = "cpu"
+    threads: int = 0
+
+    def _check(self) -> None:
+        if not isinstance(self.threads, int) or self.threads < 0:
+            _refuse("threads", f"must be 0 (all cores) or more, not {self.threads}")
+        if not 0 <= self.seed < 2**31:
+            _refuse("seed", f"must lie in 0 … 2^31−1, not {self.seed}")
+
+
+@dataclass(frozen=True)
+class Settings(MachineSettings, ViewSettings, LightSettings, StageSettings):
+    """How frames are rendered: the settings of all four groups, whose docstrings explain them."""
 
     @classmethod
     def of(cls, settings: Settings | None = None, preset: str | None = None, **changes: Any) -> Settings:

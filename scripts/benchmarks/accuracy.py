@@ -12,6 +12,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tpdwarp.presets import PRESETS
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import (
     CameraAtShutter,
@@ -90,7 +91,7 @@ class WaveInMemory:
     def reference_shutters(self) -> list[Shutter]:
         return [Shutter.still(0.0)]
 
-    def corners(self, shutter: Shutter) -> list[float]:
+    def motion_breaks(self, shutter: Shutter) -> list[float]:
         return []
 
 
@@ -105,9 +106,9 @@ def run() -> list[dict[str, object]]:
         print(f"  {'what':38s} {'rel. RMSE':>10s} {'CPU s':>7s}")
         for name, changes in CASES.items():
             settings = Settings(aovs=("irradiance",), **changes)
-            render_frame(source, Shutter(0.0, 0.0, 1.0), settings, PIXELS, ROWS)
+            render_frame(RenderContext(source, settings), Shutter(0.0, 0.0, 1.0), PIXELS, ROWS)
             start = time.process_time()
-            frame = render_frame(source, Shutter(0.0, 0.0, 1.0), settings, PIXELS, ROWS)
+            frame = render_frame(RenderContext(source, settings), Shutter(0.0, 0.0, 1.0), PIXELS, ROWS)
             seconds = time.process_time() - start
             error = frame.channels["irradiance.R"].astype(float) - truth
             relative = float(np.sqrt(np.mean(error**2)) / truth.mean())

@@ -24,6 +24,7 @@ from accuracy import PIXELS, ROWS, WaveInMemory
 
 from tests.test_accuracy import PIXELS as ROD_PIXELS
 from tests.test_accuracy import rod
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
@@ -87,7 +88,7 @@ def measured(scene: Scene, what: str, **settings: Any) -> Point:
     """Renders once with kernels compiled; CPU seconds of all threads."""
     chosen = Settings.of(Settings(aovs=("irradiance",), samples=1), **settings)
     start = time.process_time()
-    frame = render_frame(scene.source, OPEN, chosen, scene.width, scene.height)
+    frame = render_frame(RenderContext(scene.source, chosen), OPEN, scene.width, scene.height)
     seconds = time.process_time() - start
     found = frame.channels["irradiance.R"].astype(float)
     height, width = (size // scene.finer for size in found.shape)

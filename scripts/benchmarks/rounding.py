@@ -12,12 +12,12 @@ import numpy as np
 
 sys.path.insert(0, str(FilePath(__file__).resolve().parents[2]))
 
-from photons.moving_scenes import GRID, flying_ball, turning_prism, walls, wave
-from photons.oracle_comparison import reference
-from photons.shapes import floor, glass, mesh, moving, ripples
-from photons.traced import Traced, emission_of, lamp, scene_of, sun, traced
 from properties.placed import placed
 
+from tests.photons.moving_scenes import GRID, flying_ball, turning_prism, walls, wave
+from tests.photons.oracle_comparison import reference
+from tests.photons.shapes import floor, glass, mesh, moving, ripples
+from tests.photons.traced import Traced, emission_of, lamp, scene_of, sun, traced
 from tpdwarp.scene.description import Interaction, LightKind, SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene

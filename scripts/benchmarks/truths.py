@@ -21,6 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tpdwarp.jobs.sequence import open_scene, shutter_of
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
@@ -143,7 +144,8 @@ def relative_error(found: np.ndarray, truth: np.ndarray) -> float:
 
 def light_of(source: StageScene, shutters: Sequence[Shutter], settings: Settings, size: tuple[int, int]) -> np.ndarray:
     """Light from photons, shape [frames, 3, height, width]."""
-    frames = [render_frame(source, shutter, settings, *size).channels for shutter in shutters]
+    context = RenderContext(source, settings)
+    frames = [render_frame(context, shutter, *size).channels for shutter in shutters]
     return np.stack([np.stack([frame[f"caustic.{c}"] for c in "RGB"]) for frame in frames]).astype(np.float64)
 
 

@@ -20,7 +20,6 @@ from pxr import Sdf, Tf
 
 from scripts.fuzzing.cases import Case
 from tpdwarp.cli import main
-from tpdwarp.rendering.frame import _animation
 
 BALANCE = 1e-4
 """Part of the flux sent that rounding may lose."""
@@ -69,8 +68,6 @@ def _run(case: Case) -> tuple[int, str]:
     with _streams_to(log), warnings.catch_warnings():
         warnings.simplefilter("always")
         code = main(list(case.arguments))
-        # Whatever this stage was, the next one is another.
-        _animation.cache_clear()
     return code, log.read_text(errors="replace")
 
 

@@ -22,7 +22,8 @@ import numpy as np
 from tpdwarp.jobs import sequence
 from tpdwarp.cli import main
 from tpdwarp.rendering.frame import Frame
-from tpdwarp.photons.record import EnergyAccount, PhotonRecord
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.record import PhotonRecord
 
 def no_photons():
     vectors, numbers = np.zeros((0, 3)), np.zeros(0, np.int32)

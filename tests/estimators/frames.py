@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, steady, wave_source
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, Traced, render_frame, trace_frame
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
@@ -17,11 +18,12 @@ COLUMNS, ROWS = 64, 8
 
 
 def traced(source=None, shutter: Shutter = OPEN, **changes) -> Traced:
-    return trace_frame(source or wave_source(Wave()), shutter, Settings.of(SETTINGS, **changes))
+    return trace_frame(RenderContext(source or wave_source(Wave()), Settings.of(SETTINGS, **changes)), shutter)
 
 
 def rendered(source=None, shutter: Shutter = OPEN, columns: int = COLUMNS, **changes) -> Frame:
-    return render_frame(source or wave_source(Wave()), shutter, Settings.of(SETTINGS, **changes), columns, ROWS)
+    context = RenderContext(source or wave_source(Wave()), Settings.of(SETTINGS, **changes))
+    return render_frame(context, shutter, columns, ROWS)
 
 
 def irradiance(frame: Frame) -> np.ndarray:

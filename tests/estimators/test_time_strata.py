@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tpdwarp.estimators.time_strata import dealt_cells, instants
+from tpdwarp.estimators.time_strata import cells_at_time, stratified_times
 from tpdwarp.photons.emission import Patch
 
 
@@ -22,7 +22,7 @@ def dealt(patch: Patch, count: int, seed: int = 0) -> np.ndarray:
     """The instant of each cell, shape [count_v, count_u]; −1 where none has it."""
     numbers = np.full(patch.count_u * patch.count_v, -1)
     for number in range(count):
-        cells = dealt_cells(number, count, seed)(patch)
+        cells = cells_at_time(number, count, seed)(patch)
         assert np.all(numbers[cells] == -1)
         numbers[cells] = number
     return numbers.reshape(patch.count_v, patch.count_u)
@@ -55,7 +55,7 @@ def test_blocks_and_seeds_are_shuffled_differently():
 
 
 def test_each_part_of_the_shutter_has_one_random_instant():
-    times = instants(8, 3)
+    times = stratified_times(8, 3)
     np.testing.assert_array_equal(np.floor(8 * times), np.arange(8))
-    assert np.any(times != instants(8, 4))
+    assert np.any(times != stratified_times(8, 4))
     assert np.ptp(8 * times % 1) > 0.1

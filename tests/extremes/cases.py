@@ -10,16 +10,11 @@ import numpy as np
 from tests.photons.shapes import ball, floor, glass, mesh, moving, quad, ripples
 from tests.photons.traced import EPS, axes_along, sun
 from tests.view.scenes import looking_down
-from tpdwarp.photons.record import EnergyAccount, PhotonRecord
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.record import PhotonRecord
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame
-from tpdwarp.scene.description import (
-    CameraAtShutter,
-    LightAtShutter,
-    LightKind,
-    MeshAtShutter,
-    SceneAtShutter,
-    Shutter,
-)
+from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
 
 AOVS = ("caustic", "direct", "irradiance", "Z", "N", "P", "motion", "photons")
@@ -128,7 +123,7 @@ class Source:
     def reference_shutters(self) -> list[Shutter]:
         return [STILL]
 
-    def corners(self, shutter: Shutter) -> list[float]:
+    def motion_breaks(self, shutter: Shutter) -> list[float]:
         return []
 
 
@@ -136,7 +131,7 @@ def render(here, shutter: Shutter = SHUTTER, width: int = SIZE, height: int = SI
     """A frame of a scene or of a source, after what must hold everywhere was asserted."""
     source = here if hasattr(here, "at") else Source(here)
     most_lost = changes.pop("most_lost", MOST_LOST)
-    frame = render_frame(source, shutter, replace(SETTINGS, **changes), width, height)
+    frame = render_frame(RenderContext(source, replace(SETTINGS, **changes)), shutter, width, height)
     assert_sound(frame, most_lost)
     return frame
 

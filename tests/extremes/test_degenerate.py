@@ -247,7 +247,7 @@ class Vanishing:
     def reference_shutters(self) -> list[Shutter]:
         return [Shutter.still(time) for time in (0.1, 0.9)]
 
-    def corners(self, shutter: Shutter) -> list[float]:
+    def motion_breaks(self, shutter: Shutter) -> list[float]:
         return []
 
 

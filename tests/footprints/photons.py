@@ -8,9 +8,12 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.gather import GatherForm, Irradiance, QueryArrays, gather
-from tpdwarp.footprints.shaping import FootprintMap, PixelSize, shape_footprints
-from tpdwarp.photons.tracing import Curve, PhotonMap
+from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
+from tpdwarp.footprints.gather import gather
+from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
+from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.footprints.weights import GatherForm
+from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
 
 ONE_THREAD = Launcher("cpu", 1)
 UP = (0.0, 0.0, 1.0)
@@ -18,11 +21,11 @@ UP = (0.0, 0.0, 1.0)
 
 def photon_map(
     positions, dxdu, dxdv, dxdt=(0, 0, 0), normals=UP, flux=1.0, receiver=0, receiver_motion=(0, 0, 0),
-    time=0.0, duration=1.0, curve=None,
+    time=0.0, duration=1.0, trajectory=None,
 ) -> PhotonMap:  # fmt: skip
     """Photons at ``positions`` [n, 3]; every other argument is one value for all or one a photon.
 
-    ``curve`` holds D_tt x, D_ttt x, D_t D_u x and D_t D_v x of ways that are bent.
+    ``trajectory`` holds D_tt x, D_ttt x, D_t D_u x and D_t D_v x of trajectories that curve.
     """
     count = len(positions)
 
@@ -43,9 +46,8 @@ def photon_map(
         emission=rows(0, width=2),
         shift=rows(0, width=2),
         receiver=rows(receiver, np.int32, 0),
-        entry=whole,
         bounces=whole,
-        curve=None if curve is None else Curve(*(rows(values) for values in curve)),
+        trajectory=None if trajectory is None else TrajectoryColumns(*(rows(values) for values in trajectory)),
         time=time,
         duration=duration,
     )

@@ -7,7 +7,8 @@ import pytest
 
 from tests.footprints.photons import ONE_THREAD, UP, first_channel, grid, irradiance, photon_map, queries, shaped
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.gather import GatherForm, gather
+from tpdwarp.footprints.gather import gather
+from tpdwarp.footprints.weights import GatherForm
 from usd_scenes.oracle import footprint_weight
 from usd_scenes.oracle.closed_forms import lit_edge_profile
 
@@ -48,8 +49,8 @@ def test_a_lattice_that_bends_and_stretches_stays_uniform_and_gets_as_thin_as_it
     at = lattice(-0.9, 0.9)
     ways = np.append(at[:, :2] @ change.T + (0.05, -0.02), np.zeros((len(at), 1)), axis=1)
     axes = np.append(CELL * change.T, np.zeros((2, 1)), axis=1)
-    curve = ((0.1, 0.06, 0), (-0.2, 0.1, 0), *axes)
-    photons = photon_map(at, STEP_U, STEP_V, ways, flux=FLUX, curve=curve)
+    trajectory = ((0.1, 0.06, 0), (-0.2, 0.1, 0), *axes)
+    photons = photon_map(at, STEP_U, STEP_V, ways, flux=FLUX, trajectory=trajectory)
     s = (np.arange(1000) + 0.5) / 1000 - 0.5
     areas = np.linalg.det(np.eye(2) + s[:, None, None] * change)
     found = first_channel(shaped(photons, moves=True), points())
@@ -60,9 +61,10 @@ def test_a_lattice_that_bends_and_stretches_stays_uniform_and_gets_as_thin_as_it
     assert np.std(first_channel(shaped(straight, moves=True), points())) > 5 * np.std(found)
 
 
-def test_views_that_share_the_shutter_out_average_to_the_whole_of_a_bent_way():
-    curve = ((0.1, 0.06, 0), (-0.2, 0.1, 0), (0.02, 0.005, 0), (-0.01, -0.02, 0))
-    footprints = shaped(photon_map([(0, 0, 0)], STEP_U, STEP_V, (0.15, 0.1, 0), flux=FLUX, curve=curve), moves=True)
+def test_views_that_share_the_shutter_out_average_to_the_whole_of_a_curved_trajectory():
+    trajectory = ((0.1, 0.06, 0), (-0.2, 0.1, 0), (0.02, 0.005, 0), (-0.01, -0.02, 0))
+    photons = photon_map([(0, 0, 0)], STEP_U, STEP_V, (0.15, 0.1, 0), flux=FLUX, trajectory=trajectory)
+    footprints = shaped(photons, moves=True)
     at, whole, total = points(400, 0.15), 0.0, 0.0
     whole = irradiance(footprints, queries(at), query_moves=True).irradiance[:, 0]
     for t in (np.arange(4) + 0.5) / 4 - 0.5:

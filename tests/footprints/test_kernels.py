@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from tpdwarp.footprints.bspline import SUPPORT, Way, bspline_weight
+from tpdwarp.footprints.bspline import SUPPORT, Trajectory, bspline_weight
 from tpdwarp.footprints.kernels import RADIAL, moving_weight, static_weight
 from usd_scenes.oracle import shutter_kernel, static_kernel, swept_kernel
 from usd_scenes.oracle.quadrature import integrate
@@ -59,12 +59,12 @@ static_bspline, straight_bspline = bspline_weight(False, False), bspline_weight(
 
 @wp.func
 def bspline_alone(y: wp.vec2) -> float:
-    return static_bspline(y, Way())
+    return static_bspline(y, Trajectory())
 
 
 @wp.func
 def bspline_shutter(y: wp.vec2, v: wp.vec2) -> float:
-    way = Way()
+    way = Trajectory()
     way.velocity = v
     return straight_bspline(y - 0.5 * v, way)
 

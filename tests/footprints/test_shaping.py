@@ -9,15 +9,9 @@ import pytest
 
 from tests.footprints.photons import ONE_THREAD, first_channel, grid, irradiance, photon_map, queries, shaped
 from tpdwarp.footprints import bspline, kernels
-from tpdwarp.footprints.gather import GatherForm
-from tpdwarp.footprints.shaping import (
-    LARGEST_ASPECT,
-    LONGEST_AXIS,
-    SMALLEST_AXIS,
-    SMALLEST_OF_ALL,
-    PixelSize,
-    shape_footprints,
-)
+from tpdwarp.footprints.footprint_map import shape_footprints
+from tpdwarp.footprints.shaping import LARGEST_ASPECT, LONGEST_AXIS, SHORTEST_AXIS, SHORTEST_AXIS_AT_ORIGIN, PixelSize
+from tpdwarp.footprints.weights import GatherForm
 from usd_scenes.oracle import footprint_weight, static_kernel
 
 ROUNDING = 2.0**-23
@@ -117,7 +111,7 @@ def test_a_b_spline_is_as_wide_as_it_is_on_average_over_a_pixel(side, angle):
 
 def test_pixels_much_smaller_than_cells_widen_nothing():
     found = shaped(photon_map([(0, 0, 0)], (0.1, 0, 0), (0, 0.01, 0)), half_pixel=0.02 / math.sqrt(12))
-    np.testing.assert_allclose(found.arrays.box.numpy(), [[0, 2]], rtol=1e-5)
+    np.testing.assert_allclose(found.arrays.filter_width.numpy(), [[0, 2]], rtol=1e-5)
 
 
 @pytest.mark.parametrize("shear", [0.0, 0.4])
@@ -221,7 +215,7 @@ def test_limited_footprints_are_counted(away):
     axes = np.sort(1 / np.linalg.norm([found.arrays.row_u.numpy(), found.arrays.row_v.numpy()], axis=2), axis=0)
     longest, thinnest = axes[1], axes[0]
     assert np.all(longest <= float(LONGEST_AXIS) * (1 + 1e-5))
-    smallest = max(float(SMALLEST_AXIS) * away, float(SMALLEST_OF_ALL))
+    smallest = max(float(SHORTEST_AXIS) * away, float(SHORTEST_AXIS_AT_ORIGIN))
     assert np.all(thinnest >= np.maximum(longest / float(LARGEST_ASPECT), smallest) * (1 - 1e-5))
     # The one that has collapsed is as small as single precision tells points apart where it lies.
     assert thinnest[3] == pytest.approx(smallest, rel=1e-5)
@@ -235,17 +229,17 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
     dxdt = 0.1 * random.normal(size=photons["dxdu"].shape)
     # In the plane, as all that a receiver at rest sees of them; axes change by more than they may.
     normals = photons["normals"][:, None]
-    curve = np.swapaxes(0.1 * random.normal(size=(len(dxdt), 4, 3)), 0, 1)
-    curve -= np.swapaxes((np.swapaxes(curve, 0, 1) * normals).sum(axis=2, keepdims=True) * normals, 0, 1)
-    given = photon_map(**photons, dxdt=dxdt, curve=curve if curved else None)
+    trajectory = np.swapaxes(0.1 * random.normal(size=(len(dxdt), 4, 3)), 0, 1)
+    trajectory -= np.swapaxes((np.swapaxes(trajectory, 0, 1) * normals).sum(axis=2, keepdims=True) * normals, 0, 1)
+    given = photon_map(**photons, dxdt=dxdt, trajectory=trajectory if curved else None)
     found = shaped(given, kernel=kernel, half_pixel=0.004, moves=True)
     arrays = found.arrays
-    stretch = arrays.stretch.numpy() if curved else np.zeros((found.count, 2, 2))
+    rate = arrays.jacobian_rate.numpy() if curved else np.zeros((found.count, 2, 2))
     rows = np.stack([arrays.row_u.numpy(), arrays.row_v.numpy()], axis=1).astype(float)
     # Points of the support in filter space, as far out as it goes, carried into the world and along the path.
     support = bspline.SUPPORT if kernel == "bspline" else kernels.SUPPORT
     corners = support * random.uniform(-1, 1, (64, 2))
-    box = 0.5 * arrays.box.numpy().astype(float) if kernel == "bspline" else np.zeros((found.count, 2))
+    box = 0.5 * arrays.filter_width.numpy().astype(float) if kernel == "bspline" else np.zeros((found.count, 2))
     boxes = box[:, None] * random.uniform(-1, 1, (found.count, 64, 2))
     if kernel == "epanechnikov":
         corners /= np.maximum(np.linalg.norm(corners, axis=1, keepdims=True), 1e-9)
@@ -255,9 +249,9 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
     low, high = found.pieces.lower.numpy()[:, None], found.pieces.upper.numpy()[:, None]
     assert len(pieces) > 1.2 * found.count
     for tau in (-0.5, 0.0, 0.2, 0.5):
-        stretched = np.einsum("nij,kj->nki", np.eye(2) + tau * stretch, corners)
+        stretched = np.einsum("nij,kj->nki", np.eye(2) + tau * rate, corners)
         inside = np.einsum("nij,nkj->nki", np.linalg.pinv(rows), stretched + boxes)
-        place = tau * dxdt + (0.5 * tau**2 * curve[0] + tau**3 / 6 * curve[1] if curved else 0.0)
+        place = tau * dxdt + (0.5 * tau**2 * trajectory[0] + tau**3 / 6 * trajectory[1] if curved else 0.0)
         reached = arrays.center.numpy()[:, None].astype(float) + inside + place[:, None]
         at = reached[pieces]
         held = np.all((at >= low - 1e-6) & (at <= high + 1e-6), axis=2)

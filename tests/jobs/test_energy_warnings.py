@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tpdwarp.jobs.energy_warnings import EnergyWatch
-from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter, Shutter
 
 SHUTTER = Shutter.still(1.0)

@@ -12,7 +12,8 @@ from tests.small_stage import write_stage
 from tpdwarp.errors import FrameError, InputError
 from tpdwarp.io.images import read_image
 from tpdwarp.jobs import sequence
-from tpdwarp.photons.record import EnergyAccount, PhotonRecord
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.rendering.frame import Frame
 
 SMALL = {"image_width": 12, "samples": 1, "photons": 64}

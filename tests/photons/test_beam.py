@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.photons.beam import Beam, arrive, leave, meet
+from tpdwarp.photons.beam import Beam, interface_at, scatter, transfer_to
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces, geometry_of
 from tpdwarp.scene.device.intersection import closest_hit
@@ -34,10 +34,10 @@ def interact(
 ):
     i = wp.tid()
     beam = beams[i]
-    hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, surfaces.grain, 0.0, 100.0, True, wp.rand_init(1, i))
-    arrived = arrive(beam, hit, True)
-    at = meet(surfaces, hit, beam.w, dielectric, True)
-    out[i] = leave(surfaces, arrived, hit, at, reflected, True)
+    hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, surfaces.magnitude, 0.0, 100.0, True, wp.rand_init(1, i))
+    arrived = transfer_to(beam, hit, True)
+    at = interface_at(surfaces, hit, beam.w, dielectric, True)
+    out[i] = scatter(surfaces, arrived, hit, at, reflected, True)
     flat[i] = int(at.flat)
 
 

@@ -9,18 +9,10 @@ import pytest
 import warp as wp
 
 from tpdwarp.device import Launcher
+from tpdwarp.photons.aiming import specular_corners, specular_triangles
 from tpdwarp.photons.beam import Beam
-from tpdwarp.photons.emission import (
-    CUBE_FACE,
-    Domain,
-    EmissionPlan,
-    Patch,
-    cell_flux,
-    emit,
-    plan_emission,
-    specular_corners,
-    specular_triangles,
-)
+from tpdwarp.photons.emission import Domain, Patch, cell_flux, emit
+from tpdwarp.photons.lattices import CUBE_FACE, EmissionPlan, plan_emission
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.scene.normalization import Normalization
 from usd_scenes.oracle.optics import unit

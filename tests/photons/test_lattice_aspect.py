@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, turning_rod_source, wave_source
-from tpdwarp.photons.emission import FEWEST_ROWS, plan_emission
-from tpdwarp.photons.lattice_aspect import MOST, elongation
+from tpdwarp.photons.lattice_aspect import LARGEST_ASPECT, lattice_aspect
+from tpdwarp.photons.lattices import FEWEST_ROWS, plan_emission
 from tpdwarp.scene.description import LightAtShutter, MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.scene.normalization import Normalization
 from usd_scenes.oracle import Wave
@@ -28,12 +28,12 @@ def swell(slope_u: float, slope_v: float) -> MeshAtShutter:
 
 
 def elongation_of(*meshes: MeshAtShutter, light: LightAtShutter = SUN) -> float:
-    return elongation([(light, SceneAtShutter(STILL, (floor(), *meshes), (light,)))])
+    return lattice_aspect([(light, SceneAtShutter(STILL, (floor(), *meshes), (light,)))])
 
 
 @pytest.mark.parametrize("ratio", [1 / 64, 1 / 4, 1 / 2, 1, 2, 4, 64])
 def test_cells_are_longer_across_by_how_much_more_normals_turn_along(ratio):
-    expected = min(max(ratio, 1 / MOST), MOST)
+    expected = min(max(ratio, 1 / LARGEST_ASPECT), LARGEST_ASPECT)
     assert elongation_of(swell(0.3 * math.sqrt(ratio), 0.3 / math.sqrt(ratio))) == expected
 
 
@@ -49,7 +49,7 @@ def test_flat_water_and_water_that_turns_alike_have_square_cells():
 
 def test_what_is_no_sheet_has_square_cells():
     rod = turning_rod_source(5.0, looking_down()).at(STILL)
-    assert elongation([(rod.lights[0], rod)]) == 1
+    assert lattice_aspect([(rod.lights[0], rod)]) == 1
     hole = replace(sheet := swell(0.8, 0.1), triangles=sheet.triangles[20:], normal_indices=sheet.normal_indices[20:])
     assert elongation_of(hole) == 1
 

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from tpdwarp.device import Launcher
-from tpdwarp.photons.emission import plan_emission
-from tpdwarp.photons.record import EnergyAccount
-from tpdwarp.photons.tracing import next_paths, record_of, trace_photons
+from tpdwarp.photons.branching import reported_paths
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.lattices import plan_emission
+from tpdwarp.photons.record import record_of
+from tpdwarp.photons.tracing import trace_photons
 from tpdwarp.scene.device.geometry import geometry_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
@@ -37,9 +39,9 @@ def test_accounts_add_up_cause_by_cause():
 def test_every_reported_branch_becomes_one_path():
     cells, masks = np.array([7, 8, 9], np.int32), np.array([0, 0, 1], np.int32)
     branches = np.array([0b101, 0, 0b110], np.int32)
-    new_cells, new_masks = next_paths(cells, masks, branches)
+    new_cells, new_masks = reported_paths(cells, masks, branches)
     assert sorted(zip(new_cells.tolist(), new_masks.tolist(), strict=True)) == [(7, 1), (7, 4), (9, 3), (9, 5)]
-    assert len(next_paths(cells, masks, np.zeros(3, np.int32))[0]) == 0
+    assert len(reported_paths(cells, masks, np.zeros(3, np.int32))[0]) == 0
 
 
 def test_segments_have_ids_of_their_own_and_displacements_of_the_whole_shutter():

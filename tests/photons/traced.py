@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from tpdwarp.device import Launcher
-from tpdwarp.photons.emission import EmissionPlan, plan_emission
-from tpdwarp.photons.record import EnergyAccount, PhotonRecord
-from tpdwarp.photons.tracing import SMALLEST_BRANCH, record_of, trace_photons
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.lattices import EmissionPlan, plan_emission
+from tpdwarp.photons.record import PhotonRecord, record_of
+from tpdwarp.photons.tracing import SMALLEST_BRANCH, trace_photons
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.scene.device.geometry import geometry_of
 from tpdwarp.scene.normalization import Normalization
@@ -38,7 +39,7 @@ class Written:
     def reference_shutters(self) -> list[Shutter]:
         return [Shutter.still(time) for time in self._references]
 
-    def corners(self, shutter: Shutter) -> list[float]:
+    def motion_breaks(self, shutter: Shutter) -> list[float]:
         return []
 
 

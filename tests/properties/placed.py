@@ -7,13 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tpdwarp.scene.description import (
-    CameraAtShutter,
-    LightAtShutter,
-    LightKind,
-    MeshAtShutter,
-    SceneAtShutter,
-)
+from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
 
 Rows = np.ndarray | None
 

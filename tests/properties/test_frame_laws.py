@@ -10,6 +10,7 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from tests.photons.traced import Written, traced
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame
 from tpdwarp.scene.description import SceneAtShutter
 from tpdwarp.settings import Settings
@@ -24,7 +25,7 @@ frame_law = examples(law, max_examples=20)
 
 
 def rendered(scene: SceneAtShutter, **changes) -> Frame:
-    return render_frame(Written(scene), scene.shutter, Settings.of(SETTINGS, **changes), PIXELS, PIXELS)
+    return render_frame(RenderContext(Written(scene), Settings.of(SETTINGS, **changes)), scene.shutter, PIXELS, PIXELS)
 
 
 def pixels(frame: Frame, names: tuple[str, ...] = (*BEAUTY, "irradiance.R")) -> np.ndarray:

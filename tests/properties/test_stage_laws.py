@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from tests.small_stage import write_stage
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
@@ -26,7 +27,7 @@ def pixels(file: str | Path) -> np.ndarray:
     """The beauty of frame 2 of a stage, exposed for half a frame, shape [3, h, w]."""
     settings = Settings(photons=300, samples=1, threads=1, image_width=PIXELS, exposure=0.5)
     source = StageScene.open(file, settings)
-    frame = render_frame(source, Shutter(2, 2, 2.5), settings, PIXELS, PIXELS)
+    frame = render_frame(RenderContext(source, settings), Shutter(2, 2, 2.5), PIXELS, PIXELS)
     return np.stack([frame.channels[name] for name in "RGB"]).astype(np.float64)
 
 

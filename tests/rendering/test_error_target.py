@@ -17,6 +17,7 @@ from tpdwarp.errors import InputError
 from tpdwarp.io.images import read_stored
 from tpdwarp.jobs.sequence import open_scene, shutter_of, spread_shutters
 from tpdwarp.rendering import error_target
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.error_target import chosen, numbers_of_segments, settled
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Shutter
@@ -91,7 +92,7 @@ def test_the_true_error_is_within_a_factor_of_two_of_what_was_asked(wave, exposu
     settings = Settings(target_error=wanted, aovs=("irradiance",))
     resolved, target = settled(source, settings, [shutter], 256, 32)
     assert resolved.target_error is None and target.photons == resolved.photons
-    found = render_frame(source, shutter, resolved, 256, 32).channels["irradiance.R"].astype(float)
+    found = render_frame(RenderContext(source, resolved), shutter, 256, 32).channels["irradiance.R"].astype(float)
     error = np.sqrt(np.mean((found - truth) ** 2)) / truth.mean()
     assert 0.5 * wanted < error < 2 * wanted
     assert target.expected <= wanted
@@ -107,7 +108,7 @@ def test_shipped_scenes_err_as_wanted_in_frames_that_the_pilot_does_not_see(scen
     shutter, size = shutter_of(source, frame, base), source.resolution()
 
     def light(settings: Settings) -> np.ndarray:
-        channels = render_frame(source, shutter, settings, *size).channels
+        channels = render_frame(RenderContext(source, settings), shutter, *size).channels
         return np.stack([channels[f"caustic.{c}"] for c in "RGB"]).astype(float)
 
     def error(found: np.ndarray, truth: np.ndarray) -> float:
@@ -136,7 +137,8 @@ def test_a_turning_cylinder_errs_as_wanted_beside_brute_force_that_took_half_an_
     assert not {5.0, 14.0} & {pilot.frame for pilot in seen}
     chosen_settings, _ = settled(source, Settings.of(base, target_error=wanted), seen, *source.resolution())
     shutters = [shutter_of(source, frame, base) for frame in (5.0, 14.0)]
-    frames = [render_frame(source, shutter, chosen_settings, *source.resolution()) for shutter in shutters]
+    context = RenderContext(source, chosen_settings)
+    frames = [render_frame(context, shutter, *source.resolution()) for shutter in shutters]
     found = np.stack([frame.channels["caustic.R"] for frame in frames]).astype(float)
     relative = (found - truth) / truth.mean(axis=(1, 2), keepdims=True)
     assert 0.5 * wanted < np.sqrt(np.mean(relative**2)) < 2 * wanted

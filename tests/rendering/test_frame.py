@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, quad, rod, steady, turned, wave_source
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame, trace_frame
 from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind, Material, MeshAtShutter, Shutter
 from tpdwarp.settings import Settings
@@ -33,7 +34,7 @@ def moving_scene():
 
 
 def render(source, shutter=STILL, width=48, height=40, **changes) -> Frame:
-    return render_frame(source, shutter, replace(SETTINGS, **changes), width, height)
+    return render_frame(RenderContext(source, replace(SETTINGS, **changes)), shutter, width, height)
 
 
 def assert_same_bits(a: Frame, b: Frame) -> None:
@@ -79,7 +80,7 @@ def test_a_frame_is_the_same_alone_and_within_a_sequence_in_any_order(settings):
 
 
 def test_photons_are_the_same_traced_alone_and_rendered():
-    traced, rendered = trace_frame(moving_scene(), OPEN, SETTINGS), render(moving_scene(), OPEN)
+    traced, rendered = trace_frame(RenderContext(moving_scene(), SETTINGS), OPEN), render(moving_scene(), OPEN)
     for name in ("ids", "positions", "dxdu", "dxdt", "flux"):
         np.testing.assert_array_equal(getattr(traced.photons, name), getattr(rendered.photons, name), err_msg=name)
     assert traced.energy.as_dict().items() >= {"sent": rendered.energy.sent}.items()

@@ -1,4 +1,4 @@
-"""Laws of footprints whose ways are bent: how D_t x and their axes change while the shutter is open."""
+"""Laws of curved trajectories: how D_t x and the axes of footprints change while the shutter is open."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ import pytest
 
 from tests.estimators.frames import OPEN, SETTINGS, irradiance, rendered
 from tests.view.scenes import SUN, WATER, Source, bumpy, floor, looking_down, turning_rod_source, wave_source
-from tpdwarp.estimators.base import Animation, Clock
-from tpdwarp.photons.tracing import PhotonMap
+from tpdwarp.clock import Clock
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.scene.description import SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.fit import bent
+from tpdwarp.trajectories.fit import fit_trajectories
 from usd_scenes.oracle import Wave, irradiance_average
 from usd_scenes.oracle.caustic_1d import landing
 
 FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
 
 
-def bent_photons(source, shutter: Shutter = OPEN, **changes) -> tuple[PhotonMap, Animation]:
+def fitted_photons(source, shutter: Shutter = OPEN, **changes) -> tuple[PhotonMap, RenderContext]:
     settings = Settings.of(SETTINGS, **changes)
-    animation, clock = Animation(source, settings), Clock()
-    plan = animation.plan(settings.photons)
-    loaded = animation.load(shutter)
-    photons, _ = animation.trace(loaded, plan, clock, riding=settings.anchor == "surface")
-    found, guides = bent(photons, plan, animation, loaded, clock)
-    assert guides > 0
-    return found, animation
+    context, clock = RenderContext(source, settings), Clock()
+    tracer = context.tracer
+    plan, loaded = tracer.plan(settings.photons), tracer.load(shutter)
+    photons, _ = tracer.trace(loaded, plan, clock)
+    found, emitted = fit_trajectories(photons, plan, tracer, loaded, clock)
+    assert emitted > 0
+    return found, context
 
 
 def on_water(photons: PhotonMap) -> np.ndarray:
@@ -41,18 +42,18 @@ def root_mean_square(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def test_light_under_a_wave_bends_as_its_exact_derivatives_say():
+def test_light_under_a_wave_accelerations_as_its_exact_derivatives_say():
     wave = Wave()
-    photons, animation = bent_photons(wave_source(wave), photons=16384)
-    scale, curve = animation.normalization.scale, photons.curve
+    photons, context = fitted_photons(wave_source(wave), photons=16384)
+    scale, fitted = context.normalization.scale, photons.trajectory
     x0 = on_water(photons)
-    # Means of derivatives over the shutter with other weights, between guides λ/10 apart; beyond the last ones are
+    # Means of derivatives over the shutter with other weights, between keyframes λ/10 apart; beyond the last ones are
     # none.
     inside = np.abs(x0) < 1.9
     at = {k: landing(x0, 0.5 + 0.4375 * k, wave) for k in (-2, -1, 0, 1, 2)}
     second = (at[1] - 2 * at[0] + at[-1]) / 0.4375**2
     third = (0.5 * at[2] - at[1] + at[-1] - 0.5 * at[-2]) / 0.4375**3
-    for found, exact, limit in ((curve.dxdtt, second, 0.1), (curve.dxdttt, third, 0.2)):
+    for found, exact, limit in ((fitted.dxdtt, second, 0.1), (fitted.dxdttt, third, 0.2)):
         error = (found[:, 0] / scale - exact)[inside]
         assert root_mean_square(error) < limit * root_mean_square(exact)
         np.testing.assert_allclose(found[:, 1:], 0, atol=2e-2 * root_mean_square(exact) * scale)
@@ -60,7 +61,7 @@ def test_light_under_a_wave_bends_as_its_exact_derivatives_say():
 
 def test_axes_change_under_a_wave_as_exact_mixed_derivatives_say():
     wave, step = Wave(), 1e-3
-    photons, animation = bent_photons(wave_source(wave), photons=16384)
+    photons, context = fitted_photons(wave_source(wave), photons=16384)
     x0, cell = on_water(photons), 4 / np.ceil(photons.emission[:, 0].max())
     exact = cell * sum(
         side_x * side_t * landing(x0 + side_x * step, 0.5 + side_t * step, wave)
@@ -68,7 +69,8 @@ def test_axes_change_under_a_wave_as_exact_mixed_derivatives_say():
         for side_t in (-1, 1)
     ) / (4 * step**2)  # fmt: skip
     inside = np.abs(x0) < 1.9
-    along, across = (values / animation.normalization.scale for values in (photons.curve.dxdut, photons.curve.dxdvt))
+    fitted, scale = photons.trajectory, context.normalization.scale
+    along, across = fitted.dxdut / scale, fitted.dxdvt / scale
     assert root_mean_square(along[inside, 0] - exact[inside]) < 0.03 * root_mean_square(exact)
     assert root_mean_square(across[inside]) < 1e-3 * root_mean_square(exact)
 
@@ -76,21 +78,21 @@ def test_axes_change_under_a_wave_as_exact_mixed_derivatives_say():
 @pytest.mark.parametrize("degrees", [5.0, 20.0])
 def test_light_that_rides_on_a_turning_rod_goes_in_circles(degrees):
     source = turning_rod_source(degrees, looking_down(height=0.1))
-    photons, animation = bent_photons(source, photons=16384)
-    position = animation.normalization.world_points(photons.position)[:, :2]
-    bend = photons.curve.dxdtt[:, :2] / animation.normalization.scale
-    told = np.any(bend != 0, axis=1)
+    photons, context = fitted_photons(source, photons=16384)
+    position = context.normalization.world_points(photons.position)[:, :2]
+    acceleration = photons.trajectory.dxdtt[:, :2] / context.normalization.scale
+    told = np.any(acceleration != 0, axis=1)
     assert told.mean() > 0.6
     expected = -(math.radians(degrees) ** 2) * position
     # The chord of an arc of D_t x, and facets that are not quite a cylinder.
-    error = np.linalg.norm(bend - expected, axis=1)[told]
+    error = np.linalg.norm(acceleration - expected, axis=1)[told]
     assert np.median(error) < 0.05 * np.median(np.linalg.norm(expected, axis=1))
 
 
 def test_footprints_that_ride_on_a_turning_rod_turn_with_it():
     degrees = 5.0
-    photons, _ = bent_photons(turning_rod_source(degrees, looking_down(height=0.1)), photons=16384)
-    for found, axis in ((photons.curve.dxdut, photons.dxdu), (photons.curve.dxdvt, photons.dxdv)):
+    photons, _ = fitted_photons(turning_rod_source(degrees, looking_down(height=0.1)), photons=16384)
+    for found, axis in ((photons.trajectory.dxdut, photons.dxdu), (photons.trajectory.dxdvt, photons.dxdv)):
         expected = math.radians(degrees) * np.cross((0, 0, 1), axis)
         error = np.linalg.norm(found - expected, axis=1)
         assert np.median(error) < 0.05 * np.median(np.linalg.norm(expected, axis=1))
@@ -104,14 +106,14 @@ def test_light_that_rides_on_what_moves_straight_on_goes_straight():
         water = replace(water, points=water.points + (shutter.middle - 0.5) * way, motions=motions)
         return SceneAtShutter(shutter, (floor(), water), (SUN,), looking_down(height=0.6))
 
-    photons, animation = bent_photons(Source(at), photons=16384)
-    way = 0.2 * animation.normalization.scale
-    assert np.median(np.abs(photons.curve.dxdtt)) < 1e-3 * way
-    assert np.median(np.abs(photons.curve.dxdttt)) < 1e-2 * way
+    photons, context = fitted_photons(Source(at), photons=16384)
+    way = 0.2 * context.normalization.scale
+    assert np.median(np.abs(photons.trajectory.dxdtt)) < 1e-3 * way
+    assert np.median(np.abs(photons.trajectory.dxdttt)) < 1e-2 * way
 
 
 @pytest.mark.parametrize(("wave", "photons", "gain"), [(Wave(), 16384, 7), (FOLDED, 65536, 8)], ids=["soft", "folds"])
-def test_curved_ways_take_most_of_what_straight_ones_err_by(wave, photons, gain):
+def test_curved_trajectories_take_most_of_what_straight_ones_err_by(wave, photons, gain):
     truth = irradiance_average(np.linspace(-1, 1, 257), wave, 0, 1, 256, "smooth")
     source = wave_source(wave)
     frames = [rendered(source, columns=256, photons=photons, path=path) for path in ("curved", "straight")]
@@ -119,16 +121,16 @@ def test_curved_ways_take_most_of_what_straight_ones_err_by(wave, photons, gain)
     assert gain * curved < straight
 
 
-def test_curved_ways_keep_the_flux():
+def test_curved_trajectories_keep_the_flux():
     curved, straight = (
         rendered(wave_source(FOLDED), columns=128, photons=16384, path=path) for path in ("curved", "straight")
     )
     assert curved.energy.sent == straight.energy.sent and curved.energy.deposited == straight.energy.deposited
     # Light that crosses the rims of the picture aside, of which at most 2 % move by more or less.
     assert irradiance(curved).mean() == pytest.approx(irradiance(straight).mean(), rel=5e-3)
-    assert curved.energy.counts["guides"] > 0 and "guides" not in straight.energy.counts
+    assert curved.energy.counts["keyframes"] > 0 and "keyframes" not in straight.energy.counts
 
 
 def test_where_nothing_moves_nothing_is_traced_twice():
     still = rendered(shutter=Shutter(0, 0.5, 0.5), photons=1024)
-    assert "guides" not in still.energy.counts
+    assert "keyframes" not in still.energy.counts

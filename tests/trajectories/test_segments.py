@@ -10,13 +10,14 @@ import pytest
 
 from tests.estimators.frames import OPEN, SETTINGS, STILL_SCENE, irradiance, rendered, traced
 from tests.view.scenes import SUN, WATER, Source, bumpy, floor, looking_down, wave_source
+from tpdwarp.clock import Clock
 from tpdwarp.errors import InputError
-from tpdwarp.estimators.base import Animation, Clock
 from tpdwarp.jobs.sequence import open_scene, shutter_of
-from tpdwarp.rendering.frame import Frame, render_frame
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.segments import most_corners
+from tpdwarp.trajectories.segments import most_breaks_inside
 from usd_scenes.oracle import Wave, irradiance_average
 
 SCENES = Path(__file__).resolve().parents[2] / "usd_scenes"
@@ -25,8 +26,7 @@ FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
 
 def chosen(source, exposure: float = 1.0, frame: float = 0.0, **changes) -> int:
     settings = Settings.of(SETTINGS, segments="auto", **changes)
-    (level,) = Animation(source, settings).levels(Shutter(frame, frame, frame + exposure), Clock())
-    return level.segments
+    return RenderContext(source, settings).segmentation.count(Shutter(frame, frame, frame + exposure), Clock())
 
 
 def test_more_photons_are_worth_more_segments():
@@ -70,62 +70,6 @@ def test_all_frames_have_the_same_number():
     assert len({chosen(source, frame=frame, photons=65536) for frame in (0.0, 1.0, 5.0)}) == 1
 
 
-RIPPLES, SWELL = Wave(wavelength=0.1625, amplitude=Wave().amplitude / 64, speed=0.0), Wave(speed=1.3 / 2)
-
-
-def beside_each_other() -> Source:
-    """Ripples at rest (y > 0) beside a swell that passes by half its length a frame (y < 0)."""
-
-    def at(shutter: Shutter) -> SceneAtShutter:
-        sheets = []
-        for wave, path, (low, high) in ((RIPPLES, "/still", (0.0, 2.0)), (SWELL, "/swell", (-2.0, 0.0))):
-            scene = wave_source(wave).at(shutter)
-            (sheet,) = (mesh for mesh in scene.meshes if mesh.path == "/water")
-            points = sheet.points.copy()
-            points[:, 1] = np.where(points[:, 1] < 0, low, high)
-            motions = sheet.motions if wave.speed else None
-            turns = sheet.normal_motions if wave.speed else None
-            sheets.append(replace(sheet, path=path, points=points, motions=motions, normal_motions=turns))
-        return replace(scene, meshes=(floor(), *sheets), camera=looking_down((-1, 1, -1.25, 1.25), height=0.75))
-
-    return Source(at)
-
-
-def beside_error(**changes) -> tuple[float, Frame]:
-    """Root mean square over both halves, away from where they meet, relative to the mean."""
-    frame = render_frame(beside_each_other(), OPEN, Settings.of(SETTINGS, samples=4, **changes), 256, 64)
-    y = 1.25 - (np.arange(64) + 0.5) * 2.5 / 64
-    edges, found = np.linspace(-1, 1, 257), irradiance(frame)
-    halves = [
-        found[chosen] - irradiance_average(edges, wave, 0, 1, 256, "smooth")
-        for wave, chosen in ((RIPPLES, (y > 0.8) & (y < 1.2)), (SWELL, (y < -0.8) & (y > -1.2)))
-    ]
-    mean = irradiance_average(edges, SWELL, 0, 1, 8).mean()
-    return float(np.sqrt(np.mean(np.concatenate(halves) ** 2)) / mean), frame
-
-
-def test_what_is_fast_takes_segments_of_its_own_beside_what_stands_still():
-    fast, still = Animation(beside_each_other(), Settings.of(SETTINGS, segments="auto")).levels(OPEN, Clock())
-    assert fast.segments >= 3 and still.segments == 1
-    assert still.taken("/still") and not fast.taken("/still")
-    # What no still shows belongs to one level as well.
-    for path in ("/swell", "/later"):
-        assert fast.taken(path) and not still.taken(path)
-    alone, _ = beside_error(segments="auto")
-    assert alone <= 0.7 * min(beside_error(segments=segments)[0] for segments in (1, 2, 4))
-
-
-def test_levels_share_the_light_and_have_photons_of_their_own():
-    _, whole = beside_error(segments=4)
-    _, parts = beside_error(segments="auto")
-    # Each lattice counts the light on its own meshes, cell by cell at their rims.
-    assert parts.energy.sent == pytest.approx(whole.energy.sent, rel=0.03)
-    energy = parts.energy
-    went = energy.deposited + energy.escaped + energy.absorbed + energy.lost_total
-    assert went == pytest.approx(energy.sent, rel=1e-5)
-    assert len(np.unique(parts.photons.ids)) == len(parts.photons)
-
-
 def test_other_estimators_have_one():
     assert chosen(wave_source(Wave()), photons=1 << 20, estimator="pd") == 1
 
@@ -161,16 +105,16 @@ def test_other_words_are_refused(changes):
 
 
 def test_choosing_counts_as_planning_and_is_done_once():
-    animation, clock = Animation(wave_source(Wave()), Settings.of(SETTINGS, segments="auto")), Clock()
-    animation.levels(OPEN, clock)
+    context, clock = RenderContext(wave_source(Wave()), Settings.of(SETTINGS, segments="auto")), Clock()
+    context.segmentation.count(OPEN, clock)
     assert set(clock.seconds) == {"plan"} and clock.seconds["plan"] > 0
     again = Clock()
-    animation.levels(Shutter(3, 3, 4), again)
+    context.segmentation.count(Shutter(3, 3, 4), again)
     assert again.seconds == {}
 
 
 @pytest.mark.parametrize(
-    ("corners", "segments", "most"),
+    ("breaks", "segments", "most"),
     [
         ((), 5, 0),
         ((0.5,), 1, 1),
@@ -183,8 +127,8 @@ def test_choosing_counts_as_planning_and_is_done_once():
         ((0.1, 0.2, 0.3, 0.6), 2, 3),
     ],
 )
-def test_corners_count_within_segments_not_where_these_begin(corners, segments, most):
-    assert most_corners(corners, segments) == most
+def test_breaks_count_within_segments_not_where_these_begin(breaks, segments, most):
+    assert most_breaks_inside(breaks, segments) == most
 
 
 @pytest.mark.parametrize(("shutter", "parts"), [((-0.5, 0.5), 2), ((-0.25, 0.25), 2), ((0.0, 3.0), 3), ((0.5, 2.0), 3)])
@@ -193,8 +137,7 @@ def test_segments_begin_where_a_stage_s_samples_are(shutter, parts):
     base = Settings(image_width=64, shutter=shutter, aovs=("caustic",), photons=65536, segments="auto")
     source = open_scene(SCENES / "wave.usdc", base, False)
     for frame in (3.0, 5.0):
-        (level,) = Animation(source, base).levels(shutter_of(source, frame, base), Clock())
-        assert level.segments % parts == 0
+        assert RenderContext(source, base).segmentation.count(shutter_of(source, frame, base), Clock()) % parts == 0
 
 
 def test_centred_shutters_err_several_times_less_with_segments_that_begin_where_samples_are():
@@ -203,7 +146,8 @@ def test_centred_shutters_err_several_times_less_with_segments_that_begin_where_
 
     def light(**changes) -> np.ndarray:
         settings = Settings.of(base, **changes)
-        return irradiance(render_frame(source, shutter_of(source, 5.0, settings), settings, *source.resolution()))
+        shutter = shutter_of(source, 5.0, settings)
+        return irradiance(render_frame(RenderContext(source, settings), shutter, *source.resolution()))
 
     truth = light(photons=1 << 18, segments=16)
     auto, one, three = (np.sqrt(np.mean((light(segments=k) - truth) ** 2)) for k in ("auto", 1, 3))

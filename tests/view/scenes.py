@@ -151,7 +151,7 @@ class Source:
     def reference_shutters(self) -> list[Shutter]:
         return [Shutter.still(0.0)]
 
-    def corners(self, shutter: Shutter) -> list[float]:
+    def motion_breaks(self, shutter: Shutter) -> list[float]:
         return []
 
 

@@ -10,7 +10,8 @@ import pytest
 import warp as wp
 
 from tests.view.scenes import ONE_THREAD, SUN, WATER, floor, looking_down, quad, steady
-from tpdwarp.footprints.gather import Irradiance, QueryArrays
+from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter
 from tpdwarp.scene.normalization import Normalization
@@ -28,7 +29,7 @@ R0 = fresnel_reflectance(0.0, 1.0, 1.33)
 def render(meshes, camera=None, width=16, height=16, shutter=STILL, light=SUN, **settings):
     source = steady(meshes, (light,), camera or looking_down())
     chosen = Settings(photons=64, threads=1, aovs=AOVS, **settings)
-    return render_frame(source, shutter, chosen, width, height).channels
+    return render_frame(RenderContext(source, chosen), shutter, width, height).channels
 
 
 def water(low=(-3, -3), high=(3, 3), height: float = 1.0):

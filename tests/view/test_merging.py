@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, quad, steady
-from tpdwarp.estimators.base import Animation, Clock
+from tpdwarp.clock import Clock
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.view.merging import FARTHEST, SMALLEST_COSINE, merged
-from tpdwarp.view.queries import View
+from tpdwarp.view.merging import LARGEST_DISTANCE, SMALLEST_COSINE, merged
+from tpdwarp.view.queries import CameraView, QueryBatch
 
 STILL = Shutter(0, 0, 0)
 SIDE = 0.1
@@ -56,7 +57,7 @@ def test_neither_other_objects_nor_later_paths_are_put_together_with_what_lies_b
 
 @pytest.mark.parametrize("part", [0.9, 1.1])
 def test_points_farther_apart_than_what_they_stand_for_are_looked_up_each(part):
-    reach = part * FARTHEST * SIDE
+    reach = part * LARGEST_DISTANCE * SIDE
     found = looked_up(points([0, 0, 0, 1], [(reach, 0, 0), (-reach, 0, 0), (0, 0, 0), (9, 9, 9)]))
     assert len(found["spot"]) == (2 if part < 1 else 4)
 
@@ -72,7 +73,7 @@ def test_points_that_face_other_ways_are_looked_up_each(part):
 
 def irradiance(meshes, size=32, **settings) -> np.ndarray:
     chosen = Settings(photons=4096, threads=1, aovs=("irradiance", "caustic"), **settings)
-    frame = render_frame(steady(meshes, (SUN,), looking_down(height=0.6)), STILL, chosen, size, size)
+    frame = render_frame(RenderContext(steady(meshes, (SUN,), looking_down(height=0.6)), chosen), STILL, size, size)
     return np.stack([frame.channels[f"{name}.R"] for name in ("irradiance", "caustic")]).astype(float)
 
 
@@ -105,9 +106,10 @@ def test_samples_count_where_their_first_paths_end_not_where_reflections_do(samp
     """From between water and a roof each sample sees the floor through it and, fainter, the roof in it."""
     meshes = [floor(), quad("/water", (-3, -3), (3, 3), 1.0, WATER), quad("/roof", (-3, -3), (3, 3), 2.0)]
     chosen = Settings(photons=64, threads=1, samples=samples)
-    animation = Animation(steady(meshes, (SUN,), looking_down(height=1.5)), chosen)
-    sights = list(View(animation, [animation.load(STILL)], 8, 8, Clock(), False).sights(None))
-    first = np.concatenate([sight.first for sight in sights])
+    context = RenderContext(steady(meshes, (SUN,), looking_down(height=1.5)), chosen)
+    scenes = [context.loader.load(STILL)]
+    view = CameraView(scenes, chosen, context.normalization, context.launcher, 8, 8, Clock())
+    first = np.concatenate([seen.first for seen in view.look() if isinstance(seen, QueryBatch)])
     assert first.sum() == 64 * samples
     # As many spots show the roof, which no first path ends on.
     assert np.count_nonzero(first == 0) == np.count_nonzero(first) == 64

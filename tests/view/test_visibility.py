@@ -18,14 +18,7 @@ from tests.view.scenes import (
     turned,
     view_rays,
 )
-from tpdwarp.scene.description import (
-    CameraAtShutter,
-    Interaction,
-    LightAtShutter,
-    LightKind,
-    Material,
-    SceneAtShutter,
-)
+from tpdwarp.scene.description import CameraAtShutter, Interaction, LightAtShutter, LightKind, Material, SceneAtShutter
 from usd_scenes.oracle import finite_differences, surfaces_of
 from usd_scenes.oracle.closed_forms import critical_angle, fresnel_reflectance, snell
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from tpdwarp.estimators.accumulation import Accumulation
-from tpdwarp.estimators.base import Estimator
 from tpdwarp.estimators.distribution import Distribution
+from tpdwarp.estimators.estimator import Estimator
 from tpdwarp.estimators.static import Static
 from tpdwarp.estimators.temporal import Temporal
 from tpdwarp.estimators.time_dependent import TimeDependent

@@ -1,24 +1,37 @@
-"""Accumulation: the exact answer by brute force, many instants of the shutter traced in full and averaged."""
+"""Accumulation: the exact answer by brute force, many instants of the shutter rendered in full and averaged."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
-from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
-from tpdwarp.estimators.static import still_part
+from tpdwarp.clock import Clock
+from tpdwarp.estimators.estimator import Part, light_of
 from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
+from tpdwarp.scene.device.loading import LoadedScene
 
 
 class Accumulation:
-    """``accumulation_times`` instants, each with all the photons and static footprints."""
+    """``accumulation_times`` instants, each with all the photons and static footprints, and a view of its own.
+
+    So it is a truth for edges and for direct light, too.
+    """
 
     def parts(
-        self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
+        self, tracer: PhotonTracer, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
     ) -> Iterator[Part]:
-        times = animation.settings.accumulation_times if any(scene.moves for scene in scenes) else 1
-        for number in range(times):
-            where = (number + 0.5) / times
-            instant = shutter.open + where * shutter.exposure
+        settings = tracer.settings
+        count = settings.accumulation_times if any(scene.moves for scene in scenes) else 1
+        plan = tracer.plan(settings.photons, clock)
+        for number in range(count):
+            part = (number + 0.5) / count
+            instant = shutter.open + part * shutter.exposure
             still = Shutter(shutter.frame, instant, instant)
-            yield still_part(animation, still, 1.0 / times, where - 0.5, pixel, clock, number)
+            loaded = tracer.load(still, clock)
+            # Instants throw dice of their own.
+            photons, energy = tracer.trace(loaded, plan, clock, seed=settings.seed + number, weight=1.0 / count)
+            maps = [replace(photons, time=part - 0.5, duration=1.0 / count)]
+            light = light_of(maps, energy, False, tracer, pixel, clock)
+            yield Part(maps, energy, light, plan, [loaded], still, 1.0 / count)

@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 
 from tpdwarp.errors import InputError
-from tpdwarp.footprints.gather import SMALLEST_COSINE, Irradiance, QueryArrays
-from tpdwarp.photons.tracing import PhotonMap
+from tpdwarp.footprints.gather import SMALLEST_COSINE
+from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
+from tpdwarp.photons.photon_map import PhotonMap
 
-# Photons on the other side of a thin receiver are passed over; beyond so many times k, whoever is left is out of reach.
-FARTHEST = 8
+# Photons on the other side of a thin receiver are passed over; no more than so many times k are searched for others.
+MOST_SEARCHED = 8
+# Distances held in memory at a time.
 BATCH = 1 << 22
+# In the tracer's units, in which the scene is of unit size: photons on one spot make no infinite light.
 SMALLEST_RADIUS = 1.0e-6
+# Of a photon's part of the shutter, within a query's window: less counts as nothing.
 SMALLEST_SHARE = 1.0e-6
 
 
@@ -115,7 +119,7 @@ class NearestField:
                 distances, indices = nearby.tree.query(position[rows], range(1, fetched + 1), workers=self._threads)
                 beside = np.einsum("nkc,nc->nk", nearby.normal[indices], normal[rows]) > SMALLEST_COSINE
                 place = beside.cumsum(axis=1)
-                last = fetched >= min(FARTHEST * self._neighbours, count)
+                last = fetched >= min(MOST_SEARCHED * self._neighbours, count)
                 done = (place[:, -1] >= self._neighbours) | last
                 counted = beside & (place <= self._neighbours)
                 radius = np.maximum(np.where(counted, distances, 0.0).max(axis=1), SMALLEST_RADIUS)

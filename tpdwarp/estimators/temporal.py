@@ -5,76 +5,41 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from tpdwarp.estimators.base import Animation, Clock, FootprintField, LoadedScene, Part
-from tpdwarp.footprints.gather import GatherForm
-from tpdwarp.footprints.shaping import PixelSize, shape_footprints
-from tpdwarp.photons.emission import EmissionPlan
-from tpdwarp.photons.record import EnergyAccount
-from tpdwarp.photons.tracing import PhotonMap
+from tpdwarp.clock import Clock
+from tpdwarp.estimators.estimator import Part, light_of
+from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
-from tpdwarp.trajectories.fit import bent
-from tpdwarp.trajectories.segments import Level
+from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.trajectories.fit import fit_trajectories
 
 
 class Temporal:
     """The paper's estimator, at mid shutter or as it opens, with the photons shared between the segments."""
 
     def parts(
-        self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
+        self, tracer: PhotonTracer, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
     ) -> Iterator[Part]:
-        first, *others = animation.levels(shutter, clock)
-        yield self._part(animation, first, scenes, pixel, clock)
-        for level in others:
-            yield self._part(animation, level, animation.load_segments(shutter, clock, level), pixel, clock)
-
-    def _part(
-        self, animation: Animation, level: Level, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
-    ) -> Part:
-        """The photons of one level."""
-        settings, count = animation.settings, len(scenes)
-        plan = animation.plan(max(1, settings.photons // count), clock)
+        settings, count = tracer.settings, len(scenes)
+        plan = tracer.plan(max(1, settings.photons // count), clock)
         maps: list[PhotonMap] = []
         energy = EnergyAccount()
         for number, seen in enumerate(scenes):
-            opening = settings.trace_at == "open" and seen.requirements.photon_motion
-            loaded = animation.load_opening(seen.scene.shutter, clock) if opening else seen
-            riding, seed = settings.anchor == "surface", settings.seed + number
-            photons, account = animation.trace(
-                loaded, plan, clock, riding=riding, seed=seed, weight=1.0 / count, taken=level.taken
-            )
-            curved = settings.path == "curved" and settings.kernel == "bspline" and seen.requirements.photon_motion
-            if curved and pixel is not None and not opening:
-                photons, guides = bent(photons, plan, animation, seen, clock, level.taken)
-                account.counts["guides"] = guides
+            moves = seen.requirements.photon_motion
+            opening = settings.trace_at == "open" and moves
+            loaded = tracer.loader.load_opening(seen.scene.shutter, clock) if opening else seen
+            photons, account = tracer.trace(loaded, plan, clock, seed=settings.seed + number, weight=1.0 / count)
+            curves = settings.path == "curved" and settings.kernel == "bspline" and moves
+            if curves and pixel is not None and not opening:
+                photons, emitted = fit_trajectories(photons, plan, tracer, seen, clock)
+                account.counts["keyframes"] = emitted
             if opening:
-                # Footprints stand at mid shutter and sweep to both sides: the same way, told from its middle.
+                # Footprints stand at mid shutter and sweep to both sides: the same way, seen from its middle.
                 photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)
             maps.append(replace(photons, time=(number + 0.5) / count - 0.5, duration=1.0 / count))
             energy.add(account)
         energy.counts["segments traced"] = count
-        return shaped(maps, energy, plan, any(s.requirements.photon_motion for s in scenes), animation, pixel, clock)
-
-
-def shaped(
-    maps: list[PhotonMap],
-    energy: EnergyAccount,
-    plan: EmissionPlan,
-    moves: bool,
-    animation: Animation,
-    pixel: PixelSize | None,
-    clock: Clock,
-) -> Part:
-    """A part whose footprints are shaped for ``pixel`` and evaluated as the settings say."""
-    settings = animation.settings
-    light = None
-    if pixel is not None:
-        with clock.stage("footprints"):
-            footprints = shape_footprints(
-                maps, settings.kernel, settings.smoothing, pixel, moves, animation.launcher
-            )
-        if footprints.count:
-            form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
-            light = FootprintField(footprints, form, animation.launcher)
-        if footprints.clamped:
-            energy.counts["footprints clamped"] = energy.counts.get("footprints clamped", 0) + footprints.clamped
-    return Part(maps, energy, light, plan)
+        moves = any(seen.requirements.photon_motion for seen in scenes)
+        yield Part(maps, energy, light_of(maps, energy, moves, tracer, pixel, clock), plan, scenes, shutter)

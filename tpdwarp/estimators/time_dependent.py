@@ -8,28 +8,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tpdwarp.estimators.base import Animation, Clock, LoadedScene, Part
-from tpdwarp.estimators.distribution import dealt_photons, random_times
+from tpdwarp.clock import Clock
+from tpdwarp.estimators.estimator import Part
 from tpdwarp.estimators.nearest import NearestField, tree_type
+from tpdwarp.estimators.time_strata import photons_at_stratified_times, random_times
 from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
+from tpdwarp.scene.device.loading import LoadedScene
 
 
 class TimeDependent:
     """One photon map over the shutter, searched for the k nearest photons in space."""
 
     def parts(
-        self, animation: Animation, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
+        self, tracer: PhotonTracer, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
     ) -> Iterator[Part]:
         tree_type()
-        settings = animation.settings
-        times = random_times(animation, scenes)
+        settings = tracer.settings
+        times = random_times(tracer, scenes)
         if settings.tdpm_between is not None and len(times) > 1:
             count = settings.tdpm_between + 1
             times = [number / count for number in range(count)]
-        maps, energy, plan = dealt_photons(animation, shutter, times, clock)
+        maps, energy, plan = photons_at_stratified_times(tracer, shutter, times, clock)
         light = None
         if pixel is not None and any(map(len, maps)):
             with clock.stage("footprints"):
-                light = NearestField(maps, settings.tdpm_neighbours, animation.launcher.threads)
-        yield Part(maps, energy, light, plan)
+                light = NearestField(maps, settings.tdpm_neighbours, tracer.launcher.threads)
+        yield Part(maps, energy, light, plan, scenes, shutter)

@@ -1,25 +1,36 @@
-"""Photons dealt out between instants of the shutter: each has one random time, and neighbours have different ones."""
+"""Stratified time assignment: every photon has one random time of the shutter, and neighbours have different ones.
+
+For distribution ray tracing in time (Cook 1984) and time dependent photon mapping (Cammarano & Jensen 2002).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from tpdwarp.clock import Clock
 from tpdwarp.photons.emission import Patch
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.scene.description import Shutter
+from tpdwarp.scene.device.loading import LoadedScene
 
 
-def instants(count: int, seed: int) -> np.ndarray:
+def stratified_times(count: int, seed: int) -> np.ndarray:
     """A random instant in each of ``count`` equal parts of the shutter, as fractions of it, shape [count]."""
     return (np.arange(count) + np.random.default_rng(seed).random(count)) / count
 
 
-def dealt_cells(number: int, count: int, seed: int) -> Callable[[Patch], np.ndarray]:
-    """Chooses the lattice cells whose photons belong to instant ``number`` of ``count``.
+def cells_at_time(number: int, count: int, seed: int) -> Callable[[Patch], np.ndarray]:
+    """Chooses the lattice cells whose photons are traced at time ``number`` of ``count``.
 
-    The lattice is cut into square blocks of at least ``count`` cells; in each, the instants are shuffled, so that the
-    photons of any neighbourhood are spread evenly over the shutter. A cell keeps its instant from frame to frame.
+    The lattice is cut into square blocks of at least ``count`` cells; in each, the times are shuffled, so that the
+    photons of any neighbourhood are spread evenly over the shutter. A cell keeps its time from frame to frame.
     """
 
     def chosen(patch: Patch) -> np.ndarray:
@@ -29,7 +40,7 @@ def dealt_cells(number: int, count: int, seed: int) -> Callable[[Patch], np.ndar
 
 
 def _numbers(patch: Patch, count: int, seed: int) -> np.ndarray:
-    """The instant of each cell of ``patch``, shape [count_u · count_v]."""
+    """The time of each cell of ``patch``, by number, shape [count_u · count_v]."""
     side = math.ceil(math.sqrt(count))
     first = np.array([patch.first_u, patch.first_v]) // side * side
     blocks_u, blocks_v = (
@@ -54,3 +65,37 @@ def _hashed(u: np.ndarray, v: np.ndarray, seed: int) -> np.ndarray:
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         return z ^ (z >> np.uint64(31))
+
+
+def random_times(tracer: PhotonTracer, scenes: Sequence[LoadedScene]) -> Sequence[float]:
+    """A random time in each part of the shutter, as fractions of it; its middle where nothing moves."""
+    if not any(scene.moves for scene in scenes):
+        return [0.5]
+    return stratified_times(tracer.settings.accumulation_times, tracer.settings.seed)
+
+
+def photons_at_stratified_times(
+    tracer: PhotonTracer, shutter: Shutter, times: Sequence[float], clock: Clock
+) -> tuple[list[PhotonMap], EnergyAccount, EmissionPlan]:
+    """The photons of one lattice, each traced at one of several times of the shutter.
+
+    A scene at a time of its own for every photon is out of reach with one BVH a scene, so the photons share ``times``.
+
+    Args:
+        times: Fractions of the shutter, one in each of as many equal parts of it.
+
+    Returns:
+        One map a time, standing for its part of the shutter, where the flux went, and the lattice.
+    """
+    settings, count = tracer.settings, len(times)
+    plan = tracer.plan(settings.photons, clock)
+    maps: list[PhotonMap] = []
+    energy = EnergyAccount()
+    for number, time in enumerate(times):
+        instant = shutter.open + float(time) * shutter.exposure
+        loaded = tracer.load(Shutter(shutter.frame, instant, instant), clock)
+        chosen = cells_at_time(number, count, settings.seed)
+        photons, account = tracer.trace(loaded, plan, clock, seed=settings.seed, chosen=chosen)
+        maps.append(replace(photons, time=(number + 0.5) / count - 0.5, duration=1.0 / count))
+        energy.add(account)
+    return maps, energy, plan

@@ -1,10 +1,13 @@
-"""The quadratic B-spline along its way: averaged over a pixel, and over the shutter while it moves, bends and grows.
+"""The quadratic B-spline footprint: averaged over a pixel, and over the shutter while it moves, turns aside and grows.
 
-It lives in filter space, where the cells of its lattice have unit sides; weights integrate to one there. It is
-quadratic: translates by one cell of every B-spline sum to one, and blur over the light by its variance (d + 1)/12
-cells² for degree d. The cubic one errs more at folds and costs nine sixteenths more; the linear one errs less there,
-but leaves the lattice's creases in smooth light. Averaged over a box, what a query stands for, its translates still sum
-to one, as those of a B-spline that is wider than its cells do not.
+Beyond the paper: with photons on a lattice, translates of the B-spline by one cell sum to one, so that light is smooth
+without noise and the error falls with the number of photons. It lives in filter space, where lattice cells have unit
+sides; weights integrate to one there, and |det M| scales them to the surface.
+
+The degree is two. A B-spline of degree d blurs light by its variance (d + 1)/12 cells²: the cubic one errs more at
+folds and costs nine sixteenths more; the linear one errs less there, but leaves the lattice's creases in smooth light
+(``scripts/benchmarks/run.py accuracy``). Averaged over the filter width of a query, its translates still sum to one;
+those of a B-spline that is stretched beyond its cells do not.
 """
 
 from __future__ import annotations
@@ -15,172 +18,188 @@ from functools import cache
 
 import warp as wp
 
+# Half the width of the B-spline, in cells.
 SUPPORT = 1.5
 
 THIRD = wp.constant(1.0 / 3.0)
 SIXTH = wp.constant(1.0 / 6.0)
+# Nodes of Gauss's rule with two points lie this far from the middle of their panel, as a part of it.
 GAUSS_OFFSET = wp.constant(0.5 / math.sqrt(3.0))
+# Panels of the rule over the shutter; beyond it their number would not be exact in single precision.
 MOST_PANELS = wp.constant(1.0e6)
-REACH = wp.constant(SUPPORT)
+HALF_WIDTH = wp.constant(SUPPORT)
 
 
 @wp.func
 def quadratic_bspline(x: float) -> float:
-    """The B-spline itself, centred, with support (−3/2, 3/2)."""
-    # Without branches: footprints are narrow, so that which one is taken is anyone's guess.
-    away = wp.abs(x)
-    outer = wp.max(1.5 - away, 0.0)
-    inner = wp.max(0.5 - away, 0.0)
+    """b(x): centred, with support (−3/2, 3/2) and ∫ b = 1."""
+    # Without branches: footprints are narrow, so that which piece a query falls on cannot be predicted.
+    distance = wp.abs(x)
+    outer = wp.max(1.5 - distance, 0.0)
+    inner = wp.max(0.5 - distance, 0.0)
     return 0.5 * outer * outer - 1.5 * inner * inner
 
 
 @wp.func
-def _beyond(x: float) -> float:
-    """Its integral from x ≥ 0 on."""
+def _bspline_tail(x: float) -> float:
+    """∫ b from x ≥ 0 to the end of its support."""
     outer = wp.max(1.5 - x, 0.0)
     inner = wp.max(0.5 - x, 0.0)
     return outer * outer * outer * SIXTH - 0.5 * inner * inner * inner
 
 
 @wp.func
-def averaged_bspline(x: float, box: float) -> float:
-    """Its mean over a box around x; what little is left of it near the rim of the support is exact."""
-    away = wp.abs(x)
-    half = 0.5 * box
-    near = _beyond(wp.abs(away - half))
-    return (wp.where(away < half, 1.0 - near, near) - _beyond(away + half)) / box
+def averaged_bspline(x: float, width: float) -> float:
+    """Mean of b over an interval of ``width`` around x, as a difference of tails, so that it is exact near the rim."""
+    distance = wp.abs(x)
+    half = 0.5 * width
+    near = _bspline_tail(wp.abs(distance - half))
+    return (wp.where(distance < half, 1.0 - near, near) - _bspline_tail(distance + half)) / width
 
 
 @wp.struct
-class Way:
+class Trajectory:
     """How a footprint moves over the shutter, in its own filter space at mid shutter.
 
-    At the part s (−½ … ½) of the shutter it stands at s velocity + ½ s² bend + ⅙ s³ jerk, and its axes are those of
-    mid shutter times 1 + s stretch. Only the B-spline's way is bent, and its axes stretched; ``box`` holds the sides of
-    what it is averaged over, which stay.
+    At the part s (−½ … ½) of the shutter its centre stands at s velocity + ½ s² acceleration + ⅙ s³ jerk, and its axes
+    are those of mid shutter times 1 + s jacobian_rate. Only the B-spline's trajectory curves and only its axes grow.
+    ``filter_width`` holds the sides of the box that it is averaged over, in cells; they stay.
     """
 
     velocity: wp.vec2
-    bend: wp.vec2
+    acceleration: wp.vec2
     jerk: wp.vec2
-    stretch: wp.mat22
-    box: wp.vec2
+    jacobian_rate: wp.mat22
+    filter_width: wp.vec2
 
 
 @wp.func
-def _while_near(y: wp.vec2, velocity: wp.vec2, reach: wp.vec2) -> wp.vec2:
-    """From when to when, in −½ … ½, y lies within ``reach`` of what moves by ``velocity``."""
+def _time_within(y: wp.vec2, velocity: wp.vec2, extent: wp.vec2) -> wp.vec2:
+    """From when to when, in −½ … ½, the point y lies within ``extent`` of what moves by ``velocity``."""
     low = float(-0.5)
     high = float(0.5)
     for axis in range(2):
-        # A factor is the same for all queries, a divisor would divide anew for each.
+        # A factor is the same for all queries of a run, a divisor would divide anew for each.
         slowness = 1.0e9
         if wp.abs(velocity[axis]) > 1.0e-9:
             slowness = 1.0 / velocity[axis]
-        a = (y[axis] - reach[axis]) * slowness
-        b = (y[axis] + reach[axis]) * slowness
+        a = (y[axis] - extent[axis]) * slowness
+        b = (y[axis] + extent[axis]) * slowness
         low = wp.max(low, wp.min(a, b))
         high = wp.min(high, wp.max(a, b))
     return wp.vec2(low, high)
 
 
 @wp.func
-def _fineness(box: float) -> float:
-    """A cell as a part of that of a B-spline that is as wide as one averaged over a box with this side."""
-    return 1.0 / wp.sqrt(1.0 + THIRD * box * box)
+def _relative_cell(width: float) -> float:
+    """One cell as a part of the cells of a plain B-spline that has the variance of one averaged over ``width``.
+
+    The variances are 1/4 cells² and 1/4 + width²/12.
+    """
+    return 1.0 / wp.sqrt(1.0 + THIRD * width * width)
 
 
 @wp.func
-def way_reach(way: Way, axis: int) -> float:
-    """How far along an axis a B-spline that goes a bent way reaches to either side of the straight one."""
-    growth = 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1]))
-    aside = 0.125 * wp.abs(way.bend[axis]) + wp.abs(way.jerk[axis]) / 48.0
-    return REACH * (1.0 + growth) + 0.5 * way.box[axis] + aside
+def trajectory_extent(trajectory: Trajectory, axis: int) -> float:
+    """How far along an axis the footprint reaches to either side of its straight trajectory, over the whole shutter."""
+    growth = 0.5 * (wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1]))
+    sweep = 0.125 * wp.abs(trajectory.acceleration[axis]) + wp.abs(trajectory.jerk[axis]) / 48.0
+    return HALF_WIDTH * (1.0 + growth) + 0.5 * trajectory.filter_width[axis] + sweep
 
 
 @cache
 def bspline_weight(moves: bool, curved: bool) -> wp.Function:
-    """w(y, way) of a B-spline, y relative to where it stands in the middle of its way.
+    """w(y, trajectory) of a B-spline footprint; y is relative to where it stands at mid shutter.
 
-    Means over boxes cost twice what the B-spline does, so that axes without a box have functions of their own.
+    Averages over a filter width cost twice what the B-spline does, so axes without one have functions of their own.
     """
-    both, u, v, neither = (_along_way(moves, curved, *boxed) for boxed in itertools.product((True, False), repeat=2))
+    variants = itertools.product((True, False), repeat=2)
+    both, u, v, neither = (_weight_along_trajectory(moves, curved, *filtered) for filtered in variants)
 
     @wp.func
-    def weight(y: wp.vec2, way: Way) -> float:
-        if way.box[0] > 0.0:
-            if way.box[1] > 0.0:
-                return both(y, way)
-            return u(y, way)
-        if way.box[1] > 0.0:
-            return v(y, way)
-        return neither(y, way)
+    def weight(y: wp.vec2, trajectory: Trajectory) -> float:
+        if trajectory.filter_width[0] > 0.0:
+            if trajectory.filter_width[1] > 0.0:
+                return both(y, trajectory)
+            return u(y, trajectory)
+        if trajectory.filter_width[1] > 0.0:
+            return v(y, trajectory)
+        return neither(y, trajectory)
 
     return weight
 
 
 @cache
-def _along_way(moves: bool, curved: bool, boxed_u: bool, boxed_v: bool) -> wp.Function:
-    """∫ b(y − x(s)) ds over s ∈ [−½, ½], by two Gauss nodes a cell; those inside the support are visited.
+def _weight_along_trajectory(moves: bool, curved: bool, filtered_u: bool, filtered_v: bool) -> wp.Function:
+    """∫ b(y − x(s)) ds over s ∈ [−½, ½], by two Gauss nodes a cell; only nodes inside the support are visited.
 
-    The nodes do not depend on y, so that translates by one sum to one while they sweep, too.
+    The nodes do not depend on y, so that translates by one cell sum to one while they sweep, too.
     """
 
     @wp.func
-    def tensor(y: wp.vec2, box: wp.vec2) -> float:
+    def tensor(y: wp.vec2, width: wp.vec2) -> float:
+        """b(y_u) b(y_v), each averaged over its filter width where it has one."""
         along_u = float(0.0)
         along_v = float(0.0)
-        if wp.static(boxed_u):
-            along_u = averaged_bspline(y[0], box[0])
+        if wp.static(filtered_u):
+            along_u = averaged_bspline(y[0], width[0])
         else:
             along_u = quadratic_bspline(y[0])
-        if wp.static(boxed_v):
-            along_v = averaged_bspline(y[1], box[1])
+        if wp.static(filtered_v):
+            along_v = averaged_bspline(y[1], width[1])
         else:
             along_v = quadratic_bspline(y[1])
         return along_u * along_v
 
     @wp.func
-    def still(y: wp.vec2, way: Way) -> float:
-        return tensor(y, way.box)
+    def still(y: wp.vec2, trajectory: Trajectory) -> float:
+        return tensor(y, trajectory.filter_width)
 
     if not moves:
         return still
 
     @wp.func
-    def moving(y: wp.vec2, way: Way) -> float:
-        near = _while_near(y, way.velocity, wp.vec2(way_reach(way, 0), way_reach(way, 1)))
-        if near[1] <= near[0]:
+    def at_time(s: float, y: wp.vec2, trajectory: Trajectory) -> float:
+        """The weight at the part s of the shutter, with axes as they are then."""
+        rate = trajectory.jacobian_rate
+        width = trajectory.filter_width
+        grown_u = 1.0 + s * rate[0, 0]
+        grown_v = 1.0 + s * rate[1, 1]
+        area = grown_u * grown_v - s * s * rate[0, 1] * rate[1, 0]
+        scale = 1.0 / area
+        z = y - s * (trajectory.velocity + (0.5 * s) * (trajectory.acceleration + (s / 3.0) * trajectory.jerk))
+        z_u = scale * (grown_v * z[0] - s * rate[0, 1] * z[1])
+        z_v = scale * (grown_u * z[1] - s * rate[1, 0] * z[0])
+        return scale * tensor(wp.vec2(z_u, z_v), scale * wp.vec2(grown_v * width[0], grown_u * width[1]))
+
+    @wp.func
+    def moving(y: wp.vec2, trajectory: Trajectory) -> float:
+        extent = wp.vec2(trajectory_extent(trajectory, 0), trajectory_extent(trajectory, 1))
+        within = _time_within(y, trajectory.velocity, extent)
+        if within[1] <= within[0]:
             return 0.0
         speed = float(0.0)
-        grown = float(0.0)
+        growth = float(0.0)
         for axis in range(2):
-            fastest = wp.abs(way.velocity[axis])
+            fastest = wp.abs(trajectory.velocity[axis])
             if wp.static(curved):
-                fastest += 0.5 * wp.abs(way.bend[axis]) + 0.125 * wp.abs(way.jerk[axis])
-                grown = wp.max(grown, 0.5 * (wp.abs(way.stretch[axis, 0]) + wp.abs(way.stretch[axis, 1])))
-            speed = wp.max(speed, fastest * _fineness(way.box[axis]))
-        if speed == 0.0 and grown == 0.0:
-            return tensor(y, way.box)
+                fastest += 0.5 * wp.abs(trajectory.acceleration[axis]) + 0.125 * wp.abs(trajectory.jerk[axis])
+                rates = wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1])
+                growth = wp.max(growth, 0.5 * rates)
+            speed = wp.max(speed, fastest * _relative_cell(trajectory.filter_width[axis]))
+        if speed == 0.0 and growth == 0.0:
+            return tensor(y, trajectory.filter_width)
         panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
+        first = int(wp.floor((within[0] + 0.5) * panels))
+        last = int(wp.ceil((within[1] + 0.5) * panels))
         total = float(0.0)
-        for k in range(int(wp.floor((near[0] + 0.5) * panels)), int(wp.ceil((near[1] + 0.5) * panels))):
-            for half in range(2):
-                s = (float(k) + 0.5 + GAUSS_OFFSET * float(2 * half - 1)) / panels - 0.5
+        for panel in range(first, last):
+            for node in range(2):
+                s = (float(panel) + 0.5 + GAUSS_OFFSET * float(2 * node - 1)) / panels - 0.5
                 if wp.static(curved):
-                    grown_u = 1.0 + s * way.stretch[0, 0]
-                    grown_v = 1.0 + s * way.stretch[1, 1]
-                    area = grown_u * grown_v - s * s * way.stretch[0, 1] * way.stretch[1, 0]
-                    scale = 1.0 / area
-                    z = y - s * (way.velocity + (0.5 * s) * (way.bend + (s / 3.0) * way.jerk))
-                    z_u = scale * (grown_v * z[0] - s * way.stretch[0, 1] * z[1])
-                    z_v = scale * (grown_u * z[1] - s * way.stretch[1, 0] * z[0])
-                    box = scale * wp.vec2(grown_v * way.box[0], grown_u * way.box[1])
-                    total += scale * tensor(wp.vec2(z_u, z_v), box)
+                    total += at_time(s, y, trajectory)
                 else:
-                    total += tensor(y - s * way.velocity, way.box)
+                    total += tensor(y - s * trajectory.velocity, trajectory.filter_width)
         return 0.5 * total / panels
 
     return moving
-
-

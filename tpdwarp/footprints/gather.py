@@ -1,109 +1,177 @@
-"""Gathering: the irradiance that footprints leave at query points (Eq. 8 without the BRDF)."""
+"""Gathering: the irradiance that footprints leave at query points (Eq. 8 of the paper without the BRDF).
+
+    E(x) = Σ Φ |det M| w(M (x − x_pd))
+
+:mod:`tpdwarp.footprints.plain_gather` computes the same sum without any of what makes this one fast.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cache
 
-import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints import bspline
-from tpdwarp.footprints.bspline import Way, bspline_weight, way_reach
-from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
-from tpdwarp.footprints.shaping import FootprintArrays, FootprintMap, PieceArrays
+from tpdwarp.footprints.bounds import PieceArrays
+from tpdwarp.footprints.bspline import trajectory_extent
+from tpdwarp.footprints.footprint_map import FootprintMap
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays
+from tpdwarp.footprints.parabolas import Parabola, parabola_at
+from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint
+from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
+from tpdwarp.footprints.shaping import FootprintArrays
+from tpdwarp.footprints.weights import GatherForm, footprint_weight
 
-# A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its slack.
+# A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its tolerance.
 SMALLEST_COSINE = wp.constant(0.5)
-CLOSE = wp.constant(1.0e-5)
+# Queries of one thread: enough to fill runs, few enough to keep all cores busy.
 GROUP = wp.constant(128)
-# How much the motions of queries that are gathered together may differ, as a part of the motion itself.
-LARGEST_DEVIATION = wp.constant(0.25)
-# A footprint is a parabola on runs that reach so far from their middle, in cells; steps for its differences.
+# Boxes of runs are grown by the rounding of positions in a scene of unit size.
+BOX_MARGIN = wp.constant(1.0e-5)
+# A footprint is a parabola on runs that reach no further than this from their middle, in cells: it errs by less than
+# 1/500 of its peak there. The least step for its differences keeps them above rounding.
 LARGEST_STEP = wp.constant(0.125)
 SMALLEST_STEP = wp.constant(0.05)
+# Six weights make a parabola; runs of no more queries than this are evaluated one by one.
 FEWEST_FOR_PARABOLA = wp.constant(8)
 # Normals of a run within this cosine of its first one all face a footprint, or none does, if the first one does so.
 NARROW_CONE = wp.constant(math.cos(math.radians(10.0)))
 ALWAYS_FACING = wp.constant(math.cos(math.radians(60.0 - 10.0)))
 NEVER_FACING = wp.constant(math.cos(math.radians(60.0 + 10.0)))
-SEVERAL = wp.constant(-2)
-FAR_AWAY = wp.constant(1.0e30)
-
-
-@wp.struct
-class QueryArrays:
-    """Points at which irradiance is wanted, in the tracer's units.
-
-    ``position`` is where the point stands when it is looked at, ``motion`` the way it goes over the whole shutter (that
-    of the surface point a pixel sees), ``normal`` faces the viewer, ``receiver`` its object (−1: no query).
-    """
-
-    position: wp.array(dtype=wp.vec3)
-    motion: wp.array(dtype=wp.vec3)
-    normal: wp.array(dtype=wp.vec3)
-    receiver: wp.array(dtype=wp.int32)
-
-
-@wp.struct
-class IrradianceArrays:
-    """Irradiance [W per square tracer unit], flux-weighted sum of D_t x, sum of weights, overlapping footprints."""
-
-    irradiance: wp.array(dtype=wp.vec3)
-    motion: wp.array(dtype=wp.vec3)
-    weight: wp.array(dtype=wp.float32)
-    photons: wp.array(dtype=wp.int32)
-
-
-@cache
-def _weight(kernel: str, form: str, time_filter: str, moves: bool, curved: bool) -> wp.Function:
-    """w(y, way) with y relative to where the footprint stands in the middle of its way."""
-    if kernel == "bspline":
-        return bspline_weight(moves, curved)
-    support = wp.constant(SUPPORT)
-    still = static_weight(kernel)
-    if not moves:
-
-        @wp.func
-        def static(y: wp.vec2, way: Way) -> float:
-            return still(y)
-
-        return static
-    moving = moving_weight(kernel, form, time_filter)
-
-    @wp.func
-    def swept(y: wp.vec2, way: Way) -> float:
-        v = way.velocity
-        if wp.abs(y[0]) >= support + 0.5 * wp.abs(v[0]) or wp.abs(y[1]) >= support + 0.5 * wp.abs(v[1]):
-            return 0.0
-        if v[0] == 0.0 and v[1] == 0.0:
-            return still(y)
-        return moving(y + 0.5 * v, v)
-
-    return swept
 
 
 @wp.func
-def _meet(lower: wp.vec3, upper: wp.vec3, low: wp.vec3, high: wp.vec3) -> bool:
+def boxes_meet(lower: wp.vec3, upper: wp.vec3, low: wp.vec3, high: wp.vec3) -> bool:
     """Whether two boxes have a point in common, decided as the BVH does."""
     return wp.min(wp.min(high - lower, upper - low)) >= 0.0
 
 
+@wp.func
+def found_before(pieces: PieceArrays, piece: int, low: wp.vec3, high: wp.vec3) -> bool:
+    """Whether an earlier piece of the same footprint meets the box, too: the first one stands for the footprint."""
+    if pieces.number[piece] > 0:
+        return boxes_meet(pieces.lower[piece - 1], pieces.upper[piece - 1], low, high)
+    return False
+
+
+@cache
+def _misses(form: GatherForm) -> wp.Function:
+    """Whether no query of a run can lie within a footprint: most long oblique ones miss runs that their boxes meet."""
+    smooth, support = form.smooth, wp.constant(form.support)
+
+    @wp.func
+    def misses(placed: PlacedFootprint, offset: wp.vec3, spread: float) -> bool:
+        velocity = placed.trajectory.velocity
+        off_u = wp.abs(wp.dot(placed.row_u, offset)) - wp.length(placed.row_u) * spread - 0.5 * wp.abs(velocity[0])
+        off_v = wp.abs(wp.dot(placed.row_v, offset)) - wp.length(placed.row_v) * spread - 0.5 * wp.abs(velocity[1])
+        if wp.static(smooth):
+            off_u -= trajectory_extent(placed.trajectory, 0) - support
+            off_v -= trajectory_extent(placed.trajectory, 1) - support
+        return off_u > support or off_v > support
+
+    return misses
+
+
+@wp.func
+def is_parabola(run: Run, start: int, placed: PlacedFootprint, radius: float, run_since: float) -> bool:
+    """Whether a footprint is wide enough beside a run, and the run uniform enough, for a parabola."""
+    finest = wp.max(wp.length(placed.row_u), wp.length(placed.row_v))
+    apart = wp.abs(placed.since - run_since) * LARGEST_DEVIATION * wp.length(run.window.motion) * finest
+    uniform = run.receiver >= 0 and run.narrowest > NARROW_CONE and apart < SMALLEST_STEP
+    return uniform and radius * finest < LARGEST_STEP and run.stop - start > FEWEST_FOR_PARABOLA
+
+
+@cache
+def _add_parabola(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
+    """Adds a footprint to the parabola of a run, by differences of its weight around the run's middle."""
+    weight = footprint_weight(form, moves, curved)
+
+    @wp.func
+    def add(parabola: Parabola, placed: PlacedFootprint, offset: wp.vec3, radius: float) -> Parabola:
+        out = parabola
+        row_u = placed.row_u
+        row_v = placed.row_v
+        density = placed.density
+        trajectory = placed.trajectory
+        step = wp.max(radius * wp.max(wp.length(row_u), wp.length(row_v)), SMALLEST_STEP)
+        y = wp.vec2(wp.dot(row_u, offset), wp.dot(row_v, offset))
+        here = weight(y, trajectory)
+        right = weight(y + wp.vec2(step, 0.0), trajectory)
+        left = weight(y - wp.vec2(step, 0.0), trajectory)
+        upper = weight(y + wp.vec2(0.0, step), trajectory)
+        lower = weight(y - wp.vec2(0.0, step), trajectory)
+        corner = weight(y + wp.vec2(step, step), trajectory)
+        slope = ((right - left) * row_u + (upper - lower) * row_v) / (2.0 * step)
+        curvature = (
+            (0.5 * (right + left) - here) * wp.outer(row_u, row_u)
+            + (0.5 * (upper + lower) - here) * wp.outer(row_v, row_v)
+            + (corner + here - right - upper) * wp.outer(row_u, row_v)
+        ) / (step * step)
+        out.level += here * density
+        out.slopes += wp.outer(density, slope)
+        out.curvature_r += density[0] * curvature
+        out.curvature_g += density[1] * curvature
+        out.curvature_b += density[2] * curvature
+        out.used = True
+        return out
+
+    return add
+
+
+@cache
+def _add_to_queries(form: GatherForm, moves: bool, curved: bool, query_moves: bool, with_motion: bool) -> wp.Function:
+    """Adds a footprint to each query of a run."""
+    weight = footprint_weight(form, moves, curved)
+
+    @wp.func
+    def add(
+        queries: QueryArrays,
+        first: int,
+        last: int,
+        placed: PlacedFootprint,
+        dxdt: wp.vec3,
+        summed: bool,
+        out: IrradianceArrays,
+    ):
+        for i in range(first, last):
+            if queries.receiver[i] == placed.receiver:
+                if wp.dot(queries.normal[i], placed.normal) > SMALLEST_COSINE:
+                    d = queries.position[i] - placed.center
+                    if wp.static(query_moves):
+                        d += placed.since * queries.motion[i]
+                    w = float(0.0)
+                    if wp.abs(wp.dot(placed.normal, d)) <= placed.plane_tolerance:
+                        y = wp.vec2(wp.dot(placed.row_u, d), wp.dot(placed.row_v, d))
+                        w = weight(y, placed.trajectory)
+                    if w > 0.0:
+                        added = w * placed.density
+                        if not summed:
+                            out.irradiance[i] = out.irradiance[i] + added
+                        if wp.static(with_motion):
+                            amount = added[0] + added[1] + added[2]
+                            out.motion[i] = out.motion[i] + amount * dxdt
+                            out.weight[i] = out.weight[i] + amount
+                            out.photons[i] = out.photons[i] + 1
+
+    return add
+
+
 @cache
 def gather_kernel(
-    kernel: str, form: str, time_filter: str, moves: bool, curved: bool, query_moves: bool, with_motion: bool
+    form: GatherForm, moves: bool, curved: bool, query_moves: bool, with_motion: bool
 ) -> wp.Kernel:
-    """The gathering kernel for one footprint kernel; a scene at rest takes the static weight, straight ways theirs.
+    """The gathering kernel for one form of footprint, specialised by what moves and what is wanted.
 
-    One thread takes a group of neighbouring queries, walks the BVH once for each run of them that fits into ``reach``,
-    and lets every footprint it finds fall on all of the run. Queries that stand still take the whole shutter, moving
-    ones their window of it.
+    One thread takes a group of neighbouring queries, walks the BVH once for each run of them, and lets every footprint
+    that it finds fall on all of the run.
     """
-    smooth = kernel == "bspline"
-    support = wp.constant(bspline.SUPPORT if smooth else SUPPORT)
-    weight = _weight(kernel, form, time_filter, moves, curved)
+    smooth = form.smooth
+    collect = next_run(query_moves)
+    place = place_footprint(smooth, moves, curved)
+    misses = _misses(form)
+    add_parabola = _add_parabola(form, moves, curved)
+    add_to_queries = _add_to_queries(form, moves, curved, query_moves, with_motion)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather(
@@ -113,10 +181,8 @@ def gather_kernel(
         footprints: FootprintArrays,
         pieces: PieceArrays,
         duration: float,
-        reach: float,
-        time: float,
-        window_center: float,
-        window: float,
+        run_size: float,
+        window: TimeWindow,
         count: int,
         queries: QueryArrays,
         # Out
@@ -125,231 +191,60 @@ def gather_kernel(
         group = base + wp.tid()
         end = wp.min((group + 1) * GROUP, count)
         start = group * GROUP
+        margin = wp.vec3(BOX_MARGIN, BOX_MARGIN, BOX_MARGIN)
         while start < end:
-            # A run: queries from start on whose way over the shutter fits into a box of size reach.
-            low = wp.vec3(FAR_AWAY, FAR_AWAY, FAR_AWAY)
-            high = -low
-            run_receiver = int(-1)
-            run_normal = wp.vec3(0.0, 0.0, 0.0)
-            narrowest = float(1.0)
-            run_motion = wp.vec3(0.0, 0.0, 0.0)
-            fastest = float(0.0)
-            run_window = float(window)
-            run_center = float(window_center)
-            stop = int(start)
-            while stop < end:
-                if queries.receiver[stop] >= 0:
-                    x = queries.position[stop]
-                    a = x
-                    b = x
-                    if wp.static(query_moves):
-                        motion = queries.motion[stop]
-                        if low[0] == FAR_AWAY:
-                            run_motion = motion
-                            fastest = (1.0 + LARGEST_DEVIATION) * wp.length(motion)
-                            # A query that races over the receiver stands for less of the shutter.
-                            share = wp.min(1.0, reach / wp.max(window * fastest, 1.0e-20))
-                            run_window = share * window
-                            run_center = time + share * (window_center - time)
-                        elif wp.length(motion - run_motion) > LARGEST_DEVIATION * wp.length(run_motion):
-                            break
-                        half = run_window * motion
-                        a = wp.min(x - half, x + half)
-                        b = wp.max(x - half, x + half)
-                    grown_low = wp.min(low, a)
-                    grown_high = wp.max(high, b)
-                    if stop > start and wp.length(grown_high - grown_low) > reach and low[0] < FAR_AWAY:
-                        break
-                    if low[0] == FAR_AWAY:
-                        run_receiver = queries.receiver[stop]
-                        run_normal = queries.normal[stop]
-                    elif queries.receiver[stop] != run_receiver:
-                        run_receiver = SEVERAL
-                    narrowest = wp.min(narrowest, wp.dot(run_normal, queries.normal[stop]))
-                    low = grown_low
-                    high = grown_high
-                stop += 1
-
-            if low[0] < FAR_AWAY:
-                middle = 0.5 * (low + high)
-                radius = 0.5 * wp.length(high - low)
+            # ---- Group queries
+            run = collect(queries, start, end, run_size, window)
+            if not run.empty:
+                middle = 0.5 * (run.low + run.high)
+                radius = 0.5 * wp.length(run.high - run.low)
+                spread = radius + run.window.length * run.fastest
+                run_since = run.window.center - window.time
+                parabola = Parabola()
                 piece = int(0)
-                margin = wp.vec3(CLOSE, CLOSE, CLOSE)
-                # What wide footprints add up to on this run, as a function of the way from its middle.
-                summed = bool(False)
-                level = wp.vec3(0.0, 0.0, 0.0)
-                slopes = wp.mat33()
-                bow_r = wp.mat33()
-                bow_g = wp.mat33()
-                bow_b = wp.mat33()
-                run_since = run_center - time
-                query = wp.bvh_query_aabb(bvh, low - margin, high + margin)
+                query = wp.bvh_query_aabb(bvh, run.low - margin, run.high + margin)
                 while wp.bvh_query_next(query, piece):
-                    j = pieces.footprint[piece]
-                    receiver = footprints.receiver[j]
-                    center = footprints.center[j]
-                    n_p = footprints.normal[j]
-                    row_u = footprints.row_u[j]
-                    row_v = footprints.row_v[j]
-                    density = footprints.density[j]
-                    slack = footprints.slack[j] + CLOSE
-                    way = Way()
-                    if wp.static(smooth):
-                        way.box = footprints.box[j]
-                    since = float(0.0)
-                    length = float(0.0)
-                    last = stop
-                    if pieces.number[piece] > 0:
-                        # Of the pieces that meet the run, the first one stands for the footprint.
-                        if _meet(pieces.lower[piece - 1], pieces.upper[piece - 1], low - margin, high + margin):
+                    if not found_before(pieces, piece, run.low - margin, run.high + margin):
+                        # ---- Clip the shutter, place the footprint on its trajectory
+                        j = pieces.footprint[piece]
+                        placed = place(footprints, j, duration, run.window)
+
+                        # ---- Cull
+                        last = run.stop
+                        offset = middle + placed.since * run.window.motion - placed.center
+                        if not placed.overlap or misses(placed, offset, spread):
                             last = start
-                    if wp.static(moves):
-                        # The part of the shutter that the query's window and the photon's own have in common.
-                        center_time = footprints.time[j]
-                        opening = center_time - 0.5 * duration
-                        closing = center_time + 0.5 * duration
-                        share = float(1.0)
-                        if fastest > 0.0:
-                            opening = wp.max(run_center - 0.5 * run_window, opening)
-                            closing = wp.min(run_center + 0.5 * run_window, closing)
-                            share = run_window
-                        length = closing - opening
-                        if length <= 1.0e-6 * share * duration:
-                            last = start
-                        middle_time = 0.5 * (opening + closing)
-                        since = middle_time - time
-                        part = length / duration
-                        late = (middle_time - center_time) / duration
-                        motion_then = footprints.dxdt[j]
-                        center += late * motion_then
-                        if wp.static(curved):
-                            bend = footprints.bend[j]
-                            jerk = footprints.jerk[j]
-                            stretch = footprints.stretch[j]
-                            center += (0.5 * late * late) * (bend + (late / 3.0) * jerk)
-                            motion_then += late * (bend + (0.5 * late) * jerk)
-                            bend += late * jerk
-                            if late != 0.0:
-                                # The same way, told from the middle of the part.
-                                grown = wp.identity(n=2, dtype=float) + late * stretch
-                                inverse = wp.inverse(grown)
-                                shrunk_u = inverse[0, 0] * row_u + inverse[0, 1] * row_v
-                                row_v = inverse[1, 0] * row_u + inverse[1, 1] * row_v
-                                row_u = shrunk_u
-                                density = density * wp.abs(wp.determinant(inverse))
-                                way.box = wp.vec2(inverse[0, 0] * way.box[0], inverse[1, 1] * way.box[1])
-                                stretch = inverse * stretch
-                            way.bend = (part * part) * wp.vec2(wp.dot(row_u, bend), wp.dot(row_v, bend))
-                            way.jerk = (part * part * part) * wp.vec2(wp.dot(row_u, jerk), wp.dot(row_v, jerk))
-                            way.stretch = part * stretch
-                        swept = part * motion_then - length * run_motion
-                        way.velocity = wp.vec2(wp.dot(row_u, swept), wp.dot(row_v, swept))
-                        density = density * (length / (share * duration))
-                    # Most long thin footprints that lie askew miss the run although their boxes do not.
-                    offset = middle + since * run_motion - center
-                    spread = radius + run_window * fastest
-                    off_u = wp.abs(wp.dot(row_u, offset)) - wp.length(row_u) * spread - 0.5 * wp.abs(way.velocity[0])
-                    off_v = wp.abs(wp.dot(row_v, offset)) - wp.length(row_v) * spread - 0.5 * wp.abs(way.velocity[1])
-                    if wp.static(smooth):
-                        off_u -= way_reach(way, 0) - support
-                        off_v -= way_reach(way, 1) - support
-                    if off_u > support or off_v > support:
-                        last = start
-                    # A footprint much larger than the run is a parabola there; those are added up before they are
-                    # evaluated, so that faint wide ones cost next to nothing.
-                    parabolic = bool(False)
-                    if wp.static(smooth):
-                        finest = wp.max(wp.length(row_u), wp.length(row_v))
-                        step = radius * finest
-                        aside = wp.abs(since - run_since) * LARGEST_DEVIATION * wp.length(run_motion) * finest
-                        uniform = run_receiver >= 0 and narrowest > NARROW_CONE and aside < SMALLEST_STEP
-                        if uniform and step < LARGEST_STEP and last - start > FEWEST_FOR_PARABOLA:
-                            facing = wp.dot(run_normal, n_p)
-                            height = wp.abs(wp.dot(n_p, offset))
-                            thickness = 0.5 * wp.dot(wp.abs(n_p), high - low)
-                            if receiver != run_receiver or facing < NEVER_FACING or height - thickness > slack:
-                                last = start
-                            elif facing > ALWAYS_FACING and height + thickness <= slack:
-                                parabolic = True
-                        if parabolic and last > start:
-                            step = wp.max(step, SMALLEST_STEP)
-                            y_0 = wp.vec2(wp.dot(row_u, offset), wp.dot(row_v, offset))
-                            w_0 = weight(y_0, way)
-                            right = weight(y_0 + wp.vec2(step, 0.0), way)
-                            left = weight(y_0 - wp.vec2(step, 0.0), way)
-                            upper = weight(y_0 + wp.vec2(0.0, step), way)
-                            lower = weight(y_0 - wp.vec2(0.0, step), way)
-                            corner = weight(y_0 + wp.vec2(step, step), way)
-                            slope = ((right - left) * row_u + (upper - lower) * row_v) / (2.0 * step)
-                            bow = (
-                                (0.5 * (right + left) - w_0) * wp.outer(row_u, row_u)
-                                + (0.5 * (upper + lower) - w_0) * wp.outer(row_v, row_v)
-                                + (corner + w_0 - right - upper) * wp.outer(row_u, row_v)
-                            ) / (step * step)
-                            level += w_0 * density
-                            slopes += wp.outer(density, slope)
-                            bow_r += density[0] * bow
-                            bow_g += density[1] * bow
-                            bow_b += density[2] * bow
-                            summed = True
-                            if not wp.static(with_motion):
-                                last = start
-                    for i in range(start, last):
-                        if queries.receiver[i] == receiver:
-                            if wp.dot(queries.normal[i], n_p) > SMALLEST_COSINE:
-                                d = queries.position[i] - center
-                                if wp.static(query_moves):
-                                    d += since * queries.motion[i]
-                                w = float(0.0)
-                                if wp.abs(wp.dot(n_p, d)) <= slack:
-                                    w = weight(wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d)), way)
-                                if w > 0.0:
-                                    added = w * density
-                                    if not parabolic:
-                                        out.irradiance[i] = out.irradiance[i] + added
-                                    if wp.static(with_motion):
-                                        amount = added[0] + added[1] + added[2]
-                                        out.motion[i] = out.motion[i] + amount * footprints.relative[j]
-                                        out.weight[i] = out.weight[i] + amount
-                                        out.photons[i] = out.photons[i] + 1
-                if summed:
-                    for i in range(start, stop):
+                        summed = bool(False)
+                        if wp.static(smooth):
+                            if last > start and is_parabola(run, start, placed, radius, run_since):
+                                facing = wp.dot(run.normal, placed.normal)
+                                height = wp.abs(wp.dot(placed.normal, offset))
+                                thickness = 0.5 * wp.dot(wp.abs(placed.normal), run.high - run.low)
+                                tolerance = placed.plane_tolerance
+                                elsewhere = placed.receiver != run.receiver or height - thickness > tolerance
+                                if elsewhere or facing < NEVER_FACING:
+                                    last = start
+                                elif facing > ALWAYS_FACING and height + thickness <= tolerance:
+                                    summed = True
+
+                            # ---- Add: wide footprints to the parabola of the run
+                            if summed and last > start:
+                                parabola = add_parabola(parabola, placed, offset, radius)
+                                if not wp.static(with_motion):
+                                    last = start
+
+                        # ---- Add: the others to each query
+                        add_to_queries(queries, start, last, placed, footprints.dxdt_relative[j], summed, out)
+                if parabola.used:
+                    for i in range(start, run.stop):
                         if queries.receiver[i] >= 0:
                             d = queries.position[i] - middle
                             if wp.static(query_moves):
-                                d += run_since * (queries.motion[i] - run_motion)
-                            bowed = wp.vec3(wp.dot(d, bow_r * d), wp.dot(d, bow_g * d), wp.dot(d, bow_b * d))
-                            added = level + slopes * d + bowed
-                            out.irradiance[i] = out.irradiance[i] + wp.max(added, wp.vec3(0.0, 0.0, 0.0))
-            start = stop
+                                d += run_since * (queries.motion[i] - run.window.motion)
+                            out.irradiance[i] = out.irradiance[i] + parabola_at(parabola, d)
+            start = run.stop
 
     return gather
-
-
-@dataclass(frozen=True)
-class GatherForm:
-    """How footprints are evaluated: kernel of Table 1 or B-spline, shutter or swept, time filter of Eq. 9."""
-
-    kernel: str = "bspline"
-    form: str = "shutter"
-    time_filter: str = "none"
-
-
-@dataclass
-class Irradiance:
-    """Irradiance at queries, in the tracer's units.
-
-    Attributes:
-        irradiance: [n, 3], W per square unit.
-        motion: Sum of D_t x over the whole shutter weighted by ``weight``, [n, 3]; None unless asked for.
-        weight: Sum of weights, [n].
-        photons: Footprints overlapping, [n].
-    """
-
-    irradiance: np.ndarray
-    motion: np.ndarray | None = None
-    weight: np.ndarray | None = None
-    photons: np.ndarray | None = None
 
 
 def gather(
@@ -373,20 +268,37 @@ def gather(
         with_motion: Whether the flux-weighted D_t x and the number of footprints are wanted.
     """
     count = queries.position.shape[0]
+    out = irradiance_arrays(count, with_motion, launcher)
+    if footprints.count:
+        moves = footprints.moves or query_moves
+        kernel = gather_kernel(form, moves, footprints.curved, query_moves, with_motion)
+        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.duration, footprints.run_size]
+        inputs = [*photons, time_window(time, window), count, queries, out]
+        launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)
+    return irradiance_of(out, footprints.duration, with_motion)
+
+
+def time_window(time: float, window: tuple[float, float]) -> TimeWindow:
+    """The window of queries that stand at ``time`` and look over the part ``window`` (middle, length)."""
+    out = TimeWindow()
+    out.time, (out.center, out.length) = time, window
+    return out
+
+
+def irradiance_arrays(count: int, with_motion: bool, launcher: Launcher) -> IrradianceArrays:
+    """Zeroed sums for ``count`` queries."""
     out = IrradianceArrays()
     out.irradiance = launcher.zeros(count, wp.vec3)
     extra = count if with_motion else 0
     out.motion, out.weight = launcher.zeros(extra, wp.vec3), launcher.zeros(extra, wp.float32)
     out.photons = launcher.zeros(extra, wp.int32)
-    if footprints.count:
-        moves = footprints.moves or query_moves
-        footprint = (form.kernel, form.form, form.time_filter, moves, footprints.curved)
-        kernel = gather_kernel(*footprint, query_moves, with_motion)
-        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.duration, footprints.reach]
-        inputs = [*photons, time, *window, count, queries, out]
-        launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)
+    return out
+
+
+def irradiance_of(sums: IrradianceArrays, duration: float, with_motion: bool) -> Irradiance:
+    """The sums on the host; D_t x is scaled from a footprint's own part of the shutter to the whole of it."""
     if not with_motion:
-        return Irradiance(out.irradiance.numpy())
+        return Irradiance(sums.irradiance.numpy())
     return Irradiance(
-        out.irradiance.numpy(), out.motion.numpy() / footprints.duration, out.weight.numpy(), out.photons.numpy()
+        sums.irradiance.numpy(), sums.motion.numpy() / duration, sums.weight.numpy(), sums.photons.numpy()
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tpdwarp.errors import logger
 from tpdwarp.io.frame_names import frame_text
-from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.scene.requirements import requirements_of
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import tpdwarp
-from tpdwarp.io.float32 import single
+from tpdwarp.io.float32 import to_float32
 from tpdwarp.rendering.error_target import ErrorTarget
+from tpdwarp.rendering.frame import Frame
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
-
-if TYPE_CHECKING:
-    from tpdwarp.rendering.frame import Frame
-    from tpdwarp.usd.read.stage import StageScene
+from tpdwarp.usd.read.stage import StageScene
 
 
 def frame_metadata(
@@ -52,11 +50,11 @@ def frame_metadata(
         "tpdwarp:seed": settings.seed,
         "tpdwarp:renderSeconds": sum(made.seconds.values()),
         "tpdwarp:photons": len(made.photons),
-        "tpdwarp:fluxSent": float(single(energy.sent)),
-        "tpdwarp:fluxDeposited": float(single(energy.deposited)),
-        "tpdwarp:fluxEscaped": float(single(energy.escaped)),
-        "tpdwarp:fluxAbsorbed": float(single(energy.absorbed)),
-        "tpdwarp:fluxLost": float(single(energy.lost_total)),
+        "tpdwarp:fluxSent": float(to_float32(energy.sent)),
+        "tpdwarp:fluxDeposited": float(to_float32(energy.deposited)),
+        "tpdwarp:fluxEscaped": float(to_float32(energy.escaped)),
+        "tpdwarp:fluxAbsorbed": float(to_float32(energy.absorbed)),
+        "tpdwarp:fluxLost": float(to_float32(energy.lost_total)),
     }
     if target is not None:
         metadata |= {"tpdwarp:targetError": target.wanted, "tpdwarp:expectedError": target.expected}

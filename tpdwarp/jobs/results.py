@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.rendering.error_target import ErrorTarget
 
 

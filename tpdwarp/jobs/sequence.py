@@ -22,6 +22,7 @@ from tpdwarp.jobs.progress import Progress, progress_of
 from tpdwarp.jobs.results import FrameOutcome, SequenceResult
 from tpdwarp.jobs.statistics import statistics_of, write_statistics
 from tpdwarp.photons.record import PhotonRecord
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.error_target import ErrorTarget, settled
 from tpdwarp.rendering.frame import render_frame, trace_frame
 from tpdwarp.scene.description import Shutter
@@ -87,13 +88,14 @@ def render(
     watch = EnergyWatch(source)
     chosen, target = _settled(source, chosen)
     layer = None if debug_layer is None else _debug_layer(debug_layer, source, chosen, wanted, curves)
+    context = _LazyContext(source, chosen)
 
     def render_one(frame: float) -> FrameOutcome:
         shutter, path = shutter_of(source, frame, chosen), names.path(frame)
         skipped = skip_existing and _is_complete(path)
         if skipped and layer is None:
             return FrameOutcome(frame, "skipped", path)
-        made = trace_frame(source, shutter, chosen) if skipped else render_frame(source, shutter, chosen, width, height)
+        made = trace_frame(context(), shutter) if skipped else render_frame(context(), shutter, width, height)
         watch(frame, shutter, made.energy)
         # The image first: a debug layer that cannot be written makes the frame fail, but costs no image.
         if not skipped:
@@ -133,10 +135,11 @@ def write_photons(
     chosen, target = _settled(source, chosen)
     writer = _debug_layer(layer, source, chosen, wanted, curves)
     watch = EnergyWatch(source)
+    context = _LazyContext(source, chosen)
 
     def trace_one(frame: float) -> FrameOutcome:
         shutter = shutter_of(source, frame, chosen)
-        traced = trace_frame(source, shutter, chosen)
+        traced = trace_frame(context(), shutter)
         watch(frame, shutter, traced.energy)
         writer.add_frame(frame, traced.photons, chosen.smoothing)
         return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
@@ -160,7 +163,20 @@ def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecor
     chosen = chosen_settings(settings)
     source = open_scene(scene, chosen, math.isnan(frame))
     chosen, _ = _settled(source, chosen)
-    return trace_frame(source, shutter_of(source, frame, chosen), chosen).photons
+    return trace_frame(RenderContext(source, chosen), shutter_of(source, frame, chosen)).photons
+
+
+class _LazyContext:
+    """The context of a sequence, made by its first frame: what cannot be used fails frames, not the sequence."""
+
+    def __init__(self, source: StageScene, settings: Settings) -> None:
+        self._source, self._settings = source, settings
+        self._context: RenderContext | None = None
+
+    def __call__(self) -> RenderContext:
+        if self._context is None:
+            self._context = RenderContext(self._source, self._settings)
+        return self._context
 
 
 def chosen_settings(changes: Mapping[str, Any]) -> Settings:

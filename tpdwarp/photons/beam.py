@@ -21,7 +21,10 @@ from tpdwarp.scene.device.intersection import Hit, normal_variation, shading_nor
 
 @wp.struct
 class Beam:
-    """Ray x, ω and its columns; ``lift`` moves the start off the surface left, ``grain`` is as in :class:`Hit`."""
+    """Ray x, ω and its columns D_a x, D_a ω.
+
+    ``offset`` moves the start off the surface that the beam left, ``magnitude`` is as in :class:`Hit`.
+    """
 
     x: wp.vec3
     w: wp.vec3
@@ -31,8 +34,8 @@ class Beam:
     dwdu: wp.vec3
     dwdv: wp.vec3
     dwdt: wp.vec3
-    lift: wp.vec3
-    grain: wp.vec3
+    offset: wp.vec3
+    magnitude: wp.vec3
 
 
 @wp.struct
@@ -51,8 +54,8 @@ class Interface:
 
 
 @wp.func
-def arrive(beam: Beam, hit: Hit, moves: bool) -> Beam:
-    """Transfers the beam's position and its columns to ``hit``; directions stay."""
+def transfer_to(beam: Beam, hit: Hit, moves: bool) -> Beam:
+    """Transfers the beam's position and its columns to ``hit`` (Eqs. 3, 4); directions stay."""
     still = wp.vec3(0.0, 0.0, 0.0)
     out = beam
     out.x = hit.position
@@ -64,8 +67,11 @@ def arrive(beam: Beam, hit: Hit, moves: bool) -> Beam:
 
 
 @wp.func
-def meet(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool) -> Interface:
-    """Orientation, Snell and Fresnel at ``hit``, by the shading normal where that is consistent."""
+def interface_at(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool) -> Interface:
+    """Orientation, Snell's law and Fresnel's at ``hit``, by the shading normal where that is consistent.
+
+    Total internal reflection is decided here: the reflectance stays one where cos²θ_t is negative.
+    """
     at = Interface()
     at.side = -wp.sign(wp.dot(hit.n_g, w))
     n_g = at.side * hit.n_g
@@ -97,31 +103,31 @@ def meet(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool
 
 
 @wp.func
-def leave(surfaces: Surfaces, arrived: Beam, hit: Hit, at: Interface, reflected: bool, moves: bool) -> Beam:
+def scatter(surfaces: Surfaces, incident: Beam, hit: Hit, at: Interface, reflected: bool, moves: bool) -> Beam:
     """The beam after reflection or refraction: new ω and D_a ω; positions and their columns pass unchanged."""
     s = shading_normal(surfaces, hit, at.flat, moves)
-    w = arrived.w
-    dndu = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, arrived.dxdu))
-    dndv = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, arrived.dxdv))
-    out = arrived
+    w = incident.w
+    dndu = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, incident.dxdu))
+    dndv = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, incident.dxdv))
+    out = incident
     if reflected:
         out.w = reflect(w, at.n)
-        out.dwdu = reflect_differential(w, at.n, arrived.dwdu, dndu)
-        out.dwdv = reflect_differential(w, at.n, arrived.dwdv, dndv)
-        out.lift = hit.lift * at.side * hit.n_g
+        out.dwdu = reflect_differential(w, at.n, incident.dwdu, dndu)
+        out.dwdv = reflect_differential(w, at.n, incident.dwdv, dndv)
+        out.offset = hit.offset * at.side * hit.n_g
     else:
         out.w = refract(w, at.n, at.eta, at.cos_t)
-        out.dwdu = refract_differential(w, at.n, at.eta, at.cos_t, arrived.dwdu, dndu)
-        out.dwdv = refract_differential(w, at.n, at.eta, at.cos_t, arrived.dwdv, dndv)
-        out.lift = -hit.lift * at.side * hit.n_g
+        out.dwdu = refract_differential(w, at.n, at.eta, at.cos_t, incident.dwdu, dndu)
+        out.dwdv = refract_differential(w, at.n, at.eta, at.cos_t, incident.dwdv, dndv)
+        out.offset = -hit.offset * at.side * hit.n_g
     if moves:
         dndt = at.side * normal_differential(
-            s.n, s.length, normal_variation(s, hit, arrived.dxdt - hit.motion) + s.rate
+            s.n, s.length, normal_variation(s, hit, incident.dxdt - hit.motion) + s.rate
         )
         if reflected:
-            out.dwdt = reflect_differential(w, at.n, arrived.dwdt, dndt)
+            out.dwdt = reflect_differential(w, at.n, incident.dwdt, dndt)
         else:
-            out.dwdt = refract_differential(w, at.n, at.eta, at.cos_t, arrived.dwdt, dndt)
+            out.dwdt = refract_differential(w, at.n, at.eta, at.cos_t, incident.dwdt, dndt)
     out.w = wp.normalize(out.w)
-    out.grain = hit.grain
+    out.magnitude = hit.magnitude
     return out

@@ -1,4 +1,4 @@
-"""How much finer the lattice of a distant light should be along its u than along its v.
+"""Lattice aspect ratio: how much finer the lattice of a distant light should be along its u than along its v.
 
 Where specular surfaces bend light in one direction only, as a swell or a rod does, the light on the receiver varies in
 that direction alone, and photons side by side in the other tell the same. The blur of footprints goes with h_u² G_u +
@@ -16,7 +16,8 @@ import numpy as np
 
 from tpdwarp.scene.description import Interaction, LightAtShutter, MeshAtShutter, SceneAtShutter
 
-MOST = 16.0
+# Ratios beyond this gain nothing more: light varies along the other direction, too.
+LARGEST_ASPECT = 16.0
 # Where light grazes, normals turn without bound along its plane.
 LEAST_COSINE = 0.25
 # How much a sheet's area in the plane of the light may differ from that of the rectangle around it.
@@ -33,7 +34,7 @@ def specular_faces(mesh: MeshAtShutter) -> np.ndarray:
     return special[mesh.triangle_materials]
 
 
-def elongation(views: Iterable[tuple[LightAtShutter, SceneAtShutter]]) -> float:
+def lattice_aspect(views: Iterable[tuple[LightAtShutter, SceneAtShutter]]) -> float:
     """h_v/h_u over all stills, a power of two from 1/16 to 16; one where no direction stands out."""
     along_u = along_v = 0.0
     for light, scene in views:
@@ -46,9 +47,9 @@ def elongation(views: Iterable[tuple[LightAtShutter, SceneAtShutter]]) -> float:
                 along_u, along_v = along_u + u, along_v + v
     if along_u + along_v < FLAT**2:
         return 1.0
-    least = (along_u + along_v) / MOST**4
+    least = (along_u + along_v) / LARGEST_ASPECT**4
     ratio = math.sqrt(max(along_u, least) / max(along_v, least))
-    return 2.0 ** round(math.log2(min(max(ratio, 1.0 / MOST), MOST)))
+    return 2.0 ** round(math.log2(min(max(ratio, 1.0 / LARGEST_ASPECT), LARGEST_ASPECT)))
 
 
 def _is_sheet(meshes: list[MeshAtShutter], axes: np.ndarray) -> bool:

@@ -1,10 +1,13 @@
-"""Photons as the world sees them after tracing: plain arrays in scene units, and the account of their energy."""
+"""Photons as the world sees them after tracing: plain arrays in scene units."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+
+from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.photon_map import PhotonMap, joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,45 +43,35 @@ class PhotonRecord:
         return len(self.ids)
 
 
-@dataclass
-class EnergyAccount:
-    """Where the flux went, in watts summed over the three channels: sent = deposited + escaped + absorbed + lost.
+def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]) -> PhotonRecord:
+    """The photons of a whole shutter in scene units; ids of later maps follow those of earlier ones.
 
-    Attributes:
-        sent: Flux that met a specular surface first. Light that meets a diffuse surface first is direct light.
-        deposited: Flux left on diffuse surfaces.
-        escaped: Flux that left the scene after a specular interaction.
-        absorbed: Flux taken by tinted mirrors.
-        lost: Flux given up, by cause.
-        counts: Photons emitted, landed, and other tallies.
+    ``dxdt`` is D_t x' − q̇, relative to the receiver's own motion (the paper, section 2: velocity is relative).
+
+    Args:
+        maps: At least one, with the lattices that it comes from.
+        paths: Prim paths of the objects.
     """
-
-    sent: float = 0.0
-    deposited: float = 0.0
-    escaped: float = 0.0
-    absorbed: float = 0.0
-    lost: dict[str, float] = field(default_factory=dict)
-    counts: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def lost_total(self) -> float:
-        return sum(self.lost.values())
-
-    def add(self, other: EnergyAccount) -> None:
-        """Adds another account to this one."""
-        for name in ("sent", "deposited", "escaped", "absorbed"):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
-        for mine, theirs in ((self.lost, other.lost), (self.counts, other.counts)):
-            for cause, value in theirs.items():
-                mine[cause] = mine.get(cause, 0) + value
-
-    def as_dict(self) -> dict[str, object]:
-        """The account as plain JSON values."""
-        return {
-            "sent": self.sent,
-            "deposited": self.deposited,
-            "escaped": self.escaped,
-            "absorbed": self.absorbed,
-            "lost": dict(self.lost),
-            "counts": dict(self.counts),
+    norm = maps[0][1].normalization
+    ids = sum(plan.id_count for _, plan in maps)
+    first = 0
+    rows: dict[str, list[np.ndarray]] = {}
+    for photons, plan in maps:
+        mask, cell = np.divmod(photons.ids, plan.id_count)
+        relative = (photons.dxdt - photons.receiver_motion) / photons.duration
+        values = {
+            "ids": mask * ids + first + cell,
+            "positions": norm.world_points(photons.position),
+            "normals": photons.normal.astype(np.float64),
+            "dxdu": norm.world_vectors(photons.dxdu),
+            "dxdv": norm.world_vectors(photons.dxdv),
+            "dxdt": norm.world_vectors(relative),
+            "flux": norm.power * photons.flux.astype(np.float64),
+            "emission": photons.emission.astype(np.float64),
+            "bounces": photons.bounces,
+            "receivers": photons.receiver,
         }
+        for name, value in values.items():
+            rows.setdefault(name, []).append(value)
+        first += plan.id_count
+    return PhotonRecord(**{name: joined(parts) for name, parts in rows.items()}, receiver_paths=paths)

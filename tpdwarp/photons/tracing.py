@@ -1,10 +1,7 @@
 """Tracing photons with their differentials through specular surfaces to the diffuse surface where they land.
 
-At a dielectric both branches are followed. A path is named by a mask whose bit b says that the photon was reflected at
-interaction b where it could also have been refracted; the first pass traces mask 0 (always refracted) and reports the
-interactions whose reflected share is worth following, which the next passes trace from the light again. So every path
-has an identity that stays the same from frame to frame, every photon of a pass is independent of all others, and the
-flux of a branch is exact rather than a matter of chance.
+One thread follows one path of one photon (see :mod:`tpdwarp.photons.branching`): emission, transfer to the next surface
+(Eqs. 3 and 4 of the paper), reflection or refraction there, until a diffuse surface takes it.
 """
 
 from __future__ import annotations
@@ -18,17 +15,23 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.photons.beam import arrive, leave, meet
+from tpdwarp.photons.beam import interface_at, scatter, transfer_to
+from tpdwarp.photons.branching import first_open_interaction, reported_paths, take_branch
 from tpdwarp.photons.differentials import riding_shift
-from tpdwarp.photons.emission import EmissionPlan, Patch, cell_flux, emit
-from tpdwarp.photons.record import EnergyAccount, PhotonRecord
-from tpdwarp.scene.description import SceneAtShutter
+from tpdwarp.photons.emission import Patch, cell_flux, emit
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.lattices import EmissionPlan, Lattice
+from tpdwarp.photons.photon_map import PhotonMap, joined
+from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, occluded
 from tpdwarp.scene.requirements import Requirements
 
+# Reflected branches below this part of the emitted flux are given up and accounted as lost.
 SMALLEST_BRANCH = 2.0e-3
-DIELECTRIC = wp.constant(1)
+DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
+DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
+# Rays end there, in the tracer's units, in which the scene is of unit size.
 FAR = wp.constant(1.0e6)
 
 
@@ -40,6 +43,13 @@ class Fate(IntEnum):
     ESCAPED = 2
     DEPTH = 3
     NONFINITE = 4
+
+
+FATE_DIRECT = wp.constant(int(Fate.DIRECT))
+FATE_DEPOSITED = wp.constant(int(Fate.DEPOSITED))
+FATE_ESCAPED = wp.constant(int(Fate.ESCAPED))
+FATE_DEPTH = wp.constant(int(Fate.DEPTH))
+FATE_NONFINITE = wp.constant(int(Fate.NONFINITE))
 
 
 @wp.struct
@@ -59,10 +69,9 @@ class PhotonArrays:
     emission: wp.array(dtype=wp.vec2)
     shift: wp.array(dtype=wp.vec2)
     receiver: wp.array(dtype=wp.int32)
-    entry: wp.array(dtype=wp.int32)
     bounces: wp.array(dtype=wp.int32)
     fate: wp.array(dtype=wp.int32)
-    branches: wp.array(dtype=wp.int32)
+    reported: wp.array(dtype=wp.int32)
     retried: wp.array(dtype=wp.int32)
 
 
@@ -75,14 +84,26 @@ class TracingVariant:
     reflection: bool
     riding: bool
     jittered: bool
-    choosy: bool
+
+
+@wp.func
+def start_of(surfaces: Surfaces, patch: Patch, x: wp.vec3, w: wp.vec3, offset: wp.vec3) -> float:
+    """Where along a beam to begin: what is tiny is met from nearby, unless something stands before it.
+
+    Rays from afar round like their way, so that they miss what is small beside it.
+    """
+    start = patch.start
+    if patch.near > start:
+        if not occluded(surfaces, along(x, w, start), w, offset, patch.near - start):
+            start = patch.near
+    return start
 
 
 @cache
 def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     """The kernel that traces one path of one photon, specialised by what the scene requires."""
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
-    both, riding, choosy = variant.refraction and variant.reflection, variant.riding and variant.moves, variant.choosy
+    both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -93,7 +114,6 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         # In
         cells: wp.array(dtype=wp.int32),
         masks: wp.array(dtype=wp.int32),
-        taken: wp.array(dtype=wp.int32),
         bounces: int,
         smallest_branch: float,
         seed: int,
@@ -101,101 +121,92 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         out: PhotonArrays,
     ):
         i = base + wp.tid()
+
+        # ---- Emission
         cell = cells[i]
-        mask = masks[i]
         index_u = patch.first_u + cell % patch.count_u
         index_v = patch.first_v + cell // patch.count_u
         stream = wp.rand_init(seed, index_u * 65537 + index_v)
-        offset = wp.vec2(0.5, 0.5)
+        place_in_cell = wp.vec2(0.5, 0.5)
         if wp.static(jittered):
-            offset = wp.vec2(wp.randf(stream), wp.randf(stream))
-        coordinates = wp.vec2(float(index_u), float(index_v)) + offset
+            place_in_cell = wp.vec2(wp.randf(stream), wp.randf(stream))
+        coordinates = wp.vec2(float(index_u), float(index_v)) + place_in_cell
         beam = emit(patch, coordinates)
         emitted = cell_flux(patch, coordinates)
         flux = emitted
         absorbed = wp.vec3(0.0, 0.0, 0.0)
         culled = wp.vec3(0.0, 0.0, 0.0)
-        branches = int(0)
-        fate = int(3)
+        mask = masks[i]
+        first_open = first_open_interaction(mask)
+        cutoff = smallest_branch * wp.max(emitted)
+        reported = int(0)
+        fate = int(FATE_DEPTH)
         count = int(0)
         retried = int(0)
-        # Branches before the last one taken belong to the paths that spawned this one.
-        newest = int(0)
-        while (mask >> newest) > 0:
-            newest += 1
-
-        start = patch.start
-        if patch.near > start:
-            # What is tiny is met from nearby, unless something stands before it: rays from afar round like their way.
-            if not occluded(surfaces, along(beam.x, beam.w, start), beam.w, beam.lift, patch.near - start):
-                start = patch.near
-        beam.grain = patch.grain
+        start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
+        beam.magnitude = patch.magnitude
 
         for bounce in range(bounces + 1):
-            hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, beam.grain, start, FAR, wp.static(moves), stream)
+            # ---- Transfer to the next surface (Eqs. 3, 4)
+            hit = closest_hit(
+                surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, FAR, wp.static(moves), stream
+            )
             if hit.triangle < 0:
                 if count > 0:
-                    fate = 2
+                    fate = FATE_ESCAPED
                 else:
-                    fate = 0
+                    fate = FATE_DIRECT
                 break
             retried += hit.retried
-            beam = arrive(beam, hit, wp.static(moves))
+            beam = transfer_to(beam, hit, wp.static(moves))
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
-            if interaction == 0:
-                fate = 0
+
+            # ---- A diffuse surface takes it
+            if interaction == DIFFUSE:
+                fate = FATE_DIRECT
                 if count > 0:
-                    fate = 1
+                    fate = FATE_DEPOSITED
                     out.receiver[i] = surfaces.object_of[hit.triangle]
                     out.normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
                     out.receiver_motion[i] = hit.motion
                 break
             if bounce == bounces:
                 break
-            if count == 0:
-                entry = surfaces.object_of[hit.triangle]
-                out.entry[i] = entry
-                if wp.static(choosy):
-                    if taken[entry] == 0:
-                        fate = 0
-                        break
-                if wp.static(riding):
+
+            # ---- Riding on the first specular surface (beyond the paper)
+            if wp.static(riding):
+                if count == 0:
                     shift = riding_shift(beam.dxdu, beam.dxdv, hit.n_g, hit.motion - beam.dxdt)
                     beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
                     beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
                     out.shift[i] = shift
+
+            # ---- Reflection or refraction
             dielectric = wp.static(refraction)
             if wp.static(both):
                 dielectric = interaction == DIELECTRIC
-            at = meet(surfaces, hit, beam.w, dielectric, wp.static(moves))
+            at = interface_at(surfaces, hit, beam.w, dielectric, wp.static(moves))
             reflected = True
             if dielectric:
-                if at.reflectance < 1.0:
-                    reflected = (mask & (1 << bounce)) != 0
-                    share = flux * at.reflectance
-                    if reflected:
-                        flux = share
-                    else:
-                        flux = flux - share
-                        if bounce >= newest:
-                            if wp.max(share) >= smallest_branch * wp.max(emitted):
-                                branches = branches | (1 << bounce)
-                            else:
-                                culled += share
+                branch = take_branch(mask, bounce, first_open, at.reflectance, flux, cutoff)
+                reflected = branch.reflected
+                flux = branch.throughput
+                reported = reported | branch.reported
+                culled += branch.culled
             else:
                 tinted = wp.cw_mul(flux, surfaces.tint[material])
-                if bounce >= newest:
+                if bounce >= first_open:
                     absorbed += flux - tinted
                 flux = tinted
-            beam = leave(surfaces, beam, hit, at, reflected, wp.static(moves))
+            beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
             start = 0.0
             count += 1
 
-        if fate == 1:
+        if fate == FATE_DEPOSITED:
             size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
             if not wp.isfinite(size):
-                fate = 4
+                fate = FATE_NONFINITE
         out.position[i] = beam.x
         out.dxdu[i] = beam.dxdu
         out.dxdv[i] = beam.dxdv
@@ -207,61 +218,14 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         out.emission[i] = coordinates
         out.bounces[i] = count
         out.fate[i] = fate
-        out.branches[i] = branches
+        out.reported[i] = reported
         out.retried[i] = retried
 
     return trace_photons
 
 
-@dataclass
-class Curve:
-    """How D_t x and the footprints of photons change from the opening to the closing of the shutter, beyond the paper.
-
-    Attributes:
-        dxdtt, dxdttt: D_tt x and D_ttt x, each [n, 3].
-        dxdut, dxdvt: D_t D_u x and D_t D_v x, each [n, 3].
-    """
-
-    dxdtt: np.ndarray
-    dxdttt: np.ndarray
-    dxdut: np.ndarray
-    dxdvt: np.ndarray
-
-
-@dataclass
-class PhotonMap:
-    """Photons deposited over one (sub-)shutter, in the tracer's units; all arrays have one row a photon.
-
-    ``dxdt`` [n, 3] is the world displacement over ``duration`` of the shutter, centred at ``time`` (−½ … ½); ``shift``
-    [n, 2] the lattice steps by which a photon that rides on its surface moves over it on the light; ``curve`` tells how
-    its way is bent, None where it is straight; ``entry`` and ``receiver`` [n] number the objects that it met first and
-    last.
-    """
-
-    ids: np.ndarray
-    position: np.ndarray
-    normal: np.ndarray
-    dxdu: np.ndarray
-    dxdv: np.ndarray
-    dxdt: np.ndarray
-    receiver_motion: np.ndarray
-    flux: np.ndarray
-    emission: np.ndarray
-    shift: np.ndarray
-    receiver: np.ndarray
-    entry: np.ndarray
-    bounces: np.ndarray
-    curve: Curve | None = None
-    time: float = 0.0
-    duration: float = 1.0
-
-    def __len__(self) -> int:
-        return len(self.ids)
-
-
-_FIELDS = (
-    "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver",
-    "entry", "bounces",
+_COLUMNS = (
+    "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver", "bounces",
 )  # fmt: skip
 
 
@@ -278,7 +242,6 @@ def trace_photons(
     weight: float = 1.0,
     smallest_branch: float = SMALLEST_BRANCH,
     chosen: Callable[[Patch], np.ndarray] | None = None,
-    taken: Callable[[str], bool] | None = None,
 ) -> tuple[PhotonMap, EnergyAccount]:
     """Traces the lattice photons of ``plan`` through ``geometry``.
 
@@ -288,27 +251,17 @@ def trace_photons(
         weight: Part of the frame's exposure that these photons stand for; scales all flux.
         smallest_branch: Reflected branches below this fraction of the emitted flux are given up and accounted lost.
         chosen: Gives the cells of a patch to emit (u + count_u · v from its first cell); None emits all.
-        taken: Tells by its path whether photons that meet a mesh first are wanted; None wants all. Those that are not
-            wanted are not counted as sent.
 
     Returns:
         The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
     """
     account = EnergyAccount()
     landed: list[dict[str, np.ndarray]] = []
-    kernel = tracing_kernel(
-        TracingVariant(
-            requirements.photon_motion,
-            requirements.refraction,
-            requirements.reflection,
-            riding,
-            jittered,
-            choosy=taken is not None,
-        )
+    variant = TracingVariant(
+        requirements.photon_motion, requirements.refraction, requirements.reflection, riding, jittered
     )
-    wanted = np.array([taken is None or taken(path) for path in geometry.paths], np.int32)
-    wanted = launcher.array(wanted if taken else wanted[:0], wp.int32)
-    for lattice, patch in plan.patches(scene, taken):
+    kernel = tracing_kernel(variant)
+    for lattice, patch in plan.patches(scene):
         patch.power = weight * patch.power
         cells = chosen(patch) if chosen else np.arange(patch.count_u * patch.count_v)
         cells = cells.astype(np.int32)
@@ -317,29 +270,25 @@ def trace_photons(
         while len(cells):
             out = launcher.rows(PhotonArrays, len(cells))
             inputs = [geometry.surfaces, patch, launcher.array(cells, wp.int32), launcher.array(masks, wp.int32)]
-            launcher(kernel, len(cells), [*inputs, wanted, requirements.bounces, smallest_branch, seed, out])
-            fate, branches = out.fate.numpy(), out.branches.numpy()
+            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
+            fate, reported = out.fate.numpy(), out.reported.numpy()
             _tally(account, out, fate, masks, plan.normalization.power)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
             if len(keep):
-                rows = {name: getattr(out, name).numpy()[keep] for name in _FIELDS}
+                rows = {name: getattr(out, name).numpy()[keep] for name in _COLUMNS}
                 rows["ids"] = _ids(rows["emission"], masks[keep], lattice, plan.id_count)
                 landed.append(rows)
-            cells, masks = next_paths(cells, masks, branches)
+            cells, masks = reported_paths(cells, masks, reported)
             # Before the next pass makes its own.
-            del out, inputs, fate, branches
+            del out, inputs, fate, reported
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
-        return _empty(), account
-    return PhotonMap(**{name: joined([rows[name] for rows in landed]) for name in ("ids", *_FIELDS)}), account
-
-
-def joined(parts: list[np.ndarray]) -> np.ndarray:
-    """The rows of all ``parts``; a single one is not copied, for ten million photons fill memory."""
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        return PhotonMap.empty(), account
+    return PhotonMap(**{name: joined([rows[name] for rows in landed]) for name in ("ids", *_COLUMNS)}), account
 
 
 def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: np.ndarray, unit: float) -> None:
+    """Adds one pass to the account; ``unit`` is the tracer's unit of power [W]."""
     flux = unit * out.flux.numpy().sum(axis=1, dtype=np.float64)
     specular = fate != Fate.DIRECT
     # Counted at the light, not added up from where it went: so the account can show that something is missing.
@@ -359,58 +308,8 @@ def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: n
             account.lost[cause] = account.lost.get(cause, 0.0) + float(value)
 
 
-def _ids(emission: np.ndarray, masks: np.ndarray, lattice, id_count: int) -> np.ndarray:
+def _ids(emission: np.ndarray, masks: np.ndarray, lattice: Lattice, id_count: int) -> np.ndarray:
+    """Identities of photons: their cell in the lattice and their path, shape [n] int64."""
     cell = np.floor(emission).astype(np.int64)
     u, v = cell[:, 0] % lattice.wrap[0], cell[:, 1] % lattice.wrap[1]
     return masks.astype(np.int64) * id_count + lattice.first_id + v * lattice.wrap[0] + u
-
-
-def next_paths(cells: np.ndarray, masks: np.ndarray, branches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Every reported branch becomes a path of its own, in order of interaction, then of photon."""
-    next_cells, next_masks = [], []
-    for bounce in range(int(branches.max(initial=0)).bit_length()):
-        chosen = np.flatnonzero(branches & (1 << bounce))
-        next_cells.append(cells[chosen])
-        next_masks.append(masks[chosen] | np.int32(1 << bounce))
-    if not next_cells:
-        return cells[:0], masks[:0]
-    return np.concatenate(next_cells), np.concatenate(next_masks)
-
-
-def _empty() -> PhotonMap:
-    three, two = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
-    whole = np.zeros(0, np.int32)
-    threes, wholes = [three] * 7, [whole] * 3
-    return PhotonMap(np.zeros(0, np.int64), *threes, two, two, *wholes)
-
-
-def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]) -> PhotonRecord:
-    """The photons of a whole shutter in scene units; ids of later maps follow those of earlier ones.
-
-    Args:
-        maps: At least one, with the lattices that it comes from.
-        paths: Prim paths of the objects.
-    """
-    norm = maps[0][1].normalization
-    ids = sum(plan.id_count for _, plan in maps)
-    first = 0
-    rows: dict[str, list[np.ndarray]] = {}
-    for photons, plan in maps:
-        mask, cell = np.divmod(photons.ids, plan.id_count)
-        relative = (photons.dxdt - photons.receiver_motion) / photons.duration
-        values = {
-            "ids": mask * ids + first + cell,
-            "positions": norm.world_points(photons.position),
-            "normals": photons.normal.astype(np.float64),
-            "dxdu": norm.world_vectors(photons.dxdu),
-            "dxdv": norm.world_vectors(photons.dxdv),
-            "dxdt": norm.world_vectors(relative),
-            "flux": norm.power * photons.flux.astype(np.float64),
-            "emission": photons.emission.astype(np.float64),
-            "bounces": photons.bounces,
-            "receivers": photons.receiver,
-        }
-        for name, value in values.items():
-            rows.setdefault(name, []).append(value)
-        first += plan.id_count
-    return PhotonRecord(**{name: joined(parts) for name, parts in rows.items()}, receiver_paths=paths)

@@ -28,8 +28,8 @@ from tpdwarp.errors import logger
 from tpdwarp.rendering.pilot import Pilot
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.fit import FEWEST_GUIDES
-from tpdwarp.trajectories.segments import corners_within, most_corners
+from tpdwarp.trajectories.fit import FEWEST_KEYFRAME_PHOTONS
+from tpdwarp.trajectories.segments import most_breaks_inside, motion_breaks_within
 
 MOST_STILLS = 3
 FIRST_PHOTONS = 64
@@ -37,16 +37,16 @@ FIRST_PHOTONS = 64
 FEWEST_SEEN = 4096
 MOST_PHOTONS = 1 << 23
 MOST_SEGMENTS = 64
-# Corners of motion are met where the shutter is cut into no more equal parts than these.
+# Segments are made to begin at breaks of motion where the shutter is cut into no more equal parts than these.
 MOST_PARTS = 8
 # How errors fall from m to 4m photons: what is believed at least and at most, and before two changes are known.
 FALL = (0.15, 0.7)
 UNKNOWN_FALL = 0.4
 # So many times photons may be quadrupled by the power law beyond those whose error is told by the next.
-FARTHEST = 1.5
-# How errors in time fall from K to 2K segments, at least and at most: bent ways follow the light to third order.
+LARGEST_EXTRAPOLATION = 1.5
+# How errors in time fall from K to 2K segments, at least and at most: curved trajectories are right to third order.
 TIME_FALL = (0.0625, 0.7)
-# And from m to 4m photons: smaller footprints change less while the shutter is open, but their ways err as much.
+# And from m to 4m photons: smaller footprints change less while the shutter is open, but trajectories err as much.
 TIME_FALL_BY_PHOTONS = (0.75, 1.0)
 # Least part of the change with the segments that is taken for one in time.
 LEAST_IN_TIME = 0.25
@@ -114,12 +114,12 @@ def settled(
 
 
 def numbers_of_segments(source: SceneSource, shutters: Sequence[Shutter]) -> tuple[int, ...]:
-    """Numbers of segments to choose from: one, and those that begin where motion turns corners."""
+    """Numbers of segments to choose from: one, and those that begin where motion breaks."""
     moving = [shutter for shutter in shutters if shutter.exposure > 0]
     if not moving:
         return (1,)
-    corners = set().union(*(corners_within(source, shutter) for shutter in moving))
-    fewest = next((count for count in range(1, MOST_PARTS + 1) if not most_corners(corners, count)), 1)
+    breaks = set().union(*(motion_breaks_within(source, shutter) for shutter in moving))
+    fewest = next((count for count in range(1, MOST_PARTS + 1) if not most_breaks_inside(breaks, count)), 1)
     doubled = takewhile(lambda count: count <= MOST_SEGMENTS, (fewest << k for k in itertools.count()))
     return tuple(sorted({1, *doubled}))
 
@@ -148,8 +148,8 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
     def in_time(photons: int, segments: int, fall: float) -> _ErrorInTime:
         if segments not in following:
             return _ErrorInTime(photons, 0.0, 1.0)
-        # With fewer photons than guides are traced for bent ways, these are too few to tell the error in time.
-        enough = min(4 * photons, max(photons, FEWEST_GUIDES))
+        # With fewer photons than are traced for keyframes, these are too few to tell the error in time.
+        enough = min(4 * photons, max(photons, FEWEST_KEYFRAME_PHOTONS))
         jump, coarse = (_change(at(m, segments), at(m, following[segments])) for m in (enough, enough // 4))
         # Its part in space is as much smaller with more photons as the error in space; that in time stays.
         apart = (jump**2 - (fall * coarse) ** 2) / (1.0 - fall**2)
@@ -171,7 +171,7 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
             return math.hypot(space(m), time(m))
 
         if 4 * photons >= FEWEST_SEEN:
-            most = min(4.0**FARTHEST * photons, MOST_PHOTONS / segments)
+            most = min(4.0**LARGEST_EXTRAPOLATION * photons, MOST_PHOTONS / segments)
             if error(most) <= wanted:
                 fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
                 return Choice(fewest, segments, error(fewest))

@@ -1,23 +1,31 @@
-"""One frame: photons, footprints, what the camera sees, and the film."""
+"""One frame, as the method goes: photons, their footprints, what the camera sees, and the film.
+
+    for each part of the exposure that the estimator gives
+        look through the camera         direct light goes to the film
+        gather at what it sees          light from photons goes to the film
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
+from tpdwarp.clock import Clock
 from tpdwarp.estimators import ESTIMATORS
-from tpdwarp.estimators.base import Animation, Clock, LoadedScene
+from tpdwarp.estimators.estimator import IrradianceField, Part
 from tpdwarp.footprints.shaping import PixelSize
-from tpdwarp.photons.emission import EmissionPlan
-from tpdwarp.photons.record import EnergyAccount, PhotonRecord
-from tpdwarp.photons.tracing import PhotonMap, record_of
-from tpdwarp.scene.description import CameraAtShutter, SceneSource, Shutter
-from tpdwarp.settings import Settings
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.record import PhotonRecord, record_of
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.scene.description import CameraAtShutter, Shutter
+from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.view.camera import camera_of, pixel_size
 from tpdwarp.view.film import Film
-from tpdwarp.view.queries import Sight, View
+from tpdwarp.view.queries import CameraView, QueryBatch, SeenPoints
 
 
 @dataclass
@@ -48,87 +56,96 @@ class Frame(Traced):
     camera: CameraAtShutter
 
 
-@lru_cache(maxsize=1)
-def _animation(source: SceneSource, settings: Settings) -> Animation:
-    return Animation(source, settings)
+class _Photons:
+    """The photons of all parts of a frame, and the account of their flux."""
+
+    def __init__(self) -> None:
+        self.energy = EnergyAccount()
+        self._maps: list[tuple[PhotonMap, EmissionPlan]] = []
+
+    def add(self, part: Part) -> None:
+        self.energy.add(part.energy)
+        self._maps += [(photons, part.plan) for photons in part.maps]
+
+    def record(self, scenes: list[LoadedScene]) -> PhotonRecord:
+        return record_of(self._maps, scenes[0].geometry.paths)
 
 
-def trace_frame(source: SceneSource, shutter: Shutter, settings: Settings) -> Traced:
-    """Traces the photons of one shutter."""
+def trace_frame(context: RenderContext, shutter: Shutter) -> Traced:
+    """Traces the photons of one shutter.
+
+    Raises:
+        InputError: The scene cannot be used there.
+    """
     clock = Clock()
-    animation = _animation(source, settings)
-    scenes = animation.load_segments(shutter, clock)
-    energy = EnergyAccount()
-    maps = []
-    for part in ESTIMATORS[settings.estimator]().parts(animation, shutter, scenes, None, clock):
-        energy.add(part.energy)
-        maps += [(photons, part.plan) for photons in part.maps]
-    return Traced(record_of(maps, scenes[0].geometry.paths), energy, clock.seconds)
+    scenes = context.segmentation.load(shutter, clock)
+    photons = _Photons()
+    for part in ESTIMATORS[context.settings.estimator]().parts(context.tracer, shutter, scenes, None, clock):
+        photons.add(part)
+    return Traced(photons.record(scenes), photons.energy, clock.seconds)
 
 
 def render_frame(
-    source: SceneSource, shutter: Shutter, settings: Settings, width: int, height: int, clock: Clock | None = None
+    context: RenderContext, shutter: Shutter, width: int, height: int, clock: Clock | None = None
 ) -> Frame:
     """Renders one frame of ``width`` × ``height`` pixels.
 
     Args:
-        source: The scene; its ``at`` must supply a camera.
+        context: The animation; its source must supply a camera.
+        shutter: The exposure.
         clock: Measures the stages; goes on where it stands.
+
+    Raises:
+        InputError: The scene cannot be used there.
     """
     clock = clock or Clock()
-    return expose(_animation(source, settings), shutter, width, height, clock)
+    settings = context.settings
+    scenes = context.segmentation.load(shutter, clock)
+    camera = middle_camera(scenes)
+    pixel = pixel_of(context, scenes, width, height)
+    film = Film(width, height, settings.samples, context.normalization, camera.exposure_scale, settings.aovs)
+    photons = _Photons()
+    for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
+        view = CameraView(part.scenes, settings, context.normalization, context.launcher, width, height, clock)
+        expose(film, part.light, view.look(), part.weight, clock)
+        photons.add(part)
+        # Before photons are recorded in scene units: ten million footprints take more memory than their photons.
+        del part
+    return Frame(photons.record(scenes), photons.energy, clock.seconds, film.channels(), camera)
 
 
-def expose(animation: Animation, shutter: Shutter, width: int, height: int, clock: Clock) -> Frame:
-    """Renders one frame of an animation."""
-    settings = animation.settings
-    scenes = animation.load_segments(shutter, clock)
-    middle = scenes[len(scenes) // 2].scene.camera
-    film = Film(width, height, settings.samples, animation.normalization, middle.exposure_scale, settings.aovs)
-    view = View(animation, scenes, width, height, clock, settings.estimator == "accumulation")
-    energy, maps = expose_film(film, animation, shutter, scenes, view.sights, view.pixel, clock)
-    record = record_of(maps, scenes[0].geometry.paths)
-    return Frame(record, energy, clock.seconds, film.channels(), middle)
+def middle_camera(scenes: list[LoadedScene]) -> CameraAtShutter:
+    """The camera of the segment in the middle of a shutter."""
+    return scenes[len(scenes) // 2].scene.camera
 
 
-def expose_film(
-    film: Film,
-    animation: Animation,
-    shutter: Shutter,
-    scenes: list[LoadedScene],
-    sights: Callable[[Film | None], Iterable[Sight]],
-    pixel: PixelSize,
-    clock: Clock,
-) -> tuple[EnergyAccount, list[tuple[PhotonMap, EmissionPlan]]]:
-    """Adds to ``film`` what photons leave at the ``sights`` of the scenes of a shutter.
+def expose(
+    film: Film, light: IrradianceField | None, view: Iterable[SeenPoints | QueryBatch], weight: float, clock: Clock
+) -> None:
+    """Adds to ``film`` what the camera sees: direct light as it is seen, light from photons where it is looked up.
 
     Args:
-        sights: What the camera sees; it adds direct light to the film, if it is given one.
-        pixel: What the sights stand for.
-
-    Returns:
-        Where the photons' flux went, and the photons with their lattices.
+        light: The light of photons; None where there is none.
+        view: What the camera sees.
+        weight: Share of the exposure that the view stands for.
     """
-    settings = animation.settings
-    with_motion = bool({"motion", "photons"} & set(settings.aovs))
-    energy = EnergyAccount()
-    maps = []
-    estimator = ESTIMATORS[settings.estimator]()
-    for number, part in enumerate(estimator.parts(animation, shutter, scenes, pixel, clock)):
-        for sight in sights(film if number == 0 else None):
-            if part.light is None:
-                continue
+    for seen in view:
+        if isinstance(seen, SeenPoints):
+            with clock.stage("view"):
+                film.add_view(seen.points, seen.pixels, weight)
+        elif light is not None:
             with clock.stage("gather"):
-                light = part.light.irradiance(
-                    sight.queries,
-                    time=sight.time,
-                    window=sight.window,
-                    query_moves=sight.moves,
-                    with_motion=with_motion,
+                found = light.irradiance(
+                    seen.queries,
+                    time=seen.time,
+                    window=seen.window,
+                    query_moves=seen.moves,
+                    with_motion=film.wants_motion,
                 )
-                film.add_caustic(sight.pixels, sight.weights, sight.first, light)
-        energy.add(part.energy)
-        maps += [(photons, part.plan) for photons in part.maps]
-        # Before photons are told in scene units: ten million footprints take more memory than their photons.
-        del part
-    return energy, maps
+                film.add_caustic(seen.pixels, seen.weights, seen.first, found)
+
+
+def pixel_of(context: RenderContext, scenes: list[LoadedScene], width: int, height: int) -> PixelSize:
+    """What a query stands for in an image of ``width`` × ``height`` pixels over the shutter of ``scenes``."""
+    camera = camera_of(middle_camera(scenes), width, height, context.normalization)
+    return pixel_size(camera, context.settings.samples)

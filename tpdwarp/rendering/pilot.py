@@ -8,17 +8,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpdwarp.estimators.base import Animation, Clock, LoadedScene
-from tpdwarp.footprints.shaping import PixelSize
-from tpdwarp.rendering.frame import expose_film
+from tpdwarp.clock import Clock
+from tpdwarp.device import Launcher
+from tpdwarp.estimators import ESTIMATORS
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.frame import expose, middle_camera, pixel_of
 from tpdwarp.scene.description import SceneSource, Shutter
+from tpdwarp.scene.device.loading import LoadedScene, SceneLoader
 from tpdwarp.settings import Settings
 from tpdwarp.view.film import Film
-from tpdwarp.view.queries import Sight, View
+from tpdwarp.view.queries import CameraView, QueryBatch
 from tpdwarp.view.sampling import pixel_grid
 
 PILOT_PIXELS = 4096
-# Scenes are kept up to so many triangles together.
+# Scenes are kept up to so many triangles together, some 2 GB.
 KEPT_TRIANGLES = 1 << 21
 
 
@@ -38,50 +41,55 @@ class Pilot:
         self._settings = replace(settings, target_error=None, aovs=("caustic",))
         self._shutters, self._size = shutters, (width, height)
         self._pixels = pixel_grid(width, height, PILOT_PIXELS, settings.seed)
-        self._animation = _KeepingAnimation(source, self._settings)
+        loader = _KeepingLoader(source, Launcher(settings.device, settings.threads))
+        self._context = RenderContext(source, self._settings, loader)
         self._seen: dict[tuple[Shutter, int], _Seen] = {}
 
     def __call__(self, photons: int, segments: int) -> np.ndarray:
         """Light from ``photons`` photons in each of ``segments`` segments, shape [frames, n, 3]."""
         tried = replace(self._settings, photons=photons * segments, segments=segments)
-        animation = self._animation.with_settings(tried)
-        return np.stack([self._light(animation, shutter) for shutter in self._shutters])
+        context = self._context.with_settings(tried)
+        return np.stack([self._light(context, shutter) for shutter in self._shutters])
 
-    def _light(self, animation: Animation, shutter: Shutter) -> np.ndarray:
-        settings, clock = animation.settings, Clock()
-        scenes = animation.load_segments(shutter, clock)
+    def _light(self, context: RenderContext, shutter: Shutter) -> np.ndarray:
+        settings, clock = context.settings, Clock()
+        scenes = context.segmentation.load(shutter, clock)
         key = shutter, settings.segments
         if key not in self._seen:
-            self._seen[key] = self._look(animation, scenes, clock)
+            self._seen[key] = self._look(context, scenes, clock)
         seen = self._seen[key]
-        film = Film(len(self._pixels), 1, settings.samples, animation.normalization, seen.scale, settings.aovs)
-        expose_film(film, animation, shutter, scenes, lambda _: seen.sights, seen.pixel, clock)
+        film = Film(len(self._pixels), 1, settings.samples, context.normalization, seen.scale, settings.aovs)
+        pixel = pixel_of(context, scenes, *self._size)
+        for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
+            expose(film, part.light, seen.batches, part.weight, clock)
         channels = film.channels()
         return np.stack([channels[f"caustic.{c}"][0] for c in "RGB"], axis=1).astype(np.float64)
 
-    def _look(self, animation: Animation, scenes: list[LoadedScene], clock: Clock) -> _Seen:
-        middle = scenes[len(scenes) // 2].scene.camera
-        view = View(animation, scenes, *self._size, clock, False, self._pixels)
-        return _Seen(list(view.sights(None)), view.pixel, middle.exposure_scale)
+    def _look(self, context: RenderContext, scenes: list[LoadedScene], clock: Clock) -> _Seen:
+        view = CameraView(
+            scenes, context.settings, context.normalization, context.launcher, *self._size, clock, self._pixels
+        )
+        batches = [seen for seen in view.look() if isinstance(seen, QueryBatch)]
+        return _Seen(batches, middle_camera(scenes).exposure_scale)
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """What the camera sees over one shutter, what its sights stand for, and its exposure's factor on radiance."""
+    """What the camera sees over one shutter, and its exposure's factor on radiance."""
 
-    sights: list[Sight]
-    pixel: PixelSize
+    batches: list[QueryBatch]
     scale: float
 
 
-class _KeepingAnimation(Animation):
-    """An animation that keeps the scenes that it loaded last."""
+class _KeepingLoader(SceneLoader):
+    """A loader that keeps the scenes that it loaded last."""
 
-    def __init__(self, source: SceneSource, settings: Settings) -> None:
-        super().__init__(source, settings)
+    def __init__(self, source: SceneSource, launcher: Launcher) -> None:
+        super().__init__(source, launcher)
         self._kept: OrderedDict[Shutter, LoadedScene] = OrderedDict()
 
     def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
+        """The scene over ``shutter``, kept from before where it is."""
         if shutter not in self._kept:
             self._kept[shutter] = super().load(shutter, clock)
         self._kept.move_to_end(shutter)

@@ -208,7 +208,7 @@ class SceneSource(Protocol):
         """
         ...
 
-    def corners(self, shutter: Shutter) -> Sequence[float]:
+    def motion_breaks(self, shutter: Shutter) -> Sequence[float]:
         """Times within ``shutter`` at which motion may change abruptly."""
         ...
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tpdwarp.estimators.base import Clock
+from tpdwarp.clock import Clock
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
@@ -64,7 +65,8 @@ class Renderer:
         self._compile(shutters[0], settings)
         clock = Clock()
         reset_peak()
-        frames = [render_frame(self.source, shutter, settings, self.width, self.height, clock) for shutter in shutters]
+        context = RenderContext(self.source, settings)
+        frames = [render_frame(context, shutter, self.width, self.height, clock) for shutter in shutters]
         return Solution(
             np.stack([_stacked(frame.channels, "caustic.") for frame in frames]),
             np.stack([_stacked(frame.channels, "") for frame in frames]),
@@ -79,7 +81,7 @@ class Renderer:
         variant = (settings.estimator, settings.trace_at, shutter.exposure > 0, *form)
         if variant not in self._warm:
             small = replace(settings, photons=_WARM_PHOTONS, accumulation_times=1)
-            render_frame(self.source, shutter, small, _WARM_PIXELS, _WARM_PIXELS)
+            render_frame(RenderContext(self.source, small), shutter, _WARM_PIXELS, _WARM_PIXELS)
             self._warm.add(variant)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpdwarp.photons.emission import EmissionPlan
-from tpdwarp.photons.tracing import PhotonMap
+from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.photon_map import PhotonMap
 
 Pairs = tuple[np.ndarray, np.ndarray]
 

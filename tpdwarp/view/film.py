@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpdwarp.footprints.gather import Irradiance
-from tpdwarp.io.float32 import single
+from tpdwarp.footprints.irradiance import Irradiance
+from tpdwarp.io.float32 import to_float32
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.view.visibility import VisiblePoints
 
@@ -35,19 +35,30 @@ class Film:
         self._motion_weight = np.zeros(count)
         self._depth = np.full(count, np.inf)
 
-    def add_view(self, points: VisiblePoints, pixels: np.ndarray) -> None:
-        """Adds direct light and, for first paths, what geometry they met. ``pixels`` [n] is each path's pixel."""
-        self._add("direct", points.arrays.direct.numpy(), pixels)
+    @property
+    def wants_motion(self) -> bool:
+        """Whether the photons' motion or number is wanted."""
+        return bool({"motion", "photons"} & set(self._aovs))
+
+    def add_view(self, points: VisiblePoints, pixels: np.ndarray, weight: float) -> None:
+        """Adds direct light and, for first paths, what geometry they met.
+
+        Args:
+            points: The camera paths of one pass.
+            pixels: Pixel of each, shape [n].
+            weight: Share of the exposure that they stand for.
+        """
+        self._add("direct", weight * points.arrays.direct.numpy(), pixels)
         if not points.first:
             return
         depth = points.arrays.first_depth.numpy()
         hit = depth >= 0.0
-        self._coverage += self._sum(hit, pixels)
-        self._diffuse += self._sum(points.queries.receiver.numpy() >= 0, pixels)
+        self._coverage += weight * self._sum(hit, pixels)
+        self._diffuse += weight * self._sum(points.queries.receiver.numpy() >= 0, pixels)
         if "N" in self._aovs:
-            self._add("N", points.arrays.first_normal.numpy(), pixels)
+            self._add("N", weight * points.arrays.first_normal.numpy(), pixels)
         if "P" in self._aovs:
-            self._add("P", points.arrays.first_position.numpy(), pixels)
+            self._add("P", weight * points.arrays.first_position.numpy(), pixels)
         if "Z" in self._aovs:
             np.minimum.at(self._depth, pixels[hit], depth[hit])
 
@@ -80,7 +91,7 @@ class Film:
         caustic = self._get("caustic", 3) * (per_sample * self._scale * area)
         beauty = direct + caustic
         out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": self._coverage * per_sample}
-        hits, diffuse = np.maximum(self._coverage, 1.0), np.maximum(self._diffuse, 1.0)
+        hits, diffuse = np.maximum(self._coverage, 1e-30), np.maximum(self._diffuse, 1e-30)
         for aov in self._aovs:
             if aov in ("caustic", "direct", "irradiance"):
                 value = {"caustic": caustic, "direct": direct}.get(aov)
@@ -102,7 +113,7 @@ class Film:
                 else:
                     value = value / np.maximum(np.linalg.norm(value, axis=0), 1e-30)
                 out.update({f"{aov}.{c}": value[k] for k, c in enumerate("XYZ")})
-        return {name: single(v).reshape(self.height, self.width) for name, v in out.items()}
+        return {name: to_float32(v).reshape(self.height, self.width) for name, v in out.items()}
 
     def _sum(self, values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         return np.bincount(pixels, weights=values, minlength=self.width * self.height)

@@ -1,4 +1,4 @@
-"""Visible points side by side, looked up as one: what footprints are averaged over is all that samples would tell."""
+"""Merging visible points side by side: footprints are averaged over a pixel, so that one query serves them all."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ Columns = dict[str, np.ndarray]
 
 # How far samples may lie from their middle, as a part of the side of what they stand for together: where surfaces are
 # seen at a grazing angle, or through glass, they spread over more, and each is looked up on its own.
-FARTHEST = 0.75
+LARGEST_DISTANCE = 0.75
+# Normals of points that are put together lie within some 18° of their mean.
 SMALLEST_COSINE = 0.95
 
 
@@ -31,7 +32,7 @@ def merged(columns: Columns, side: Callable[[np.ndarray], np.ndarray]) -> Column
     columns = {name: values[order] for name, values in columns.items()}
     begins = np.diff(keys, prepend=keys[:1] - 1) != 0
     middle, normal, group = _means(columns, begins)
-    away = np.sum((columns["position"] - middle[group]) ** 2, axis=1) > (FARTHEST * side(middle)[group]) ** 2
+    away = np.sum((columns["position"] - middle[group]) ** 2, axis=1) > (LARGEST_DISTANCE * side(middle)[group]) ** 2
     away |= np.sum(columns["normal"] * normal[group], axis=1) < SMALLEST_COSINE
     begins |= np.logical_or.reduceat(away, np.flatnonzero(begins))[group]
     middle, normal, _ = _means(columns, begins)

@@ -1,4 +1,4 @@
-"""What a frame's camera samples see, sorted for the gather: queries that stand still together, moving ones by time."""
+"""Query batches: what camera samples see, sorted for the gather: still queries together, moving ones by time."""
 
 from __future__ import annotations
 
@@ -8,21 +8,23 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
-from tpdwarp.estimators.base import Animation, Clock, LoadedScene
-from tpdwarp.footprints.gather import QueryArrays
+from tpdwarp.clock import Clock
+from tpdwarp.device import Launcher
+from tpdwarp.footprints.irradiance import QueryArrays
+from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.scene.normalization import Normalization
+from tpdwarp.settings import Settings
 from tpdwarp.view.camera import Camera, camera_of, pixel_size, sides_at
-from tpdwarp.view.film import Film
 from tpdwarp.view.merging import merged
 from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
 from tpdwarp.view.visibility import LightArrays, VisiblePoints, light_arrays, visible_points
 
-# Samples that are looked at, and gathered, together.
-BATCH = 1 << 20
-KEPT_SAMPLES = 1 << 22
+# Samples that are looked at together: their arrays take some 200 MB.
+BATCH_SAMPLES = 1 << 20
 
 
 @dataclass
-class Sight:
+class QueryBatch:
     """Visible points on diffuse surfaces that are gathered together.
 
     Attributes:
@@ -44,9 +46,22 @@ class Sight:
     moves: bool = False
 
 
+@dataclass(frozen=True, eq=False)
+class SeenPoints:
+    """What one pass of camera paths saw: direct light and first surfaces, for the film.
+
+    Attributes:
+        points: The paths.
+        pixels: Pixel of each, shape [n].
+    """
+
+    points: VisiblePoints
+    pixels: np.ndarray
+
+
 @dataclass
 class _Rows:
-    """Visible points as host arrays, piled up batch by batch."""
+    """Visible points as host arrays, collected pass by pass."""
 
     moving: bool
     columns: dict[str, list[np.ndarray]] = field(default_factory=dict)
@@ -67,113 +82,98 @@ class _Rows:
             self.columns.setdefault(name, []).append(rows)
 
 
-class View:
-    """The camera samples of one frame.
+class CameraView:
+    """The camera samples of one shutter.
 
     Args:
-        animation: Settings, device and units.
         scenes: The scene over each segment of the shutter.
+        settings: Samples and seed.
+        normalization: The tracer's units.
+        launcher: The device.
         width, height: Pixels.
         clock: Where the time goes.
-        keep: Whether sights are kept for the next time they are asked for (where there is room).
         pixels: The pixels looked at, those close together in the image close together; None for all.
-
-    Attributes:
-        pixel: What its queries stand for.
     """
 
     def __init__(
         self,
-        animation: Animation,
         scenes: list[LoadedScene],
+        settings: Settings,
+        normalization: Normalization,
+        launcher: Launcher,
         width: int,
         height: int,
         clock: Clock,
-        keep: bool,
         pixels: np.ndarray | None = None,
     ) -> None:
-        self._animation, self._scenes, self._size, self._clock = animation, scenes, (width, height), clock
-        settings = animation.settings
+        self._scenes, self._settings, self._size, self._clock = scenes, settings, (width, height), clock
+        self._normalization, self._launcher = normalization, launcher
         self._moves = any(s.requirements.view_motion for s in scenes)
         self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
         self._pixels = block_order(width, height) if pixels is None else pixels
         self._numbers = self._pixels if pixels is None else np.arange(len(pixels))
         middle = scenes[len(scenes) // 2].scene.camera
-        self.pixel = pixel_size(camera_of(middle, width, height, animation.normalization), settings.samples)
+        self._pixel = pixel_size(camera_of(middle, width, height, normalization), settings.samples)
         # Photon mapping does not average over pixels.
         self._merges = settings.samples > 1 and settings.estimator != "tdpm"
-        self._keep = keep and len(self._pixels) * settings.samples <= KEPT_SAMPLES
-        self._kept: list[Sight] = []
 
-    def sights(self, film: Film | None) -> Iterator[Sight]:
-        """All visible points; what they show by direct light is added to ``film``."""
-        if self._kept:
-            yield from self._kept
-            return
-        for sight in self._look(film):
-            if self._keep:
-                self._kept.append(sight)
-            yield sight
-
-    def _look(self, film: Film | None) -> Iterator[Sight]:
-        pixel_count = max(1, BATCH // self._animation.settings.samples)
+    def look(self) -> Iterator[SeenPoints | QueryBatch]:
+        """Follows all camera paths: what each pass saw, and the queries that come of it, as they are complete."""
+        pixel_count = max(1, BATCH_SAMPLES // self._settings.samples)
         for first in range(0, len(self._pixels), pixel_count):
             batch = slice(first, first + pixel_count)
-            yield from self._look_at(self._pixels[batch], self._numbers[batch], film)
+            yield from self._look_at(self._pixels[batch], self._numbers[batch])
 
-    def _look_at(self, pixels: np.ndarray, numbers: np.ndarray, film: Film | None) -> Iterator[Sight]:
-        """Sights of some pixels, at all times of the shutter."""
-        samples = self._animation.settings.samples
+    def _look_at(self, pixels: np.ndarray, numbers: np.ndarray) -> Iterator[SeenPoints | QueryBatch]:
+        """Some pixels, at all times of the shutter."""
+        samples, seed = self._settings.samples, self._settings.seed
         still = _Rows(moving=False)
         for number in range(self._times):
-            where, window = self._time(number)
-            places, chosen = samples_at(number, self._times, pixels, samples, self._animation.settings.seed)
-            films = film_positions(pixels[places], chosen, self._size[0], samples, self._animation.settings.seed)
+            time, window = self._time(number)
+            places, chosen = samples_at(number, self._times, pixels, samples, seed)
+            films = film_positions(pixels[places], chosen, self._size[0], samples, seed)
             spots = self._spots(films, pixels[places], places, chosen)
             for points in self._visible(number, films):
                 seen = numbers[places][points.items]
+                yield SeenPoints(points, seen)
                 with self._clock.stage("view"):
-                    if film is not None:
-                        film.add_view(points, seen)
-                    receiver = points.queries.receiver.numpy()
-                    diffuse = receiver >= 0
+                    diffuse = points.queries.receiver.numpy() >= 0
                     moving = np.zeros_like(diffuse)
                     if self._moves:
                         moving = diffuse & points.queries.motion.numpy().any(axis=1)
                     still.add(points, np.flatnonzero(diffuse & ~moving), seen, spots[points.items])
-                    racing = np.flatnonzero(moving)
-                if len(racing):
+                    moving_rows = np.flatnonzero(moving)
+                if len(moving_rows):
                     rows = _Rows(moving=True)
-                    rows.add(points, racing, seen, spots[points.items])
-                    yield self._sight(rows, where, window)
+                    rows.add(points, moving_rows, seen, spots[points.items])
+                    yield self._batch(rows, time, window)
         if still.columns:
-            yield self._sight(still, 0.0, (0.0, 1.0))
+            yield self._batch(still, 0.0, (0.0, 1.0))
 
     def _time(self, number: int) -> tuple[float, tuple[float, float]]:
         """When in the shutter a slice looks, and middle and length of the part that its samples stand for."""
-        samples = self._animation.settings.samples if self._times > 1 else 1
+        samples = self._settings.samples if self._times > 1 else 1
         stratum = number * samples // self._times
         return (number + 0.5) / self._times - 0.5, ((stratum + 0.5) / samples - 0.5, 1.0 / samples)
 
     def _spots(self, films: np.ndarray, pixels: np.ndarray, places: np.ndarray, samples: np.ndarray) -> np.ndarray:
         """What is looked up together, in the order of pixels: parts of them, or each of their samples; shape [n]."""
-        count = self._animation.settings.samples
+        count = self._settings.samples
         if not self._merges:
             return places * count + samples
         parts = part_count(count)
         return places * parts**2 + parts_of(films, pixels, self._size[0], parts)
 
     def _visible(self, number: int, films: np.ndarray) -> Iterator[VisiblePoints]:
-        launcher = self._animation.launcher
         count = len(self._scenes)
-        where = (number + 0.5) / self._times * count
-        segment = min(int(where), count - 1)
+        time = (number + 0.5) / self._times * count
+        segment = min(int(time), count - 1)
         loaded = self._scenes[segment]
         with self._clock.stage("view"):
-            camera, lights = self._equipment(loaded)
-            surfaces = loaded.geometry.at(where - segment - 0.5, launcher)
+            camera, lights = self._camera_and_lights(loaded)
+            surfaces = loaded.geometry.at(time - segment - 0.5, self._launcher)
         passes = visible_points(
-            surfaces, lights, camera, films, loaded.requirements, launcher, moves=self._moves, segments=count
+            surfaces, lights, camera, films, loaded.requirements, self._launcher, moves=self._moves, segments=count
         )
         while True:
             with self._clock.stage("view"):
@@ -182,26 +182,25 @@ class View:
                 return
             yield points
 
-    def _equipment(self, loaded: LoadedScene) -> tuple[Camera, LightArrays]:
-        norm = self._animation.normalization
+    def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays]:
         return (
-            camera_of(loaded.scene.camera, *self._size, norm),
-            light_arrays(loaded.scene.lights, norm, self._animation.launcher),
+            camera_of(loaded.scene.camera, *self._size, self._normalization),
+            light_arrays(loaded.scene.lights, self._normalization, self._launcher),
         )
 
-    def _sight(self, rows: _Rows, time: float, window: tuple[float, float]) -> Sight:
+    def _batch(self, rows: _Rows, time: float, window: tuple[float, float]) -> QueryBatch:
         with self._clock.stage("view"):
             columns = {name: np.concatenate(parts) for name, parts in rows.columns.items()}
             if not rows.moving and self._merges:
-                columns = merged(columns, lambda positions: sides_at(self.pixel, positions))
+                columns = merged(columns, lambda positions: sides_at(self._pixel, positions))
             elif not rows.moving and self._times > 1:
                 # What lies together in the image is gathered together, whenever it was seen.
                 by_place = np.argsort(columns["spot"], kind="stable")
                 columns = {name: values[by_place] for name, values in columns.items()}
-            launcher = self._animation.launcher
+            launcher = self._launcher
             queries = QueryArrays()
             for name in ("position", "normal"):
                 setattr(queries, name, launcher.array(columns[name], wp.vec3))
             queries.motion = launcher.array(columns["motion"], wp.vec3) if rows.moving else launcher.zeros(0, wp.vec3)
             queries.receiver = launcher.array(columns["receiver"], wp.int32)
-        return Sight(queries, columns["pixel"], columns["weight"], columns["first"], time, window, rows.moving)
+        return QueryBatch(queries, columns["pixel"], columns["weight"], columns["first"], time, window, rows.moving)

@@ -1,7 +1,6 @@
-"""What the camera sees: visible points on diffuse surfaces, through and in specular ones, and their direct light.
+"""Visibility: visible points on diffuse surfaces, through and in specular ones, and the direct light there.
 
-Camera paths branch at dielectrics like photons do: a mask names a path, the first pass follows refraction only and
-reports the reflections worth following.
+Camera paths branch at dielectrics as photons do (see :mod:`tpdwarp.photons.branching`).
 """
 
 from __future__ import annotations
@@ -14,20 +13,25 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.gather import QueryArrays
-from tpdwarp.photons.beam import arrive, leave, meet
-from tpdwarp.photons.tracing import DIELECTRIC, next_paths
-from tpdwarp.scene.description import LightAtShutter, LightKind
+from tpdwarp.footprints.irradiance import QueryArrays
+from tpdwarp.photons.beam import interface_at, scatter, transfer_to
+from tpdwarp.photons.branching import first_open_interaction, reported_paths, take_branch
+from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import closest_hit, diffuse_color, occluded, shading_normal
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.view.camera import Camera, camera_ray
 
+# Reflected branches of camera paths that carry less than this are not followed: one step of eight bits.
 SMALLEST_THROUGHPUT = 4.0e-3
-# Where glass sweeps by, a pixel's view can race over the receiver; beyond this way (unit scene) a shutter it is noise.
+# Where glass sweeps by, a pixel's view can race over the receiver. Faster than this, in scenes of unit size a shutter,
+# the differential says nothing any more.
 FASTEST_QUERY = wp.constant(0.25)
 INV_PI = wp.constant(0.3183098861837907)
+DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
+DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
+# Rays end there, in the tracer's units, in which the scene is of unit size.
 FAR = wp.constant(1.0e6)
 
 
@@ -50,7 +54,7 @@ class VisibleArrays:
 
     weight: wp.array(dtype=wp.vec3)
     direct: wp.array(dtype=wp.vec3)
-    branches: wp.array(dtype=wp.int32)
+    reported: wp.array(dtype=wp.int32)
     first_position: wp.array(dtype=wp.vec3)
     first_normal: wp.array(dtype=wp.vec3)
     first_depth: wp.array(dtype=wp.float32)
@@ -77,7 +81,7 @@ def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalizatio
 
 @wp.func
 def direct_irradiance(
-    surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp.vec3, n_g: wp.vec3, lift: wp.vec3
+    surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp.vec3, n_g: wp.vec3, offset: wp.vec3
 ) -> wp.vec3:
     """Irradiance from lights that nothing hides; whatever is specular hides them too (its light comes as photons).
 
@@ -90,7 +94,7 @@ def direct_irradiance(
             w = -wp.normalize(place)
             cosine = wp.dot(n, w)
             if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
-                if not occluded(surfaces, x, w, lift, FAR):
+                if not occluded(surfaces, x, w, offset, FAR):
                     total += lights.power[k] * cosine
         else:
             d = place - x
@@ -98,9 +102,20 @@ def direct_irradiance(
             w = d / distance
             cosine = wp.dot(n, w)
             if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
-                if not occluded(surfaces, x, w, lift, distance):
+                if not occluded(surfaces, x, w, offset, distance):
                     total += lights.power[k] * (cosine / (distance * distance))
     return total
+
+
+@wp.func
+def query_motion(motion: wp.vec3) -> wp.vec3:
+    """How a pixel's view moves over the receiver, no faster than ``FASTEST_QUERY``; at rest where that is unknown."""
+    speed = wp.length(motion)
+    if not wp.isfinite(speed):
+        return wp.vec3(0.0, 0.0, 0.0)
+    if speed > FASTEST_QUERY:
+        return motion * (FASTEST_QUERY / speed)
+    return motion
 
 
 @cache
@@ -127,29 +142,32 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
         out: VisibleArrays,
     ):
         i = base + wp.tid()
+
+        # ---- The camera's ray
         item = items[i]
-        mask = masks[i]
         stream = wp.rand_init(7919, item)
         beam = camera_ray(camera, films[item], surfaces.time)
         depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
         # The origin lies in what is specular: an eye close to it looks at what may be tiny beside the scene.
         closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
-        beam.grain = wp.min(surfaces.grain, wp.vec3(closeness, closeness, closeness))
+        beam.magnitude = wp.min(surfaces.magnitude, wp.vec3(closeness, closeness, closeness))
         start = camera.near / depth_scale
         end = camera.far / depth_scale
         throughput = wp.vec3(1.0, 1.0, 1.0)
-        branches = int(0)
-        newest = int(0)
-        while (mask >> newest) > 0:
-            newest += 1
+        mask = masks[i]
+        first_open = first_open_interaction(mask)
+        reported = int(0)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
 
         for bounce in range(bounces + 1):
-            hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, beam.grain, start, end, wp.static(moves), stream)
+            # ---- Transfer to the next surface
+            hit = closest_hit(
+                surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, end, wp.static(moves), stream
+            )
             if hit.triangle < 0:
                 break
-            beam = arrive(beam, hit, wp.static(moves))
+            beam = transfer_to(beam, hit, wp.static(moves))
             side = -wp.sign(wp.dot(hit.n_g, beam.w))
             n_g = side * hit.n_g
             n = side * shading_normal(surfaces, hit, False, wp.static(moves)).n
@@ -159,50 +177,43 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
                 out.first_depth[i] = hit.distance * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
-            if interaction == 0:
+
+            # ---- A diffuse surface ends the path: direct light, and a query for the photons'
+            if interaction == DIFFUSE:
                 weight = wp.cw_mul(throughput, diffuse_color(surfaces, hit)) * INV_PI
-                irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.lift * n_g)
+                irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
                 queries.normal[i] = n_g
                 queries.position[i] = beam.x
                 if wp.static(moves):
-                    motion = segments * beam.dxdt
-                    speed = wp.length(motion)
-                    if not wp.isfinite(speed):
-                        motion = wp.vec3(0.0, 0.0, 0.0)
-                    elif speed > FASTEST_QUERY:
-                        motion = motion * (FASTEST_QUERY / speed)
-                    queries.motion[i] = motion
+                    queries.motion[i] = query_motion(segments * beam.dxdt)
                 break
+
+            # ---- Reflection or refraction
             if wp.static(specular):
                 if bounce == bounces:
                     break
                 dielectric = wp.static(refraction)
                 if wp.static(both):
                     dielectric = interaction == DIELECTRIC
-                at = meet(surfaces, hit, beam.w, dielectric, wp.static(moves))
+                at = interface_at(surfaces, hit, beam.w, dielectric, wp.static(moves))
                 reflected = True
                 if dielectric:
-                    if at.reflectance < 1.0:
-                        reflected = (mask & (1 << bounce)) != 0
-                        share = throughput * at.reflectance
-                        if reflected:
-                            throughput = share
-                        else:
-                            throughput = throughput - share
-                            if bounce >= newest and wp.max(share) >= smallest_throughput:
-                                branches = branches | (1 << bounce)
+                    branch = take_branch(mask, bounce, first_open, at.reflectance, throughput, smallest_throughput)
+                    reflected = branch.reflected
+                    throughput = branch.throughput
+                    reported = reported | branch.reported
                 else:
                     throughput = wp.cw_mul(throughput, surfaces.tint[material])
-                beam = leave(surfaces, beam, hit, at, reflected, wp.static(moves))
+                beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
                 start = 0.0
                 end = FAR
             else:
                 break
 
-        out.branches[i] = branches
+        out.reported[i] = reported
 
     return see
 
@@ -246,5 +257,5 @@ def visible_points(
         limits = [requirements.bounces, SMALLEST_THROUGHPUT, float(segments)]
         launcher(kernel, len(items), [*scene, *paths, *limits, queries, out])
         yield VisiblePoints(items, queries, out, first)
-        items, masks = next_paths(items, masks, out.branches.numpy())
+        items, masks = reported_paths(items, masks, out.reported.numpy())
         first = False

@@ -32,7 +32,7 @@ def look(
     i = wp.tid()
     nothing = wp.vec3(0.0, 0.0, 0.0)
     stream = wp.rand_init(1, i)
-    hit = closest_hit(surfaces, origins[i], directions[i], nothing, surfaces.grain, 0.0, 100.0, moves, stream)
+    hit = closest_hit(surfaces, origins[i], directions[i], nothing, surfaces.magnitude, 0.0, 100.0, moves, stream)
     triangles[i] = hit.triangle
     blocked[i] = int(occluded(surfaces, origins[i], directions[i], nothing, 1.0))
     if hit.triangle >= 0:

@@ -164,11 +164,11 @@ def test_motion_turns_corners_at_samples_of_points_and_of_transforms_above_them_
     camera.Set((0, 0, 0), 1.75)
     camera.Set((0, 0, 5), 3.75)
     source = small.open()
-    assert source.corners(Shutter(2, 1, 3)) == [1.25, 2, 2.5]
-    assert source.corners(Shutter(2, 2, 4.75)) == [2.5, 3, 4, 4.5]
-    assert source.corners(Shutter(4, 4.75, 9)) == [5]
-    assert source.corners(Shutter(2, 2, 2)) == []
-    assert small.open(motion="cubic").corners(Shutter(2, 1, 5)) == []
+    assert source.motion_breaks(Shutter(2, 1, 3)) == [1.25, 2, 2.5]
+    assert source.motion_breaks(Shutter(2, 2, 4.75)) == [2.5, 3, 4, 4.5]
+    assert source.motion_breaks(Shutter(4, 4.75, 9)) == [5]
+    assert source.motion_breaks(Shutter(2, 2, 2)) == []
+    assert small.open(motion="cubic").motion_breaks(Shutter(2, 1, 5)) == []
 
 
 def test_description_is_plain_json_and_tells_what_moves(small):

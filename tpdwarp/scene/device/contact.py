@@ -1,7 +1,7 @@
-"""Surfaces in contact, parted: glass that stands on a table, or touches other glass, gets a gap that rays can tell.
+"""Coincident surfaces, separated: glass that stands on a table, or touches other glass, gets a gap that rays can tell.
 
-Of surfaces closer than the distance at which rays start off a surface, single precision cannot say which comes first,
-and light that leaves one passes the other by. So a specular triangle in the plane of a triangle of another mesh is
+Of surfaces closer together than a ray offset, single precision cannot say which comes first, and light that leaves one
+passes the other by. So a specular triangle in the plane of a triangle of another mesh is
 moved off it by some times that distance: off a diffuse surface to its front, off a specular one that faces it to its
 own inside. Specular ones that face the same way are one surface written twice, of which rays meet one; they stay.
 """
@@ -12,10 +12,10 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.scene.device.ray_offset import LIFT, lift_off
+from tpdwarp.scene.device.ray_offset import OFFSET_BY_MAGNITUDE, ray_offset
 
-# In units of how far off rays start and how finely those from afar meet what is there: what counts as contact, and how
-# far it is moved.
+# In units of the ray offset and of the rounding of rays from afar together: what counts as contact, and how far it is
+# moved. The gap is twice what counts as contact, so that separated surfaces stay separated.
 CONTACT = wp.constant(2.0)
 GAP = wp.constant(4.0)
 PARALLEL = wp.constant(0.9999)
@@ -27,13 +27,17 @@ DIRECTIONS = 64
 
 @wp.struct
 class Triangle:
-    """Corners, unit normal, how near it rays cannot tell surfaces apart, and how well its own plane is known."""
+    """Corners and unit normal of a triangle.
+
+    ``resolution`` is the distance within which rays cannot tell other surfaces from it, ``rounding`` how exactly its
+    own plane is known.
+    """
 
     a: wp.vec3
     b: wp.vec3
     c: wp.vec3
     n: wp.vec3
-    blur: float
+    resolution: float
     rounding: float
 
 
@@ -45,15 +49,16 @@ def _triangle(points: wp.array(dtype=wp.vec3), corner: wp.vec3i) -> Triangle:
     t.c = points[corner[2]]
     t.n = wp.normalize(wp.cross(t.b - t.a, t.c - t.a))
     edges = wp.abs(t.b - t.a) + wp.abs(t.c - t.a)
-    grain = wp.max(wp.max(wp.abs(t.a), wp.abs(t.b)), wp.abs(t.c))
-    t.blur = lift_off(t.n, grain, edges[0] + edges[1] + edges[2]) + LIFT * wp.max(grain)
-    t.rounding = ROUNDING * wp.dot(wp.abs(t.n), grain)
+    magnitude = wp.max(wp.max(wp.abs(t.a), wp.abs(t.b)), wp.abs(t.c))
+    offset = ray_offset(t.n, magnitude, edges[0] + edges[1] + edges[2])
+    t.resolution = offset + OFFSET_BY_MAGNITUDE * wp.max(magnitude)
+    t.rounding = ROUNDING * wp.dot(wp.abs(t.n), magnitude)
     return t
 
 
 @wp.func
 def _off_plane(t: Triangle, other: Triangle) -> float:
-    """How far the corner of ``t`` that lies farthest off the plane of ``other`` does so."""
+    """Largest distance of a corner of ``t`` from the plane of ``other``."""
     origin = wp.vec3d(other.a)
     n = wp.normalize(wp.cross(wp.vec3d(other.b) - origin, wp.vec3d(other.c) - origin))
     off = wp.abs(wp.dot(n, wp.vec3d(t.a) - origin))
@@ -87,7 +92,7 @@ def find_contacts(
     """Where to move each specular triangle that lies in the plane of one of another mesh, one thread a chosen one."""
     i = chosen[base + wp.tid()]
     mine = _triangle(points, triangles[i])
-    grown = 2.0 * CONTACT * wp.vec3(mine.blur, mine.blur, mine.blur)
+    grown = 2.0 * CONTACT * wp.vec3(mine.resolution, mine.resolution, mine.resolution)
     low = wp.min(wp.min(mine.a, mine.b), mine.c) - grown
     high = wp.max(wp.max(mine.a, mine.b), mine.c) + grown
     query = wp.mesh_query_aabb(mesh, low, high)
@@ -96,20 +101,20 @@ def find_contacts(
         if object_of[face] != object_of[i] and (diffuse[i] == 0 or diffuse[face] == 0):
             theirs = _triangle(points, triangles[face])
             # A huge floor is no reason to move a tiny lens far, but by what its plane is rounded.
-            blur = wp.max(mine.blur, theirs.blur)
+            resolution = wp.max(mine.resolution, theirs.resolution)
             if diffuse[i] == 1:
-                blur = theirs.blur + mine.rounding
+                resolution = theirs.resolution + mine.rounding
             elif diffuse[face] == 1:
-                blur = mine.blur + theirs.rounding
+                resolution = mine.resolution + theirs.rounding
             off = wp.min(_off_plane(mine, theirs), _off_plane(theirs, mine))
-            if wp.abs(wp.dot(mine.n, theirs.n)) > PARALLEL and off < CONTACT * blur:
+            if wp.abs(wp.dot(mine.n, theirs.n)) > PARALLEL and off < CONTACT * resolution:
                 if diffuse[i] == 0:
-                    moves[i] = _move(mine.n, theirs.n, diffuse[face] == 1, GAP * blur)
+                    moves[i] = _move(mine.n, theirs.n, diffuse[face] == 1, GAP * resolution)
                 if diffuse[face] == 0:
-                    moves[face] = _move(theirs.n, mine.n, diffuse[i] == 1, GAP * blur)
+                    moves[face] = _move(theirs.n, mine.n, diffuse[i] == 1, GAP * resolution)
 
 
-def parted(
+def separate_coincident(
     mesh: wp.Mesh,
     triangles: np.ndarray,
     object_of: np.ndarray,
@@ -117,7 +122,7 @@ def parted(
     boxes: np.ndarray,
     launcher: Launcher,
 ) -> np.ndarray | None:
-    """The scene's points with surfaces in contact parted.
+    """The scene's points with surfaces in contact separated.
 
     Args:
         mesh: The scene's triangles, in the tracer's units.

@@ -9,7 +9,7 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
-from tpdwarp.scene.device.contact import parted
+from tpdwarp.scene.device.contact import separate_coincident
 from tpdwarp.scene.normalization import Normalization
 
 
@@ -17,13 +17,13 @@ from tpdwarp.scene.normalization import Normalization
 class Surfaces:
     """Triangles with everything a ray needs to know where it lands; positions in the tracer's units.
 
-    ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly. ``grain`` is how
-    large the coordinates of the scene are along each axis.
+    ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly. ``magnitude``
+    is how large the coordinates of the scene are along each axis.
     """
 
     mesh: wp.uint64
     time: float
-    grain: wp.vec3
+    magnitude: wp.vec3
     triangles: wp.array(dtype=wp.vec3i)
     points: wp.array(dtype=wp.vec3)
     motions: wp.array(dtype=wp.vec3)
@@ -141,13 +141,15 @@ def geometry_of(
     table = list(materials)
     diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
     boxes = np.array([(placed.min(axis=0), placed.max(axis=0)) for placed in points])
-    apart = parted(mesh, corners, owners, diffuse, boxes, launcher)
-    if apart is not None:
-        mesh.points.assign(apart)
+    separated = separate_coincident(
+        mesh, corners, owners, diffuse, boxes, launcher
+    )
+    if separated is not None:
+        mesh.points.assign(separated)
         mesh.refit()
     surfaces = Surfaces()
     extent = np.abs(vertices).max(axis=0).astype(float)
-    surfaces.grain = wp.vec3(*(extent + 1e-3 * extent.max()))
+    surfaces.magnitude = wp.vec3(*(extent + 1e-3 * extent.max()))
     surfaces.mesh, surfaces.time, surfaces.points = mesh.id, 0.0, mesh.points
     surfaces.triangles = launcher.array(corners, wp.vec3i)
     surfaces.motions = launcher.array(_stack(motions, 3, np.float32), wp.vec3)

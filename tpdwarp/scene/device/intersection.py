@@ -3,7 +3,7 @@
 import warp as wp
 
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.ray_offset import lift_off
+from tpdwarp.scene.device.ray_offset import ray_offset
 
 # A ray starts a little off the surface it leaves, on the side it leaves to, and is shifted sideways by less than that
 # (a part of the coordinates of the triangle at hand, some 16 units in their last place), because rays that pass exactly
@@ -13,7 +13,7 @@ SHIFT = wp.constant(1.0e-6)
 # Below this cosine a plane is too nearly along the ray to say where they meet.
 GRAZING = wp.constant(1.0e-7)
 COPLANAR = wp.constant(0.999999)
-# What lies in the plane left is so many lifts of its own off it at most: four half units in the last place.
+# What lies in the plane just left is at most this part of its own ray offset off it: four half units in the last place.
 OWN_PLANE = wp.constant(0.06)
 MOST_ATTEMPTS = wp.constant(8)
 
@@ -22,8 +22,8 @@ MOST_ATTEMPTS = wp.constant(8)
 class Hit:
     """A point of a triangle: position, unit geometric normal (not flipped), motion, dual basis g1, g2 of its edges.
 
-    ``lift`` is how far off it rays have to start, ``grain`` how large its coordinates are along each axis, ``retried``
-    is 1 where it was missed at first.
+    ``offset`` is how far off it rays have to start that leave it, ``magnitude`` how large its coordinates are along
+    each axis, ``retried`` is 1 where it was missed at first.
     """
 
     triangle: int
@@ -34,8 +34,8 @@ class Hit:
     beta: wp.vec3
     g1: wp.vec3
     g2: wp.vec3
-    lift: float
-    grain: wp.vec3
+    offset: float
+    magnitude: wp.vec3
     retried: int
 
 
@@ -61,8 +61,8 @@ def closest_hit(
     surfaces: Surfaces,
     x: wp.vec3,
     w: wp.vec3,
-    lift: wp.vec3,
-    grain: wp.vec3,
+    offset: wp.vec3,
+    magnitude: wp.vec3,
     start: float,
     end: float,
     moves: bool,
@@ -75,17 +75,17 @@ def closest_hit(
     """
     hit = Hit()
     hit.triangle = -1
-    off = wp.normalize(lift)
-    lifted = wp.length(lift)
+    side = wp.normalize(offset)
+    offset_length = wp.length(offset)
     farther = float(1.0)
     missed = int(0)
     attempt = int(0)
     while hit.triangle < 0 and missed < 2 and attempt < MOST_ATTEMPTS:
         attempt += 1
         shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5)
-        shift = SHIFT * wp.cw_mul(shift, grain)
-        shift = shift - wp.dot(shift, off) * off
-        query = wp.mesh_query_ray(surfaces.mesh, along(x, w, start) + farther * lift + shift, w, end - start)
+        shift = SHIFT * wp.cw_mul(shift, magnitude)
+        shift = shift - wp.dot(shift, side) * side
+        query = wp.mesh_query_ray(surfaces.mesh, along(x, w, start) + farther * offset + shift, w, end - start)
         if not query.result:
             missed += 1
         else:
@@ -98,34 +98,34 @@ def closest_hit(
             e2 = wp.vec3d(q2) - origin
             area = wp.cross(e1, e2)
             square = wp.dot(area, area)
-            offset = wp.vec3d(x) - origin
+            from_corner = wp.vec3d(x) - origin
             # Both times the area; the plane's normal itself need not be known in double precision.
-            height = wp.dot(area, offset)
+            height = wp.dot(area, from_corner)
             cosine = wp.dot(area, wp.vec3d(w))
             length = wp.sqrt(square)
             inverse = wp.float64(1.0) / square
             hit.n_g = wp.vec3(area * (length * inverse))
-            hit.grain = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
+            hit.magnitude = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
             edges = wp.abs(q1 - q0) + wp.abs(q2 - q0)
             size = edges[0] + edges[1] + edges[2]
-            hit.lift = lift_off(hit.n_g, hit.grain, size)
-            hit.grain = hit.grain + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
-            own = wp.max(lifted, OWN_PLANE * hit.lift)
-            if wp.abs(wp.dot(off, hit.n_g)) > COPLANAR and wp.abs(height) < length * wp.float64(own):
+            hit.offset = ray_offset(hit.n_g, hit.magnitude, size)
+            hit.magnitude = hit.magnitude + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
+            own = wp.max(offset_length, OWN_PLANE * hit.offset)
+            if wp.abs(wp.dot(side, hit.n_g)) > COPLANAR and wp.abs(height) < length * wp.float64(own):
                 farther *= 8.0
             elif wp.isfinite(inverse):
                 distance = wp.float64(start + query.t)
                 if wp.abs(cosine) > wp.float64(GRAZING) * length:
                     distance = -height / cosine
-                offset = offset + distance * wp.vec3d(w)
+                from_corner = from_corner + distance * wp.vec3d(w)
                 g1 = wp.cross(e2, area) * inverse
                 g2 = wp.cross(area, e1) * inverse
-                b1 = wp.dot(g1, offset)
-                b2 = wp.dot(g2, offset)
+                b1 = wp.dot(g1, from_corner)
+                b2 = wp.dot(g2, from_corner)
                 hit.triangle = query.face
                 hit.retried = missed
                 hit.distance = float(distance)
-                hit.position = wp.vec3(origin + offset)
+                hit.position = wp.vec3(origin + from_corner)
                 hit.g1 = wp.vec3(g1)
                 hit.g2 = wp.vec3(g2)
                 hit.beta = wp.vec3(wp.float32(wp.float64(1.0) - b1 - b2), wp.float32(b1), wp.float32(b2))
@@ -139,9 +139,9 @@ def closest_hit(
 
 
 @wp.func
-def occluded(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, lift: wp.vec3, distance: float) -> bool:
+def occluded(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, offset: wp.vec3, distance: float) -> bool:
     """Whether anything stands between x and x + distance·ω."""
-    return wp.mesh_query_ray_anyhit(surfaces.mesh, x + lift, w, distance)
+    return wp.mesh_query_ray_anyhit(surfaces.mesh, x + offset, w, distance)
 
 
 @wp.func

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pxr import Usd
 
 from tpdwarp.errors import WarnOnce
-from tpdwarp.settings import Settings
+from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.stage import StageScene
 
 
 class DefaultTimeScene(StageScene):
     """A :class:`StageScene` whose attributes have their default values at every time code."""
 
-    def __init__(self, file: str, stage: Usd.Stage, settings: Settings, warnings: WarnOnce) -> None:
+    def __init__(self, file: str, stage: Usd.Stage, settings: StageSettings, warnings: WarnOnce) -> None:
         pin_default_time(stage)
         super().__init__(file, stage, settings, warnings)
 

@@ -1,4 +1,4 @@
-"""When motion may turn a corner: USD interpolates linearly from one time sample to the next."""
+"""Motion breaks: times at which velocities may jump, since USD interpolates linearly between time samples."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ MOVING = frozenset(
 )
 
 
-def corners_of(prims: Iterable[Usd.Prim], first: float, last: float) -> list[float]:
+def motion_breaks_of(prims: Iterable[Usd.Prim], first: float, last: float) -> list[float]:
     """Times of the samples between ``first`` and ``last``, without these, that ``prims`` and what they lie below have.
 
-    Splines are smooth, or have knots for a purpose; they count as having no corners.
+    Splines are smooth, or have knots for a purpose; they count as having no breaks.
     """
     seen: set[str] = set()
     attributes: list[Usd.Attribute] = []

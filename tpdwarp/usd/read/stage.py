@@ -11,7 +11,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
-from tpdwarp.settings import Settings
+from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.cameras import Camera
 from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
@@ -19,7 +19,7 @@ from tpdwarp.usd.read.instances import InstancedMeshes
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
-from tpdwarp.usd.read.motion_breaks import corners_of
+from tpdwarp.usd.read.motion_breaks import motion_breaks_of
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
@@ -48,7 +48,7 @@ class StageScene:
         warnings: What was found that is not supported, once by prim.
     """
 
-    def __init__(self, file: str, stage: Usd.Stage, settings: Settings, warnings: WarnOnce) -> None:
+    def __init__(self, file: str, stage: Usd.Stage, settings: StageSettings, warnings: WarnOnce) -> None:
         self.file, self.warnings = file, warnings
         self._stage, self._settings = stage, settings
         self.time_codes_per_second = self._rate("timeCodesPerSecond", stage.GetTimeCodesPerSecond())
@@ -85,7 +85,7 @@ class StageScene:
         self._require_lights()
 
     @classmethod
-    def open(cls, file: str | os.PathLike[str], settings: Settings) -> StageScene:
+    def open(cls, file: str | os.PathLike[str], settings: StageSettings) -> StageScene:
         """Opens a stage and checks that it can be rendered.
 
         Args:
@@ -131,7 +131,7 @@ class StageScene:
         step = (self.end - self.start) / (REFERENCE_COUNT - 1)
         return [Shutter.still(self.start + step * k) for k in range(REFERENCE_COUNT)]
 
-    def corners(self, shutter: Shutter) -> list[float]:
+    def motion_breaks(self, shutter: Shutter) -> list[float]:
         """Times within ``shutter`` at which motion may change abruptly: those of time samples, unless it is cubic."""
         if self._cubic:
             return []
@@ -139,7 +139,7 @@ class StageScene:
             prims = [mesh.prim for mesh in self._placed(shutter.frame)]
             prims += [of.instancer.instancer.GetPrim() for of in self._instancers]
             prims += [light.prim for light in self._lights]
-            return corners_of(prims, shutter.open, shutter.close)
+            return motion_breaks_of(prims, shutter.open, shutter.close)
 
     def require_camera(self) -> None:
         """Refuses a stage without a camera.
@@ -178,7 +178,7 @@ class StageScene:
             )
         return width, max(1, math.floor(height))
 
-    def shutter(self, frame: float, settings: Settings) -> Shutter:
+    def shutter(self, frame: float, settings: StageSettings) -> Shutter:
         """The shutter of a frame.
 
         ``settings.shutter`` or ``settings.exposure`` come first; then a still where the render settings disable motion
@@ -339,7 +339,7 @@ def _interactions(mesh: MeshAtShutter | None) -> list[str]:
     return [] if mesh is None else sorted({material.interaction.name.lower() for material in mesh.materials})
 
 
-def _open_stage(file: str, settings: Settings) -> Usd.Stage:
+def _open_stage(file: str, settings: StageSettings) -> Usd.Stage:
     if not settings.mask:
         return Usd.Stage.Open(file)
     mask = Usd.StagePopulationMask()
@@ -372,8 +372,8 @@ def _time_range(stage: Usd.Stage) -> tuple[float, float]:
     return span or (0.0, 0.0)
 
 
-def _purposes(settings: Settings, request: RenderRequest) -> frozenset[str]:
+def _purposes(settings: StageSettings, request: RenderRequest) -> frozenset[str]:
     """The purposes rendered: those of the render settings unless the user asked for others."""
-    if request.purposes is not None and settings.purposes == Settings().purposes:
+    if request.purposes is not None and settings.purposes == StageSettings().purposes:
         return frozenset(request.purposes)
     return frozenset({"default", *settings.purposes})

@@ -24,7 +24,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 
 from tpdwarp.errors import FrameError, InputError
 from tpdwarp.io.files import check_writable, complete_or_absent
-from tpdwarp.io.float32 import single
+from tpdwarp.io.float32 import to_float32
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.usd.write.local_origin import own_origin
 
@@ -434,7 +434,7 @@ def first_line(error: Tf.ErrorException) -> str:
 
 def vectors(values: np.ndarray) -> Vt.Vec3fArray:
     """A USD array of the rows of ``values``, shape [n, 3]."""
-    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(single(values)))
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(to_float32(values)))
 
 
 def integers(values: np.ndarray) -> Vt.IntArray:

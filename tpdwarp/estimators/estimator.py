@@ -1,0 +1,142 @@
+"""What all estimators of caustic irradiance share: the protocol, and the parts of a frame that they hand on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from tpdwarp.clock import Clock
+from tpdwarp.device import Launcher
+from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
+from tpdwarp.footprints.gather import gather
+from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
+from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.footprints.weights import GatherForm
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.scene.description import Shutter
+from tpdwarp.scene.device.loading import LoadedScene
+
+
+class IrradianceField(Protocol):
+    """Irradiance from photons at any point."""
+
+    def irradiance(
+        self,
+        queries: QueryArrays,
+        *,
+        time: float,
+        window: tuple[float, float],
+        query_moves: bool,
+        with_motion: bool,
+    ) -> Irradiance:
+        """Irradiance at ``queries``; the arguments are those of :func:`tpdwarp.footprints.gather.gather`."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FootprintField:
+    """The irradiance that footprints add up to.
+
+    Attributes:
+        footprints: The footprints.
+        form: How they are evaluated.
+        launcher: Where.
+    """
+
+    footprints: FootprintMap
+    form: GatherForm
+    launcher: Launcher
+
+    def irradiance(
+        self,
+        queries: QueryArrays,
+        *,
+        time: float,
+        window: tuple[float, float],
+        query_moves: bool,
+        with_motion: bool,
+    ) -> Irradiance:
+        """Irradiance at ``queries``."""
+        return gather(
+            self.footprints,
+            queries,
+            self.form,
+            self.launcher,
+            time=time,
+            window=window,
+            query_moves=query_moves,
+            with_motion=with_motion,
+        )
+
+
+@dataclass
+class Part:
+    """Part of a frame's exposure: photons, their light, and what the camera looks through meanwhile.
+
+    The film adds the parts up. Photons carry their part's share of the light already; what the camera sees besides is
+    weighted by ``weight``.
+
+    Attributes:
+        maps: The photons, one map a (sub-)shutter.
+        energy: Where their flux went.
+        light: The irradiance they make; None where there is none, or where photons are only traced.
+        plan: The lattices they come from.
+        scenes: The scenes that the camera looks at, one a segment of ``shutter``.
+        shutter: The part of the exposure.
+        weight: Its share in the exposure.
+    """
+
+    maps: list[PhotonMap]
+    energy: EnergyAccount
+    light: IrradianceField | None
+    plan: EmissionPlan
+    scenes: list[LoadedScene]
+    shutter: Shutter
+    weight: float = 1.0
+
+
+class Estimator(Protocol):
+    """An estimator of caustic irradiance over one shutter."""
+
+    def parts(
+        self, tracer: PhotonTracer, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
+    ) -> Iterator[Part]:
+        """Traces photons over ``shutter`` and shapes footprints for pixels of the given size.
+
+        Args:
+            tracer: Traces photons.
+            shutter: The exposure.
+            scenes: The scenes of its segments.
+            pixel: What a query stands for; without it photons are only traced.
+            clock: Where the time goes.
+        """
+        ...
+
+
+def light_of(
+    maps: list[PhotonMap],
+    energy: EnergyAccount,
+    moves: bool,
+    tracer: PhotonTracer,
+    pixel: PixelSize | None,
+    clock: Clock,
+) -> IrradianceField | None:
+    """The light of photons whose footprints are shaped for ``pixel`` and evaluated as the settings say.
+
+    Clamped footprints are counted in ``energy``.
+    """
+    settings = tracer.settings
+    if pixel is None:
+        return None
+    with clock.stage("footprints"):
+        footprints = shape_footprints(maps, settings.kernel, settings.smoothing, pixel, moves, tracer.launcher)
+    if footprints.clamped:
+        energy.counts["footprints clamped"] = energy.counts.get("footprints clamped", 0) + footprints.clamped
+    if not footprints.count:
+        return None
+    form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
+    return FootprintField(footprints, form, tracer.launcher)

@@ -1,0 +1,86 @@
+"""Footprints of all photons of a frame, shaped and ordered for look-up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.footprints.bounds import PieceArrays, pieces_of
+from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, footprint_kernel
+from tpdwarp.photons.photon_map import PhotonMap, joined
+
+
+@dataclass
+class FootprintMap:
+    """Footprints of one or more (sub-)shutters with the BVH over their swept bounds.
+
+    Attributes:
+        arrays: Device arrays, one row a footprint.
+        pieces: The parts that ``bvh`` is built over.
+        bvh: Bounds of the pieces, swept over their own part of the shutter.
+        duration: Part of the shutter that each footprint's ``dxdt`` spans.
+        moves: Whether any footprint moves.
+        curved: Whether any trajectory curves.
+        run_size: Half the typical size of a piece: queries this close together are gathered together.
+        clamped: Footprints whose length or aspect was limited.
+        count: Number of footprints.
+    """
+
+    arrays: FootprintArrays
+    pieces: PieceArrays
+    bvh: wp.Bvh | None
+    duration: float
+    moves: bool
+    curved: bool
+    run_size: float
+    clamped: int
+    count: int
+
+
+def shape_footprints(
+    maps: list[PhotonMap], kernel: str, smoothing: float, pixel: PixelSize, moves: bool, launcher: Launcher
+) -> FootprintMap:
+    """Shapes the footprints of all photons in ``maps`` (equal durations) and builds the BVH over their bounds."""
+    count = sum(len(photons) for photons in maps)
+    duration = maps[0].duration if maps else 1.0
+    curved = any(photons.trajectory is not None for photons in maps)
+    if not count:
+        arrays = launcher.rows(FootprintArrays, 0)
+        return FootprintMap(arrays, PieceArrays(), None, duration, moves, curved, 0.0, 0, 0)
+
+    def column(name: str) -> wp.array:
+        return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
+
+    def trajectory_column(name: str) -> wp.array:
+        if not curved:
+            return launcher.zeros(0, wp.vec3)
+        return launcher.array(joined([_trajectory_column(photons, name) for photons in maps]), wp.vec3)
+
+    # Columns that footprints share with photons are not copied: ten million of either fill memory.
+    shared = {"center": "position", "normal": "normal", "dxdt": "dxdt"}
+    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "filter_width")
+    out = launcher.rows(FootprintArrays, count, but=(*shared, *others))
+    for name, source in shared.items():
+        setattr(out, name, column(source))
+    out.acceleration, out.jerk = trajectory_column("dxdtt"), trajectory_column("dxdttt")
+    out.jacobian_rate = launcher.zeros(count if curved else 0, wp.mat22)
+    out.filter_width = launcher.zeros(count if kernel == "bspline" else 0, wp.vec2)
+    out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
+    times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
+    out.time = launcher.array(times, wp.float32)
+    rates = [trajectory_column("dxdut"), trajectory_column("dxdvt")]
+    columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux")]
+    launcher(footprint_kernel(kernel != "bspline", curved), count, [*columns, float(smoothing), pixel, out])
+    pieces = pieces_of(out, launcher)
+    size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
+    clamped = int(out.clamped.numpy().sum(dtype=np.int64))
+    bvh = wp.Bvh(pieces.lower, pieces.upper)
+    return FootprintMap(out, pieces, bvh, duration, moves, curved, 0.5 * size, clamped, count)
+
+
+def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:
+    """A column of how trajectories curve, zero where they are straight."""
+    return np.zeros_like(photons.position) if photons.trajectory is None else getattr(photons.trajectory, name)

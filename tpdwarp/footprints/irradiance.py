@@ -1,0 +1,49 @@
+"""Where irradiance is wanted, and what comes back: the arrays that every estimator takes and gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+
+@wp.struct
+class QueryArrays:
+    """Points at which irradiance is wanted, in the tracer's units; one row a query.
+
+    ``position`` is where the point stands when it is looked at, ``motion`` the way it goes over the whole shutter (that
+    of the surface point a pixel sees), ``normal`` faces the viewer, ``receiver`` is its object (−1: no query).
+    """
+
+    position: wp.array(dtype=wp.vec3)
+    motion: wp.array(dtype=wp.vec3)
+    normal: wp.array(dtype=wp.vec3)
+    receiver: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class IrradianceArrays:
+    """Irradiance [W per square tracer unit], flux-weighted sum of D_t x, sum of weights, overlapping footprints."""
+
+    irradiance: wp.array(dtype=wp.vec3)
+    motion: wp.array(dtype=wp.vec3)
+    weight: wp.array(dtype=wp.float32)
+    photons: wp.array(dtype=wp.int32)
+
+
+@dataclass
+class Irradiance:
+    """Irradiance at queries, in the tracer's units.
+
+    Attributes:
+        irradiance: W per square unit, shape [n, 3].
+        motion: Sum of D_t x over the whole shutter weighted by ``weight``, [n, 3]; None unless asked for.
+        weight: Sum of weights, [n].
+        photons: Footprints overlapping, [n].
+    """
+
+    irradiance: np.ndarray
+    motion: np.ndarray | None = None
+    weight: np.ndarray | None = None
+    photons: np.ndarray | None = None

@@ -1,0 +1,124 @@
+"""A footprint as queries see it: clipped to the part of the shutter that they share, and placed on its trajectory."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import warp as wp
+
+from tpdwarp.footprints.bspline import Trajectory
+from tpdwarp.footprints.shaping import FootprintArrays
+
+# Parts of the shutter that are a smaller part of what a footprint or query stands for count as nothing.
+SHORTEST_OVERLAP = wp.constant(1.0e-6)
+# Added to how far off its plane a footprint reaches: rounding of positions in a scene of unit size.
+PLANE_ROUNDING = wp.constant(1.0e-5)
+
+
+@wp.struct
+class TimeWindow:
+    """The part of the shutter that a query stands for.
+
+    The query stands at its position at ``time`` (−½ … ½), and goes by ``motion`` over the whole shutter; it looks from
+    ``center`` − ½ ``length`` to ``center`` + ½ ``length``. One that stands still takes the whole shutter.
+    """
+
+    time: float
+    center: float
+    length: float
+    motion: wp.vec3
+
+
+@wp.struct
+class PlacedFootprint:
+    """A footprint over the part of the shutter that it shares with a query, relative to that query.
+
+    ``center`` is where it stands in the middle of that part, ``since`` how long after the query's own time that is.
+    ``density`` is Φ |det M| times that part by what the query stands for; ``overlap`` is false where they share none.
+    """
+
+    receiver: int
+    center: wp.vec3
+    normal: wp.vec3
+    row_u: wp.vec3
+    row_v: wp.vec3
+    density: wp.vec3
+    plane_tolerance: float
+    trajectory: Trajectory
+    since: float
+    overlap: bool
+
+
+@cache
+def place_footprint(smooth: bool, moves: bool, curved: bool) -> wp.Function:
+    """The function that places footprint ``j`` for a query, specialised by what footprints do."""
+
+    @wp.func
+    def place(footprints: FootprintArrays, j: int, duration: float, window: TimeWindow) -> PlacedFootprint:
+        out = PlacedFootprint()
+        out.receiver = footprints.receiver[j]
+        out.normal = footprints.normal[j]
+        out.plane_tolerance = footprints.plane_tolerance[j] + PLANE_ROUNDING
+        center = footprints.center[j]
+        row_u = footprints.row_u[j]
+        row_v = footprints.row_v[j]
+        density = footprints.density[j]
+        trajectory = Trajectory()
+        overlap = bool(True)
+        if wp.static(smooth):
+            trajectory.filter_width = footprints.filter_width[j]
+        if wp.static(moves):
+            # ---- Clip the shutter: the part that the query's window and the photon's own shutter have in common
+            photon_time = footprints.time[j]
+            opening = photon_time - 0.5 * duration
+            closing = photon_time + 0.5 * duration
+            share = float(1.0)
+            if wp.length_sq(window.motion) > 0.0:
+                opening = wp.max(window.center - 0.5 * window.length, opening)
+                closing = wp.min(window.center + 0.5 * window.length, closing)
+                share = window.length
+            length = closing - opening
+            overlap = length > SHORTEST_OVERLAP * share * duration
+            middle = 0.5 * (opening + closing)
+            out.since = middle - window.time
+            part = length / duration
+            late = (middle - photon_time) / duration
+
+            # ---- Place the footprint on its trajectory, at the middle of that part
+            motion = footprints.dxdt[j]
+            center += late * motion
+            if wp.static(curved):
+                acceleration = footprints.acceleration[j]
+                jerk = footprints.jerk[j]
+                rate = footprints.jacobian_rate[j]
+                center += (0.5 * late * late) * (acceleration + (late / 3.0) * jerk)
+                motion += late * (acceleration + (0.5 * late) * jerk)
+                acceleration += late * jerk
+                if late != 0.0:
+                    # The same trajectory, with the axes as they are in the middle of the part.
+                    grown = wp.identity(n=2, dtype=float) + late * rate
+                    inverse = wp.inverse(grown)
+                    row_then = inverse[0, 0] * row_u + inverse[0, 1] * row_v
+                    row_v = inverse[1, 0] * row_u + inverse[1, 1] * row_v
+                    row_u = row_then
+                    density = density * wp.abs(wp.determinant(inverse))
+                    width = trajectory.filter_width
+                    trajectory.filter_width = wp.vec2(inverse[0, 0] * width[0], inverse[1, 1] * width[1])
+                    rate = inverse * rate
+                second = part * part
+                third = part * part * part
+                trajectory.acceleration = second * wp.vec2(wp.dot(row_u, acceleration), wp.dot(row_v, acceleration))
+                trajectory.jerk = third * wp.vec2(wp.dot(row_u, jerk), wp.dot(row_v, jerk))
+                trajectory.jacobian_rate = part * rate
+            swept = part * motion - length * window.motion
+            trajectory.velocity = wp.vec2(wp.dot(row_u, swept), wp.dot(row_v, swept))
+            density = density * (length / (share * duration))
+        out.center = center
+        out.row_u = row_u
+        out.row_v = row_v
+        out.density = density
+        out.trajectory = trajectory
+        out.overlap = overlap
+        return out
+
+    return place

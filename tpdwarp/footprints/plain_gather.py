@@ -1,0 +1,58 @@
+"""The gather as it is written down: every query meets every footprint. Tests hold the fast one against it."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.footprints.footprint_map import FootprintMap
+from tpdwarp.footprints.gather import SMALLEST_COSINE, irradiance_arrays, irradiance_of, time_window
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays
+from tpdwarp.footprints.placing import TimeWindow, place_footprint
+from tpdwarp.footprints.runs import LARGEST_DEVIATION, window_of
+from tpdwarp.footprints.shaping import FootprintArrays
+from tpdwarp.footprints.weights import GatherForm, footprint_weight
+
+
+@cache
+def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool) -> wp.Kernel:
+    """One thread a query, without groups, tree or parabolas."""
+    weight = footprint_weight(form, moves, curved)
+    place = place_footprint(form.smooth, moves, curved)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def plain_gather(
+        base: int, footprints: FootprintArrays, duration: float, run_size: float, window: TimeWindow,
+        queries: QueryArrays, out: IrradianceArrays,
+    ):  # fmt: skip
+        i = base + wp.tid()
+        motion = wp.vec3(0.0, 0.0, 0.0)
+        if queries.motion.shape[0] > 0:
+            motion = queries.motion[i]
+        own = window_of(window, motion, (1.0 + LARGEST_DEVIATION) * wp.length(motion), run_size)
+        for j in range(footprints.center.shape[0]):
+            placed = place(footprints, j, duration, own)
+            d = queries.position[i] + placed.since * motion - placed.center
+            same = placed.receiver == queries.receiver[i] and placed.overlap
+            facing = wp.dot(queries.normal[i], placed.normal) > SMALLEST_COSINE
+            if same and facing and wp.abs(wp.dot(placed.normal, d)) <= placed.plane_tolerance:
+                w = weight(wp.vec2(wp.dot(placed.row_u, d), wp.dot(placed.row_v, d)), placed.trajectory)
+                out.irradiance[i] = out.irradiance[i] + w * placed.density
+
+    return plain_gather
+
+
+def plain_gather(
+    footprints: FootprintMap, queries: QueryArrays, form: GatherForm, launcher: Launcher, *,
+    time: float = 0.0, window: tuple[float, float] = (0.0, 1.0),
+) -> Irradiance:  # fmt: skip
+    """Irradiance at ``queries``; the arguments are those of :func:`tpdwarp.footprints.gather.gather`."""
+    count = queries.position.shape[0]
+    out = irradiance_arrays(count, False, launcher)
+    moves = footprints.moves or queries.motion.shape[0] > 0
+    kernel = plain_gather_kernel(form, moves, footprints.curved)
+    inputs = [footprints.arrays, footprints.duration, footprints.run_size, time_window(time, window), queries, out]
+    launcher(kernel, count, inputs)
+    return irradiance_of(out, footprints.duration, False)

@@ -1,0 +1,115 @@
+"""Runs of queries: neighbours whose footprints are looked up together, so that one walk through the BVH serves many."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import warp as wp
+
+from tpdwarp.footprints.irradiance import QueryArrays
+from tpdwarp.footprints.placing import TimeWindow
+
+# How much the motions of queries that are gathered together may differ, as a part of the motion itself.
+LARGEST_DEVIATION = wp.constant(0.25)
+# The receiver of runs that lie on several ones.
+SEVERAL = wp.constant(-2)
+FAR_AWAY = wp.constant(1.0e30)
+
+
+@wp.struct
+class Run:
+    """Queries ``start`` … ``stop`` − 1 that are gathered together.
+
+    Attributes:
+        low, high: The box that they stay in over their window of the shutter.
+        receiver: The object that all of them lie on, or ``SEVERAL``.
+        normal: Normal of the first one; ``narrowest`` is the least cosine between it and any other.
+        window: The window and motion of the first one, which stand for all of them.
+        fastest: Largest speed that queries of the run may have.
+        empty: Whether there is no query in it at all.
+    """
+
+    stop: int
+    low: wp.vec3
+    high: wp.vec3
+    receiver: int
+    normal: wp.vec3
+    narrowest: float
+    window: TimeWindow
+    fastest: float
+    empty: bool
+
+
+@wp.func
+def window_of(window: TimeWindow, motion: wp.vec3, fastest: float, run_size: float) -> TimeWindow:
+    """The window of a query that goes by ``motion``.
+
+    A query that races over the receiver stands for less of the shutter: for what it passes within the size of a run.
+    """
+    share = wp.min(1.0, run_size / wp.max(window.length * fastest, 1.0e-20))
+    out = TimeWindow()
+    out.time = window.time
+    out.length = share * window.length
+    out.center = window.time + share * (window.center - window.time)
+    out.motion = motion
+    return out
+
+
+@cache
+def next_run(query_moves: bool) -> wp.Function:
+    """The function that collects queries from ``start`` on whose way over the shutter fits into ``run_size``."""
+
+    @wp.func
+    def collect(queries: QueryArrays, start: int, end: int, run_size: float, window: TimeWindow) -> Run:
+        low = wp.vec3(FAR_AWAY, FAR_AWAY, FAR_AWAY)
+        high = -low
+        receiver = int(-1)
+        normal = wp.vec3(0.0, 0.0, 0.0)
+        narrowest = float(1.0)
+        fastest = float(0.0)
+        shared = TimeWindow()
+        shared.time = window.time
+        shared.center = window.center
+        shared.length = window.length
+        stop = int(start)
+        while stop < end:
+            if queries.receiver[stop] >= 0:
+                a = queries.position[stop]
+                b = queries.position[stop]
+                if wp.static(query_moves):
+                    motion = queries.motion[stop]
+                    if low[0] == FAR_AWAY:
+                        fastest = (1.0 + LARGEST_DEVIATION) * wp.length(motion)
+                        shared = window_of(window, motion, fastest, run_size)
+                    elif wp.length(motion - shared.motion) > LARGEST_DEVIATION * wp.length(shared.motion):
+                        break
+                    half = shared.length * motion
+                    x = queries.position[stop]
+                    a = wp.min(x - half, x + half)
+                    b = wp.max(x - half, x + half)
+                grown_low = wp.min(low, a)
+                grown_high = wp.max(high, b)
+                if stop > start and wp.length(grown_high - grown_low) > run_size and low[0] < FAR_AWAY:
+                    break
+                if low[0] == FAR_AWAY:
+                    receiver = queries.receiver[stop]
+                    normal = queries.normal[stop]
+                elif queries.receiver[stop] != receiver:
+                    receiver = SEVERAL
+                narrowest = wp.min(narrowest, wp.dot(normal, queries.normal[stop]))
+                low = grown_low
+                high = grown_high
+            stop += 1
+        run = Run()
+        run.stop = stop
+        run.low = low
+        run.high = high
+        run.receiver = receiver
+        run.normal = normal
+        run.narrowest = narrowest
+        run.window = shared
+        run.fastest = fastest
+        run.empty = low[0] == FAR_AWAY
+        return run
+
+    return collect

@@ -1,0 +1,59 @@
+"""The weight of a footprint at a query, by kernel: what the gather evaluates, fast or plain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import warp as wp
+
+from tpdwarp.footprints import bspline
+from tpdwarp.footprints.bspline import Trajectory, bspline_weight
+from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
+
+
+@dataclass(frozen=True)
+class GatherForm:
+    """How footprints are evaluated: kernel of Table 1 or B-spline, shutter or swept, time filter of Eq. 9."""
+
+    kernel: str = "bspline"
+    form: str = "shutter"
+    time_filter: str = "none"
+
+    @property
+    def smooth(self) -> bool:
+        """Whether footprints are B-splines: they may curve and have a filter width, and are parabolas from afar."""
+        return self.kernel == "bspline"
+
+    @property
+    def support(self) -> float:
+        """Half the width of the kernel in filter space."""
+        return bspline.SUPPORT if self.smooth else SUPPORT
+
+
+@cache
+def footprint_weight(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
+    """w(y, trajectory), with y relative to where the footprint stands in the middle of its trajectory."""
+    if form.smooth:
+        return bspline_weight(moves, curved)
+    support = wp.constant(SUPPORT)
+    still = static_weight(form.kernel)
+    if not moves:
+
+        @wp.func
+        def static(y: wp.vec2, trajectory: Trajectory) -> float:
+            return still(y)
+
+        return static
+    moving = moving_weight(form.kernel, form.form, form.time_filter)
+
+    @wp.func
+    def swept(y: wp.vec2, trajectory: Trajectory) -> float:
+        v = trajectory.velocity
+        if wp.abs(y[0]) >= support + 0.5 * wp.abs(v[0]) or wp.abs(y[1]) >= support + 0.5 * wp.abs(v[1]):
+            return 0.0
+        if v[0] == 0.0 and v[1] == 0.0:
+            return still(y)
+        return moving(y + 0.5 * v, v)
+
+    return swept

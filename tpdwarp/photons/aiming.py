@@ -1,0 +1,101 @@
+"""Aim: where on a light's patch photons start that can reach specular surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tpdwarp.photons.lattice_aspect import specular_faces
+from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.normalization import Normalization
+
+# Triangles that look larger than this from the light [rad] are cut before their directions are bounded.
+FINEST_ANGLE = 0.1
+
+Bounds = tuple[float, float, float, float]
+
+
+def specular_triangles(mesh: MeshAtShutter) -> np.ndarray:
+    """Vertex indices [k, 3] of the triangles that reflect or refract."""
+    return mesh.triangles[specular_faces(mesh)]
+
+
+def specular_corners(scene: SceneAtShutter, normalization: Normalization) -> np.ndarray:
+    """Corners [k, 3, 3] of the specular triangles in the tracer's units, at mid shutter: that is where photons go."""
+    meshes = [mesh for mesh in scene.meshes if mesh.specular]
+    corners = [normalization.points(mesh.points)[specular_triangles(mesh)] for mesh in meshes]
+    return np.concatenate(corners).astype(np.float64) if corners else np.zeros((0, 3, 3))
+
+
+def area_of(bounds: Bounds) -> float:
+    """Area of bounds, in squared patch coordinates."""
+    return (bounds[1] - bounds[0]) * (bounds[3] - bounds[2])
+
+
+def cube_axes(axis: np.ndarray) -> list[np.ndarray]:
+    """Axes (rows u, v, w) of the six faces of a cube whose first face looks along ``axis``."""
+    length = np.linalg.norm(axis)
+    w = axis / length if length > 1e-9 else np.array([0.0, 0.0, -1.0])
+    helper = np.eye(3)[int(np.argmin(np.abs(w)))]
+    u = np.cross(helper, w)
+    u /= np.linalg.norm(u)
+    v = np.cross(w, u)
+    return [np.array(face) for face in ((u, v, w), (-u, v, -w), (v, w, u), (v, -w, -u), (w, u, v), (-w, u, -v))]
+
+
+def spread_of(light: LightAtShutter, corners: np.ndarray, axis: np.ndarray, normalization: Normalization) -> float:
+    """Largest angle [rad] between ``axis`` and the directions from a point light to ``corners``."""
+    offsets = corners.reshape(-1, 3) - normalization.points(light.position[None])[0]
+    lengths = np.maximum(np.linalg.norm(offsets, axis=1), 1e-30)
+    return float(np.arccos(np.clip((offsets @ axis / lengths).min(), -1.0, 1.0)))
+
+
+def bounds_of(
+    light: LightAtShutter,
+    axes: np.ndarray | None,
+    limit: float,
+    corners: np.ndarray,
+    normalization: Normalization,
+) -> Bounds | None:
+    """Patch coordinates (u0, u1, v0, v1) that reach ``corners`` at mid shutter; None if none do."""
+    if light.kind == LightKind.DISTANT:
+        uv = corners.reshape(-1, 3) @ light.axes[:2].T
+    else:
+        uv = _angles(corners - normalization.points(light.position[None])[0], axes, limit)
+    if not len(uv):
+        return None
+    lower, upper = uv.min(axis=0), uv.max(axis=0)
+    return float(lower[0]), float(upper[0]), float(lower[1]), float(upper[1])
+
+
+def _angles(corners: np.ndarray, axes: np.ndarray, limit: float) -> np.ndarray:
+    """(u, v) angles of the parts of triangles [k, 3, 3] (seen from the origin) inside the patch, shape [m, 2].
+
+    Triangles that look large from the light are cut across their longest edge until they look small, so that bounds
+    stay tight where a surface surrounds the light.
+    """
+    found = []
+    local = corners @ axes.T
+    for _ in range(24):
+        lengths = np.linalg.norm(local, axis=2)
+        edges = np.linalg.norm(local - np.roll(local, -1, axis=1), axis=2)
+        angle = edges.max(axis=1) / np.maximum(lengths.min(axis=1), 1e-9)
+        centre = local.mean(axis=1)
+        reach = np.arctan2(np.maximum(np.abs(centre[:, 0]), np.abs(centre[:, 1])), centre[:, 2])
+        near = (reach <= limit + angle) | (angle > 1.0)
+        small = angle <= FINEST_ANGLE
+        found.append(local[near & small].reshape(-1, 3))
+        local, edges = local[near & ~small], edges[near & ~small]
+        if not len(local) or len(local) > 200_000:
+            break
+        rows, longest = np.arange(len(local)), edges.argmax(axis=1)
+        a, b, c = (local[rows, (longest + corner) % 3] for corner in range(3))
+        middle = 0.5 * (a + b)
+        local = np.concatenate([np.stack(part, axis=1) for part in ((a, middle, c), (middle, b, c))])
+    found.append(local.reshape(-1, 3))
+    points = np.concatenate(found)
+    points = points[points[:, 2] > 0.0]
+    if not len(points):
+        return np.zeros((0, 2))
+    uv = np.arctan2(points[:, :2], points[:, 2:])
+    inside = np.all(np.abs(uv) <= limit + FINEST_ANGLE, axis=1)
+    return np.clip(uv[inside], -limit, limit)

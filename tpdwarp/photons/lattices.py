@@ -1,0 +1,319 @@
+"""Emission lattices on the lights, aimed at the specular geometry and fixed for the whole animation.
+
+Spacing and phase of a lattice come from a few stills spread over the animation, never from the frame at hand, so that
+a photon keeps its lattice coordinates (and its id) from frame to frame; each frame emits the cells that can reach
+something specular during its shutter.
+
+Beyond the paper, whose photons start at random: with a lattice, the error of footprints falls with their number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.photons.aiming import (
+    Bounds,
+    area_of,
+    bounds_of,
+    cube_axes,
+    specular_corners,
+    spread_of,
+)
+from tpdwarp.photons.emission import Domain, Patch
+from tpdwarp.photons.lattice_aspect import lattice_aspect
+from tpdwarp.scene.coordinate_range import require_within_range
+from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, SceneSource, reference_scenes
+from tpdwarp.scene.normalization import Normalization
+
+# Rows of long cells that are kept at least: where light ends, such cells blur its edge by their length.
+FEWEST_ROWS = 8
+# Half the angle [rad] that one patch of directions may cover; beyond it tangents stretch cells, and a cube takes over.
+WIDEST_SINGLE_PATCH = math.radians(60.0)
+CUBE_FACE = math.pi / 4
+# How many times the cells that the stills foresaw a frame may emit; a rod that turns takes some times as many.
+LARGEST_CELL_GROWTH = 16
+# What is specular is met from nearby where it is smaller than this part of the way from the light.
+NEARBY = 1.0e-2
+# Lattice coordinates are single precision: beyond this cell they no longer resolve a quarter of one.
+LARGEST_CELL_NUMBER = 2**22
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """One lattice of one light, fixed for the animation.
+
+    Attributes:
+        light: Prim path of the light.
+        face: Face of the direction cube (0 for a plane or a single direction patch).
+        axes: Rows are the patch's u, v, w axes; None for distant lights, whose patch turns with them.
+        limit: Largest |u|, |v| of a direction patch [rad].
+        origin, step: Lower corner of cell (0, 0) and the size of a cell, in patch coordinates.
+        wrap: Cells per side after which ids repeat.
+        first_id: Id of cell (0, 0).
+    """
+
+    light: str
+    face: int
+    axes: np.ndarray | None
+    limit: float
+    origin: tuple[float, float]
+    step: tuple[float, float]
+    wrap: tuple[int, int]
+    first_id: int
+
+
+@dataclass(frozen=True)
+class EmissionPlan:
+    """The lattices of all lights that the stills show.
+
+    Attributes:
+        lattices: One or more a light.
+        planned_ids: Ids that these lattices use together.
+        photons: Photons a frame.
+        normalization: The tracer's units.
+        candidates: What the stills showed, from which lattices for any number of photons are laid out.
+    """
+
+    lattices: tuple[Lattice, ...]
+    planned_ids: int
+    photons: int
+    normalization: Normalization
+    candidates: tuple[_Candidate, ...] = ()
+
+    def with_photons(self, photons: int) -> EmissionPlan:
+        """The lattices of another number of photons over the same stills, which are not read again."""
+        return _planned(self.candidates, photons, self.normalization)
+
+    def paths_of(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Path mask of each photon, index of its lattice in ``lattices``, and whether that one was planned."""
+        mask, number = np.divmod(ids, self.id_count)
+        lattice = np.searchsorted([entry.first_id for entry in self.lattices], number, side="right") - 1
+        return mask, lattice, number < self.planned_ids
+
+    @property
+    def id_count(self) -> int:
+        """Ids in all: room is kept for lattices of lights that no still shows."""
+        return self.planned_ids + 8 * self.photons + 64
+
+    def patches(self, scene: SceneAtShutter) -> list[tuple[Lattice, Patch]]:
+        """The cells of each lattice that this shutter emits, towards all specular meshes.
+
+        Lights that the stills show otherwise (a flash between two of them, a body that leaves the patch or turns a
+        broader side to the light) get lattices of this shutter's own, and as many photons as all others together;
+        their ids do not last.
+        """
+        corners = specular_corners(scene, self.normalization)
+        if not len(corners):
+            return []
+        norm = self.normalization
+        lights = {light.path: light for light in scene.lights if any(light.power)}
+        foreseen: list[tuple[Lattice, Bounds | None]] = []
+        unforeseen: list[_Candidate] = []
+        for light in lights.values():
+            planned = [lattice for lattice in self.lattices if lattice.light == light.path]
+            bounds = [bounds_of(light, lattice.axes, lattice.limit, corners, norm) for lattice in planned]
+            pairs = list(zip(planned, bounds, strict=True))
+            if pairs and all(self._holds(light, corners, *pair) for pair in pairs):
+                foreseen += pairs
+            else:
+                unforeseen += [c for c in _candidates(light.path, [(light, corners)], norm) if not c.spare]
+        made = _lattices(unforeseen, self.photons, self.planned_ids)
+        found = [bounds_of(lights[lattice.light], lattice.axes, lattice.limit, corners, norm) for lattice in made]
+        behind = 2.0 * _radius(scene, norm) + 1.0
+        magnitude = np.abs(corners).max(axis=(0, 1))
+        return [
+            (lattice, _patch(lattice, lights[lattice.light], bounds, behind, magnitude, norm))
+            for lattice, bounds in (*foreseen, *zip(made, found, strict=True))
+            if bounds is not None
+        ]
+
+    def _holds(self, light: LightAtShutter, corners: np.ndarray, lattice: Lattice, bounds: Bounds | None) -> bool:
+        """Whether ``lattice`` suits what ``light`` sees: nothing outside of it, and not far more than was foreseen."""
+        if bounds is not None:
+            cells = _cells(lattice, bounds)
+            foreseen = lattice.wrap[0] * lattice.wrap[1] // 4
+            if math.prod(count for _, count in cells) > LARGEST_CELL_GROWTH * foreseen:
+                return False
+            if any(max(abs(first), abs(first + count)) > LARGEST_CELL_NUMBER for first, count in cells):
+                return False
+        if lattice.limit != WIDEST_SINGLE_PATCH:
+            return True
+        return spread_of(light, corners, lattice.axes[2], self.normalization) <= WIDEST_SINGLE_PATCH
+
+
+def plan_emission(
+    source: SceneSource, photons: int, normalization: Normalization, *, square: bool = False
+) -> EmissionPlan:
+    """Lays out the lattices for ``photons`` photons a frame, shared between lights by the power they send.
+
+    Args:
+        square: Whether cells are square also where light varies in one direction alone.
+    """
+    stills = reference_scenes(source, lambda scene: require_within_range(scene, normalization, source.file))
+    corners = [specular_corners(scene, normalization) for scene in stills]
+    paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
+    candidates = []
+    for path in paths:
+        views = [
+            (light, there)
+            for scene, there in zip(stills, corners, strict=True)
+            for light in scene.lights
+            if light.path == path and len(there)
+        ]
+        if views:
+            found = _candidates(path, views, normalization)
+            if views[0][0].kind == LightKind.DISTANT and not square:
+                own = ((light, scene) for scene in stills for light in scene.lights if light.path == path)
+                aspect = lattice_aspect(own)
+                found = [replace(candidate, aspect=aspect) for candidate in found]
+            candidates += found
+    return _planned(tuple(candidates), photons, normalization)
+
+
+def _planned(candidates: tuple[_Candidate, ...], photons: int, normalization: Normalization) -> EmissionPlan:
+    lattices = _lattices(candidates, photons, 0)
+    used = max((lattice.first_id + lattice.wrap[0] * lattice.wrap[1] for lattice in lattices), default=0)
+    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates)
+
+
+def _lattices(candidates: Sequence[_Candidate], photons: int, first_id: int) -> list[Lattice]:
+    """Lattices with cells for ``photons`` photons, shared between candidates by power; spare ones are not counted."""
+    total = sum(candidate.power for candidate in candidates if not candidate.spare)
+    lattices = []
+    for candidate in candidates:
+        count = max(1.0, photons * candidate.power / total)
+        width, height = candidate.size
+        # What light grazes is a strip: cells keep their shape until one side has but one row of them.
+        aspect = candidate.aspect
+        for length, size in ((aspect, height / width), (1.0 / aspect, width / height)):
+            if length > 1.0:
+                # Long cells are wide where light ends, too: some rows of them are kept.
+                aspect = aspect ** min(1.0, math.log(max(1.0, count * size / FEWEST_ROWS**2)) / math.log(length))
+        across = max(1, round(min(math.sqrt(count * aspect * width / height), count)))
+        down = max(1, round(count / across))
+        origin, step = candidate.origin, (width / across, height / down)
+        if candidate.limit == CUBE_FACE:
+            # Cells end where the face ends, so that no two faces emit the same directions.
+            origin = (-CUBE_FACE, -CUBE_FACE)
+            step = tuple(2.0 * CUBE_FACE / math.ceil(2.0 * CUBE_FACE / size - 1e-6) for size in step)
+        wrap = (2 * across, 2 * down)
+        lattices.append(
+            Lattice(candidate.light, candidate.face, candidate.axes, candidate.limit, origin, step, wrap, first_id)
+        )
+        first_id += wrap[0] * wrap[1]
+    return lattices
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A patch that a light could use: where it lies, the largest domain seen there and the power through it.
+
+    A ``spare`` one is a face of the cube that nothing was seen through yet, sized like the strongest of the others.
+    """
+
+    light: str
+    face: int
+    axes: np.ndarray | None
+    limit: float
+    origin: tuple[float, float]
+    size: tuple[float, float]
+    power: float
+    spare: bool = False
+    aspect: float = 1.0
+
+
+def _candidates(
+    path: str, views: Sequence[tuple[LightAtShutter, np.ndarray]], normalization: Normalization
+) -> list[_Candidate]:
+    first, first_corners = views[0]
+    if first.kind == LightKind.DISTANT:
+        faces, limit = [None], math.inf
+    else:
+        centre = 0.5 * (first_corners.min(axis=(0, 1)) + first_corners.max(axis=(0, 1)))
+        cube = cube_axes(centre - normalization.points(first.position[None])[0])
+        spread = max(spread_of(light, there, cube[0][2], normalization) for light, there in views)
+        faces, limit = (cube[:1], WIDEST_SINGLE_PATCH) if spread < WIDEST_SINGLE_PATCH else (cube, CUBE_FACE)
+    found = []
+    for number, axes in enumerate(faces):
+        bounds = [(light, bounds_of(light, axes, limit, there, normalization)) for light, there in views]
+        seen = [(light, b) for light, b in bounds if b is not None]
+        if not seen:
+            continue
+        largest = max((b for _, b in seen), key=area_of)
+        size = (largest[1] - largest[0], largest[3] - largest[2])
+        if min(size) <= 0.0:
+            continue
+        power = max(sum(light.power) * area_of(b) for light, b in seen)
+        if first.kind == LightKind.DISTANT:
+            power /= normalization.scale**2
+        if power > 0.0:
+            found.append(_Candidate(path, number, axes, limit, (largest[0], largest[2]), size, power))
+    if found and len(faces) > 1:
+        strongest, seen = max(found, key=lambda candidate: candidate.power), {candidate.face for candidate in found}
+        found += [
+            replace(strongest, face=number, axes=axes, spare=True)
+            for number, axes in enumerate(faces)
+            if number not in seen
+        ]
+    return found
+
+
+def _radius(scene: SceneAtShutter, normalization: Normalization) -> float:
+    """Radius of a sphere about the origin that holds the scene at mid shutter, in the tracer's units."""
+    radius = normalization.radius
+    for mesh in scene.meshes:
+        points = normalization.points(mesh.points)
+        radius = max(radius, float(np.sqrt(np.einsum("ij,ij->i", points, points).max(initial=0.0))))
+    return radius
+
+
+def _cells(lattice: Lattice, bounds: Bounds) -> list[tuple[int, int]]:
+    """First cell and number of cells of ``lattice`` that cover ``bounds``, along u and along v."""
+    cells = []
+    for axis in (0, 1):
+        low = (bounds[2 * axis] - lattice.origin[axis]) / lattice.step[axis]
+        high = (bounds[2 * axis + 1] - lattice.origin[axis]) / lattice.step[axis]
+        first = math.floor(low + 1e-4)
+        cells.append((first, max(1, math.ceil(high - 1e-4) - first)))
+    return cells
+
+
+def _patch(
+    lattice: Lattice,
+    light: LightAtShutter,
+    bounds: Bounds,
+    behind: float,
+    magnitude: np.ndarray,
+    normalization: Normalization,
+) -> Patch:
+    """The cells of ``lattice`` that cover ``bounds``; light from afar starts ``behind`` before the origin.
+
+    ``magnitude`` [3] is how large the coordinates of what is specular are.
+    """
+    patch = Patch()
+    patch.magnitude = wp.vec3(*(magnitude + 1e-3 * magnitude.max()))
+    (patch.first_u, patch.count_u), (patch.first_v, patch.count_v) = _cells(lattice, bounds)
+    patch.origin, patch.step = wp.vec2(*lattice.origin), wp.vec2(*lattice.step)
+    if light.kind == LightKind.DISTANT:
+        axes, motions = light.axes, light.axes_motion
+        patch.domain = int(Domain.PLANE)
+        patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*-axes[2])
+        patch.axis_u_motion, patch.axis_v_motion = wp.vec3(*motions[0]), wp.vec3(*motions[1])
+        patch.axis_w_motion = wp.vec3(*-motions[2])
+        patch.start, distance = -behind, behind
+    else:
+        axes = lattice.axes
+        patch.domain = int(Domain.DIRECTIONS)
+        patch.axis_u, patch.axis_v, patch.axis_w = wp.vec3(*axes[0]), wp.vec3(*axes[1]), wp.vec3(*axes[2])
+        patch.position = wp.vec3(*normalization.points(light.position[None])[0].astype(float))
+        patch.position_motion = wp.vec3(*(light.position_motion * normalization.scale))
+        patch.start, distance = 0.0, float(np.linalg.norm(patch.position))
+    diameter = 2.0 * float(np.linalg.norm(magnitude))
+    patch.near = patch.start + (distance - diameter if diameter < NEARBY * distance else 0.0)
+    patch.power = wp.vec3(*normalization.light_power(light))
+    return patch

@@ -1,0 +1,82 @@
+"""Photons that have landed, as the estimators see them: arrays in the tracer's units, one row a photon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+
+@dataclass
+class TrajectoryColumns:
+    """How D_t x and the footprints of photons change from the opening to the closing of the shutter.
+
+    Beyond the paper, whose footprints go straight and keep their shape.
+
+    Attributes:
+        dxdtt, dxdttt: Acceleration D_tt x and jerk D_ttt x, each [n, 3].
+        dxdut, dxdvt: Jacobian rates D_t D_u x and D_t D_v x, each [n, 3].
+    """
+
+    dxdtt: np.ndarray
+    dxdttt: np.ndarray
+    dxdut: np.ndarray
+    dxdvt: np.ndarray
+
+
+@dataclass
+class PhotonMap:
+    """Photons deposited over one shutter, or a segment of it, in the tracer's units.
+
+    Attributes:
+        ids: Identity from frame to frame, shape [n] int64.
+        position: Footprint centres at mid shutter, shape [n, 3].
+        normal: Unit geometric normals of the receiver, on the side that was lit, shape [n, 3].
+        dxdu, dxdv: D_u x and D_v x per lattice step, shape [n, 3].
+        dxdt: D_t x in the world, over ``duration`` of the shutter, shape [n, 3].
+        receiver_motion: Motion of the receiver's material over the same time, shape [n, 3].
+        flux: Flux carried, shape [n, 3].
+        emission: Lattice coordinates on the light, shape [n, 2].
+        shift: Lattice steps by which a photon that rides on its surface moves over it on the light, shape [n, 2].
+        receiver: Number of the object that it landed on, shape [n].
+        bounces: Specular interactions on the way, shape [n].
+        trajectory: How its way curves and its footprint changes; None where it goes straight.
+        time: Middle of the photons' part of the shutter, −½ … ½.
+        duration: Length of that part.
+    """
+
+    ids: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    dxdu: np.ndarray
+    dxdv: np.ndarray
+    dxdt: np.ndarray
+    receiver_motion: np.ndarray
+    flux: np.ndarray
+    emission: np.ndarray
+    shift: np.ndarray
+    receiver: np.ndarray
+    bounces: np.ndarray
+    trajectory: TrajectoryColumns | None = None
+    time: float = 0.0
+    duration: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @classmethod
+    def empty(cls) -> PhotonMap:
+        """A map without photons."""
+        three, two = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
+        whole = np.zeros(0, np.int32)
+        return cls(np.zeros(0, np.int64), *[three] * 7, two, two, whole, whole)
+
+    def rows(self, chosen: np.ndarray) -> PhotonMap:
+        """Some of the photons, by index or mask."""
+        columns = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
+        return replace(self, **{name: getattr(self, name)[chosen] for name in columns})
+
+
+def joined(parts: list[np.ndarray]) -> np.ndarray:
+    """The rows of all ``parts``; a single one is not copied, for ten million photons fill memory."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)

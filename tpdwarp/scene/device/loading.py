@@ -1,0 +1,88 @@
+"""Scenes of an animation on the device: read over a shutter, checked, packed, and kept in the same units."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+
+from tpdwarp.clock import Clock
+from tpdwarp.device import Launcher
+from tpdwarp.errors import InputError
+from tpdwarp.scene.coordinate_range import require_within_range
+from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter, reference_scenes
+from tpdwarp.scene.device.geometry import Geometry, geometry_of
+from tpdwarp.scene.normalization import Normalization
+from tpdwarp.scene.opening import scene_at_opening
+from tpdwarp.scene.requirements import Requirements, requirements_of
+
+
+@dataclass
+class LoadedScene:
+    """One shutter, or a segment of one: the scene's description, its device arrays, and what it requires."""
+
+    scene: SceneAtShutter
+    geometry: Geometry
+    requirements: Requirements
+
+    @property
+    def moves(self) -> bool:
+        """Whether photons or the view move over the shutter."""
+        return self.requirements.photon_motion or self.requirements.view_motion
+
+
+class SceneLoader:
+    """Loads the scenes of one animation, all in the same units.
+
+    Args:
+        source: Where scenes come from.
+        launcher: The device.
+
+    Attributes:
+        normalization: The tracer's units, the same for every frame.
+
+    Raises:
+        InputError: None of the reference scenes can be used.
+    """
+
+    def __init__(self, source: SceneSource, launcher: Launcher) -> None:
+        self.source, self.launcher = source, launcher
+        self.normalization = _normalization(reference_scenes(source), source.file)
+
+    def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
+        """The scene over ``shutter``, at its middle with motions over the whole of it.
+
+        Raises:
+            InputError: The stage cannot be used there.
+        """
+        clock = clock or Clock()
+        with clock.stage("read"):
+            scene = self.source.at(shutter)
+        return self._packed(scene, clock)
+
+    def load_opening(self, shutter: Shutter, clock: Clock) -> LoadedScene:
+        """The scene as it stands when ``shutter`` opens, with its forward difference; without a camera."""
+        with clock.stage("read"):
+            scene = scene_at_opening(self.source, shutter)
+        return self._packed(scene, clock)
+
+    def _packed(self, scene: SceneAtShutter, clock: Clock) -> LoadedScene:
+        with clock.stage("build"):
+            require_within_range(scene, self.normalization, self.source.file)
+            needs = requirements_of(scene)
+            with_motions = needs.photon_motion or needs.view_motion
+            geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=with_motions)
+        return LoadedScene(scene, geometry, needs)
+
+
+def _normalization(stills: list[SceneAtShutter], file: str) -> Normalization:
+    """Units that suit all ``stills`` but those with something out of range, which must not spoil the others."""
+    shown = [still for still in stills if still.meshes]
+    if not shown:
+        return Normalization.of(*stills)
+    smallest = max((Normalization.of(still) for still in shown), key=lambda found: found.scale)
+    usable = []
+    for still in shown:
+        with suppress(InputError):
+            require_within_range(still, smallest, file)
+            usable.append(still)
+    return Normalization.of(*usable)
