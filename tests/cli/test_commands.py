@@ -39,10 +39,10 @@ def test_render_writes_frames_statistics_and_the_debug_layer(stage, tmp_path, ca
 def test_failed_frames_are_listed_at_the_end_with_code_1(stage, tmp_path, capsys, monkeypatch):
     real = sequence.render_frame
 
-    def fail_at_2(source, shutter, settings, width, height):
+    def fail_at_2(context, shutter, width, height):
         if shutter.frame == 2:
             raise FrameError("the lamp blew")
-        return real(source, shutter, settings, width, height)
+        return real(context, shutter, width, height)
 
     monkeypatch.setattr(sequence, "render_frame", fail_at_2)
     assert main(["render", stage, str(tmp_path / "a.##.exr"), *SMALL, "--progress", "none"]) == 1

@@ -29,12 +29,12 @@ def no_photons():
     vectors, numbers = np.zeros((0, 3)), np.zeros(0, np.int32)
     return PhotonRecord(numbers, *[vectors] * 6, np.zeros((0, 2)), numbers, numbers, ())
 
-def render_frame(source, shutter, settings, width, height):
+def render_frame(context, shutter, width, height):
     if shutter.frame > 1:
         print("busy", flush=True)
         time.sleep(60)
     grey = {name: np.ones((height, width), np.float32) for name in "RGBA"}
-    return Frame(no_photons(), EnergyAccount(sent=1.0), {}, grey, source.at(shutter).camera)
+    return Frame(no_photons(), EnergyAccount(sent=1.0), {}, grey, context.source.at(shutter).camera)
 
 sequence.render_frame = render_frame
 # Shells start what runs in the background with it ignored.

@@ -45,14 +45,14 @@ class FakeRenderer:
         monkeypatch.setattr(sequence, "render_frame", self.render)
         monkeypatch.setattr(sequence, "trace_frame", self.trace)
 
-    def render(self, source, shutter, settings, width, height):
+    def render(self, context, shutter, width, height):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.rendered.append(shutter.frame)
         grey = {name: np.full((height, width), 0.5, np.float32) for name in "RGBA"}
-        return Frame(some_photons(), self.energy, {"trace": 0.5}, grey, source.at(shutter).camera)
+        return Frame(some_photons(), self.energy, {"trace": 0.5}, grey, context.source.at(shutter).camera)
 
-    def trace(self, source, shutter, settings):
+    def trace(self, context, shutter):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.traced.append(shutter.frame)

@@ -109,7 +109,7 @@ def test_irradiance_of_a_pixel_is_the_mean_over_the_surfaces_seen_not_over_backg
     found = np.array([[4.0] * 3, [8.0] * 3, [0] * 3, [0] * 3], np.float32)
     film = Film(1, 1, 4, norm, 1.0, AOVS)
     points = VisiblePoints(np.arange(4), queries, arrays, True)
-    film.add_view(points, np.zeros(4, int))
+    film.add_view(points, np.zeros(4, int), 1.0)
     film.add_caustic(np.zeros(4, int), points.arrays.weight.numpy(), np.ones(4, int), Irradiance(found))
     channels = {name: float(values[0, 0]) for name, values in film.channels().items()}
     # Lengths are doubled in scene units, so that areas count four times.

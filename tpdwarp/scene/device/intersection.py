@@ -12,9 +12,13 @@ from tpdwarp.scene.device.ray_offset import ray_offset
 SHIFT = wp.constant(1.0e-6)
 # Below this cosine a plane is too nearly along the ray to say where they meet.
 GRAZING = wp.constant(1.0e-7)
+# Planes within this cosine of each other (0.08°) are parallel: float32 normals of fine meshes tell no more.
 COPLANAR = wp.constant(0.999999)
 # What lies in the plane just left is at most this part of its own ray offset off it: four half units in the last place.
 OWN_PLANE = wp.constant(0.06)
+# A ray that meets the plane again that it left starts anew so many times farther off; seven times at most, by which the
+# offset has grown from rounding of the triangle's coordinates to its size.
+OFFSET_GROWTH = wp.constant(8.0)
 MOST_ATTEMPTS = wp.constant(8)
 
 
@@ -56,6 +60,61 @@ def along(x: wp.vec3, w: wp.vec3, distance: float) -> wp.vec3:
     return wp.vec3(wp.vec3d(x) + wp.float64(distance) * wp.vec3d(w))
 
 
+@wp.struct
+class TrianglePlane:
+    """The plane of a triangle in double precision, which long thin triangles need.
+
+    ``area`` is e1 × e2, ``length`` its length. ``offset`` and ``magnitude`` are as in :class:`Hit`.
+    """
+
+    origin: wp.vec3d
+    e1: wp.vec3d
+    e2: wp.vec3d
+    area: wp.vec3d
+    length: wp.float64
+    inverse: wp.float64
+    n_g: wp.vec3
+    offset: float
+    magnitude: wp.vec3
+
+
+@wp.func
+def plane_of(surfaces: Surfaces, face: int) -> TrianglePlane:
+    """The plane of triangle ``face``."""
+    plane = TrianglePlane()
+    corner = surfaces.triangles[face]
+    q0 = surfaces.points[corner[0]]
+    q1 = surfaces.points[corner[1]]
+    q2 = surfaces.points[corner[2]]
+    plane.origin = wp.vec3d(q0)
+    plane.e1 = wp.vec3d(q1) - plane.origin
+    plane.e2 = wp.vec3d(q2) - plane.origin
+    plane.area = wp.cross(plane.e1, plane.e2)
+    square = wp.dot(plane.area, plane.area)
+    plane.length = wp.sqrt(square)
+    plane.inverse = wp.float64(1.0) / square
+    plane.n_g = wp.vec3(plane.area * (plane.length * plane.inverse))
+    magnitude = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
+    edges = wp.abs(q1 - q0) + wp.abs(q2 - q0)
+    size = edges[0] + edges[1] + edges[2]
+    plane.offset = ray_offset(plane.n_g, magnitude, size)
+    plane.magnitude = magnitude + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
+    return plane
+
+
+@wp.func
+def is_plane_left(plane: TrianglePlane, x: wp.vec3, side: wp.vec3, offset: float) -> bool:
+    """Whether ``plane`` is the one that a ray has just left at x: parallel to it, and within the ray's offset.
+
+    Args:
+        side: Unit normal of the plane left, zero for a ray that comes from nowhere.
+        offset: How far off it the ray started.
+    """
+    height = wp.dot(plane.area, wp.vec3d(x) - plane.origin)
+    tolerance = wp.max(offset, OWN_PLANE * plane.offset)
+    return wp.abs(wp.dot(side, plane.n_g)) > COPLANAR and wp.abs(height) < plane.length * wp.float64(tolerance)
+
+
 @wp.func
 def closest_hit(
     surfaces: Surfaces,
@@ -89,47 +148,34 @@ def closest_hit(
         if not query.result:
             missed += 1
         else:
-            corner = surfaces.triangles[query.face]
-            q0 = surfaces.points[corner[0]]
-            q1 = surfaces.points[corner[1]]
-            q2 = surfaces.points[corner[2]]
-            origin = wp.vec3d(q0)
-            e1 = wp.vec3d(q1) - origin
-            e2 = wp.vec3d(q2) - origin
-            area = wp.cross(e1, e2)
-            square = wp.dot(area, area)
-            from_corner = wp.vec3d(x) - origin
-            # Both times the area; the plane's normal itself need not be known in double precision.
-            height = wp.dot(area, from_corner)
-            cosine = wp.dot(area, wp.vec3d(w))
-            length = wp.sqrt(square)
-            inverse = wp.float64(1.0) / square
-            hit.n_g = wp.vec3(area * (length * inverse))
-            hit.magnitude = wp.max(wp.max(wp.abs(q0), wp.abs(q1)), wp.abs(q2))
-            edges = wp.abs(q1 - q0) + wp.abs(q2 - q0)
-            size = edges[0] + edges[1] + edges[2]
-            hit.offset = ray_offset(hit.n_g, hit.magnitude, size)
-            hit.magnitude = hit.magnitude + wp.vec3(1.0e-3, 1.0e-3, 1.0e-3) * size
-            own = wp.max(offset_length, OWN_PLANE * hit.offset)
-            if wp.abs(wp.dot(side, hit.n_g)) > COPLANAR and wp.abs(height) < length * wp.float64(own):
-                farther *= 8.0
-            elif wp.isfinite(inverse):
+            plane = plane_of(surfaces, query.face)
+            if is_plane_left(plane, x, side, offset_length):
+                farther *= OFFSET_GROWTH
+            elif wp.isfinite(plane.inverse):
+                from_corner = wp.vec3d(x) - plane.origin
+                # Both times the area; the plane's normal itself need not be known in double precision.
+                height = wp.dot(plane.area, from_corner)
+                cosine = wp.dot(plane.area, wp.vec3d(w))
                 distance = wp.float64(start + query.t)
-                if wp.abs(cosine) > wp.float64(GRAZING) * length:
+                if wp.abs(cosine) > wp.float64(GRAZING) * plane.length:
                     distance = -height / cosine
                 from_corner = from_corner + distance * wp.vec3d(w)
-                g1 = wp.cross(e2, area) * inverse
-                g2 = wp.cross(area, e1) * inverse
+                g1 = wp.cross(plane.e2, plane.area) * plane.inverse
+                g2 = wp.cross(plane.area, plane.e1) * plane.inverse
                 b1 = wp.dot(g1, from_corner)
                 b2 = wp.dot(g2, from_corner)
                 hit.triangle = query.face
                 hit.retried = missed
                 hit.distance = float(distance)
-                hit.position = wp.vec3(origin + from_corner)
+                hit.position = wp.vec3(plane.origin + from_corner)
+                hit.n_g = plane.n_g
                 hit.g1 = wp.vec3(g1)
                 hit.g2 = wp.vec3(g2)
                 hit.beta = wp.vec3(wp.float32(wp.float64(1.0) - b1 - b2), wp.float32(b1), wp.float32(b2))
+                hit.offset = plane.offset
+                hit.magnitude = plane.magnitude
                 if moves:
+                    corner = surfaces.triangles[query.face]
                     hit.motion = (
                         hit.beta[0] * surfaces.motions[corner[0]]
                         + hit.beta[1] * surfaces.motions[corner[1]]
@@ -140,8 +186,27 @@ def closest_hit(
 
 @wp.func
 def occluded(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, offset: wp.vec3, distance: float) -> bool:
-    """Whether anything stands between x and x + distance·ω."""
-    return wp.mesh_query_ray_anyhit(surfaces.mesh, x + offset, w, distance)
+    """Whether anything stands between x and x + distance·ω, but for the plane that x lies on.
+
+    A ray offset that goes with the coordinates vanishes in the planes x = 0, y = 0, z = 0 and may be too small for
+    large triangles there. So what the quick query finds is looked at: the plane just left hides nothing, and the ray
+    starts anew from farther off.
+    """
+    if not wp.mesh_query_ray_anyhit(surfaces.mesh, x + offset, w, distance):
+        return False
+    offset_length = wp.length(offset)
+    if offset_length == 0.0:
+        return True
+    side = offset / offset_length
+    farther = float(1.0)
+    for _attempt in range(MOST_ATTEMPTS):
+        query = wp.mesh_query_ray(surfaces.mesh, x + farther * offset, w, distance)
+        if not query.result:
+            return False
+        if not is_plane_left(plane_of(surfaces, query.face), x, side, offset_length):
+            return True
+        farther *= OFFSET_GROWTH
+    return False
 
 
 @wp.func
