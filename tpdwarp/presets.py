@@ -19,6 +19,9 @@ PRESETS: dict[str, dict[str, Any]] = {
         "anchor": "light",
         "trace_at": "open",
         "path": "straight",
+        # Without lattices, footprints of one cell leave noise that no number of photons mends: 1 000 photons under
+        # the wave err by 0.85 of its mean with one cell, by 0.12 with four.
+        "smoothing": 4.0,
     },
 }
 """What each preset sets; whatever is asked for beside it beats it."""

@@ -22,6 +22,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "anchor": ("surface", "light"),
     "trace_at": ("middle", "open"),
     "path": ("curved", "straight"),
+    "refracted_radiance": ("scaled", "unscaled"),
     "time_filter": ("none", "uniform", "cone", "epanechnikov", "quartic", "gaussian"),
 }
 PURPOSES = ("default", "render", "proxy", "guide")
@@ -166,10 +167,13 @@ class ViewSettings(_Group):
     Attributes:
         samples: Camera samples a pixel.
         aovs: Extra channel groups to write.
+        refracted_radiance: ``scaled`` by the square of the relative index where the camera looks through an interface,
+            as light is, or ``unscaled``, for hosts whose renderer leaves that out.
     """
 
     samples: int = 4
     aovs: tuple[str, ...] = ()
+    refracted_radiance: str = "scaled"
 
     def _check(self) -> None:
         self._check_counts("samples")

@@ -22,7 +22,7 @@ def evaluate_ways(
     acceleration: wp.array(dtype=wp.vec2),
     jerk: wp.array(dtype=wp.vec2),
     rate: wp.array(dtype=wp.mat22),
-    box: wp.array(dtype=wp.vec2),
+    box: wp.array(dtype=wp.vec3),
     out: wp.array(dtype=float),
 ):
     i = wp.tid()
@@ -39,8 +39,10 @@ def weights_of(y: np.ndarray, *trajectory: np.ndarray) -> np.ndarray:
     """Weights at ``y`` [n, 2] of one B-spline each, whose trajectory has these columns, in the order of the kernel."""
     given = [np.ascontiguousarray(values, np.float32) for values in (y, *trajectory)]
     if len(given) < 6:
-        given.append(np.zeros_like(given[0]))
-    types = (wp.vec2, wp.vec2, wp.vec2, wp.vec2, wp.mat22, wp.vec2)
+        given.append(np.zeros((len(y), 3), np.float32))
+    # One box along u, and up to two along v.
+    given[5] = np.pad(given[5], ((0, 0), (0, 3 - given[5].shape[1])))
+    types = (wp.vec2, wp.vec2, wp.vec2, wp.vec2, wp.mat22, wp.vec3)
     out = wp.zeros(len(y), dtype=float, device="cpu")
     arrays = [wp.array(values, dtype=dtype, device="cpu") for values, dtype in zip(given, types, strict=True)]
     wp.launch(evaluate_ways, len(y), inputs=[*arrays, out], device="cpu")
@@ -106,6 +108,28 @@ def test_a_b_spline_is_averaged_over_its_box():
     still = np.zeros_like(y), np.zeros_like(y), np.zeros_like(y), np.zeros((300, 2, 2))
     # Two nodes are exact to third order: b'' jumps by three at knots, which one part or two of each axis hold.
     np.testing.assert_allclose(weights_of(y, *still, box), averaged(y, box), atol=(4 / 40) ** 3 / 4 + 1e-5)
+
+
+@pytest.mark.parametrize("widths", [(0.0, 1.0, 0.3), (0.4, 6.0, 6.0), (2.0, 20.0, 3.0), (0.0, 64.0, 45.0)])
+def test_a_thin_footprint_is_averaged_over_two_boxes_as_a_square_is_across_it(widths):
+    """By a sum over the second box of means over the first one; midpoints err with the square of their step."""
+    random = np.random.default_rng(22)
+    reach = 1.6 + 0.5 * (widths[1] + widths[2])
+    y = np.stack([random.uniform(-1.7, 1.7, 300), random.uniform(-reach, reach, 300)], axis=1).astype(np.float32)
+    still = np.zeros_like(y), np.zeros_like(y), np.zeros_like(y), np.zeros((300, 2, 2))
+    steps = 400
+    found = weights_of(y, *still, np.broadcast_to(widths, (300, 3)))
+    offsets = widths[2] * ((np.arange(steps) + 0.5) / steps - 0.5)
+    single = np.broadcast_to(widths[:2], (300, 2))
+    expected = np.mean([weights_of(np.float32(y + np.array([0, o])), *still, single) for o in offsets], axis=0)
+    np.testing.assert_allclose(found, expected, atol=2e-3 * expected.max())
+    # And by itself: an average keeps the sum.
+    side = np.arange(-reach, reach, 0.05)
+    line = np.stack([np.zeros_like(side), side], axis=1)
+    rows = [np.zeros_like(line)] * 3 + [np.zeros((len(line), 2, 2))]
+    across = weights_of(line, *rows, np.broadcast_to(widths, (len(line), 3)))
+    alone = weights_of(np.zeros((1, 2)), *[np.zeros((1, 2))] * 3, np.zeros((1, 2, 2)), [[widths[0], 0, 0]])[0] / 0.75
+    assert across.sum() * 0.05 == pytest.approx(alone, rel=1e-3)
 
 
 @pytest.mark.parametrize("box", [(0.3, 0), (0, 1.43), (1.0, 1.0), (1.43, 0.7), (3.3, 2.6)])

@@ -78,16 +78,23 @@ def test_rows_are_those_of_the_inverse_jacobian(kernel, scale):
     assert found.clamped == 0
 
 
-def test_widening_adds_half_a_pixel_to_the_covariance():
+def kernel_variance(kernel: str) -> float:
+    """Variance along an axis of a radial kernel of unit radius, by the midpoint rule."""
+    positions, area = grid((-1, -1), (1, 1), (1000, 1000))
+    return float((static_kernel(kernel, positions[:, :2]) * positions[:, 0] ** 2).sum() * area)
+
+
+@pytest.mark.parametrize("kernel", kernels.RADIAL)
+def test_variances_of_a_pixel_and_of_a_radial_footprint_add_up(kernel):
     photons, half = tangent_photons(), 0.03
-    found = shaped(photon_map(**photons), kernel="uniform", half_pixel=half)
+    found = shaped(photon_map(**photons), kernel=kernel, half_pixel=half)
     n = photons["normals"]
     tangent = np.eye(3) - np.einsum("ni,nj->nij", n, n)
-    wide = covariance(photons) + half**2 * tangent
-    # MᵀM is the inverse of C + ε²I in the tangent plane.
-    np.testing.assert_allclose(np.einsum("nij,njk->nik", metric(found), wide), tangent, atol=1e-3)
+    # MᵀM is the inverse of C + ε²I in the tangent plane, where the kernel has its own part of C for a variance.
+    wide = covariance(photons) + half**2 / kernel_variance(kernel) * tangent
+    np.testing.assert_allclose(np.einsum("nij,njk->nik", metric(found), wide), tangent, atol=2e-3)
     axes = np.sort(np.linalg.eigvalsh(wide), axis=1)[:, 1:]
-    np.testing.assert_allclose(density(found), 1 / np.sqrt(axes.prod(axis=1)), rtol=1e-5)
+    np.testing.assert_allclose(density(found), 1 / np.sqrt(axes.prod(axis=1)), rtol=1e-3)
 
 
 @pytest.mark.parametrize("side", [0.02, 0.05, 0.5])
@@ -111,7 +118,7 @@ def test_a_b_spline_is_as_wide_as_it_is_on_average_over_a_pixel(side, angle):
 
 def test_pixels_much_smaller_than_cells_widen_nothing():
     found = shaped(photon_map([(0, 0, 0)], (0.1, 0, 0), (0, 0.01, 0)), half_pixel=0.02 / math.sqrt(12))
-    np.testing.assert_allclose(found.arrays.filter_width.numpy(), [[0, 2]], rtol=1e-5)
+    np.testing.assert_allclose(found.arrays.filter_width.numpy(), [[0, 2, 0]], rtol=1e-5)
 
 
 @pytest.mark.parametrize("shear", [0.0, 0.4])
@@ -133,7 +140,8 @@ def test_pixels_grow_with_the_distance_from_the_eye():
     size.eye, size.slope = (0.0, 0.0, 1.0), math.sqrt(12) * 0.02
     photons = photon_map([(0, 0, 0), (0, 0, -1.0)], (0, 0, 0), (0, 0, 0))
     found = shape_footprints([photons], "uniform", 1.0, size, False, ONE_THREAD)
-    np.testing.assert_allclose(density(found), [1 / 0.02**2, 1 / 0.04**2], rtol=1e-5)
+    expected = kernel_variance("uniform") / np.array([0.02, 0.04]) ** 2
+    np.testing.assert_allclose(density(found), expected, rtol=1e-3)
 
 
 def test_smoothing_scales_the_footprint():
@@ -200,8 +208,10 @@ def test_check_17_footprints_keep_their_flux_however_they_are_widened(name, dxdt
         positions, area = grid(low, high, counts)
         total = first_channel(found, positions, form).sum() * area
         # The narrowest axis is two half pixels wide, twenty cells; the midpoint rule's error is second order in a
-        # cell, for the Epanechnikov kernel by the bend at its rim.
-        assert total == pytest.approx(2.0, rel=(1 / 20) ** 2), (name, form.kernel)
+        # cell, for the Epanechnikov kernel by the bend at its rim. What is smaller than a pixel is a box as large as
+        # one, thirty-five cells wide, of whose hard edges the rule may miss half a cell along each axis.
+        boxed = form == GatherForm() and name == "cusp"
+        assert total == pytest.approx(2.0, rel=1 / 35 if boxed else (1 / 20) ** 2), (name, form.kernel)
 
 
 @pytest.mark.parametrize("away", [0.0, 1e-5, 0.5])
@@ -239,7 +249,8 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
     # Points of the support in filter space, as far out as it goes, carried into the world and along the path.
     support = bspline.SUPPORT if kernel == "bspline" else kernels.SUPPORT
     corners = support * random.uniform(-1, 1, (64, 2))
-    box = 0.5 * arrays.filter_width.numpy().astype(float) if kernel == "bspline" else np.zeros((found.count, 2))
+    widths = arrays.filter_width.numpy().astype(float) if kernel == "bspline" else np.zeros((found.count, 3))
+    box = 0.5 * np.stack([widths[:, 0], widths[:, 1] + widths[:, 2]], axis=1)
     boxes = box[:, None] * random.uniform(-1, 1, (found.count, 64, 2))
     if kernel == "epanechnikov":
         corners /= np.maximum(np.linalg.norm(corners, axis=1, keepdims=True), 1e-9)
@@ -295,3 +306,44 @@ def test_a_footprint_holds_its_flux_in_every_channel():
     # Five nodes a cell of a B-spline: a sum over translates, exact up to rounding.
     np.testing.assert_allclose(total, [1, 2, 3], rtol=1e-5)
     assert math.isclose(total[2] / total[0], 3, rel_tol=1e-6)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5])
+@pytest.mark.parametrize("turn", [0.0, 0.4, math.pi / 4])
+def test_what_is_smaller_than_a_pixel_is_shared_between_pixels_without_rest(turn, tilt):
+    """A focus of a twentieth of a pixel: all of its flux in the pixels that it touches, whichever way these lie."""
+    side = 0.1
+    frame = PixelSize()
+    frame.orthographic, frame.back = 1, (math.sin(tilt), 0.0, math.cos(tilt))
+    across, along = np.array([math.cos(turn), math.sin(turn), 0.0]), np.array([-math.sin(turn), math.cos(turn), 0.0])
+    # The image's axes, turned about the view; on the plane z = 0 pixels are parallelograms.
+    view = np.array([math.sin(tilt), 0.0, math.cos(tilt)])
+    right = across @ np.array([[math.cos(tilt), 0, -math.sin(tilt)], [0, 1, 0], [math.sin(tilt), 0, math.cos(tilt)]])
+    up = np.cross(view, right)
+    frame.right, frame.up = side * right, side * up
+    on_plane = [v - view * (v[2] / view[2]) for v in (side * right, side * up)]
+    area = abs(np.cross(*on_plane)[2])
+    middle = 0.31 * on_plane[0] - 0.17 * on_plane[1]
+    photon = photon_map([middle], 0.004 * along, 0.005 * across)
+    found = shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD)
+    index = np.stack(np.meshgrid(np.arange(-2, 3), np.arange(-2, 3)), axis=-1).reshape(-1, 2)
+    light = first_channel(found, index @ np.array(on_plane)) * area
+    assert light.sum() == pytest.approx(1, abs=1e-4)
+    # It lies in the middle pixel with all of its support.
+    assert light[12] == pytest.approx(1, abs=1e-4)
+
+
+def test_a_line_finer_than_a_pixel_is_shared_as_it_crosses_pixels():
+    """Pixels at 45° to a long thin footprint: each has the length of the line inside it."""
+    side, thin, long = 0.1, 0.0001, 3.0
+    frame = PixelSize()
+    frame.orthographic, frame.back, frame.right, frame.up = 1, (0.0, 0.0, 1.0), (side, 0.0, 0.0), (0.0, side, 0.0)
+    half = math.sqrt(0.5)
+    photon = photon_map([(0, 0, 0)], (0.1 * long * half, 0.1 * long * half, 0), (-thin * half, thin * half, 0))
+    found = shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD)
+    offsets = np.linspace(-0.1, 0.1, 41)
+    light = first_channel(found, np.stack([offsets, -offsets, 0 * offsets], axis=1)) * side**2
+    # The pixel's middle lies √2 |offset| off the line; a square's chord there is 2 (side/√2 − √2 |offset|) long. Flux a
+    # length is b(0) = 3/4 over a cell's length at the footprint's middle.
+    chords = np.maximum(math.sqrt(2) * side - 2 * math.sqrt(2) * np.abs(offsets), 0)
+    np.testing.assert_allclose(light, 0.75 / (0.1 * long) * chords, atol=0.025 * light.max())

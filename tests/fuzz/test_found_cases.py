@@ -193,7 +193,7 @@ def test_errors_of_usd_come_without_its_innards(tmp_path, capfd):
 
 
 def test_colours_are_not_negative_on_the_edge_of_a_triangle(tmp_path):
-    def motion_breaks(layer: Sdf.Layer) -> None:
+    def corners(layer: Sdf.Layer) -> None:
         colors = [Gf.Vec3f(1, 0, 0), Gf.Vec3f(0, 1, 0), Gf.Vec3f(0, 0, 1), Gf.Vec3f(1, 1, 1)]
         value("/World/Floor.primvars:displayColor", "color3f[]", colors)(layer)
         layer.GetAttributeAtPath("/World/Floor.primvars:displayColor").SetInfo("interpolation", "vertex")

@@ -12,7 +12,7 @@ from tests.view.scenes import turned, view_rays
 from tpdwarp.photons.beam import Beam
 from tpdwarp.scene.description import CameraAtShutter
 from tpdwarp.scene.normalization import Normalization
-from tpdwarp.view.camera import Camera, camera_of, camera_ray, pixel_size, sides_at
+from tpdwarp.view.camera import Camera, camera_of, camera_ray, in_pixels, pixel_size
 
 WIDTH, HEIGHT = 40, 20
 NORMALIZATION = Normalization((1.0, -2.0, 0.5), 0.25, 0.8)
@@ -93,21 +93,30 @@ def test_queries_stand_for_a_pixel_or_with_many_samples_for_a_part_of_it(distanc
         origins, directions = view_rays(description, WIDTH, HEIGHT, middle, 0.0)
         along = distance / (directions @ -description.axes[2])
         seen = origins + along[:, None] * directions
-        expected = part * np.linalg.norm(seen[1] - seen[0]) * scale
-        assert size.base + size.slope * distance * scale == pytest.approx(expected, rel=1e-5)
-        at = np.array(size.eye) + distance * scale * np.array([[0.0, 0.6, 0.8], [1.0, 0.0, 0.0]])
-        np.testing.assert_allclose(sides_at(size, at), expected, rtol=1e-5)
+        # The way between the middles of pixels side by side, on a plane that faces the camera and on an oblique one.
+        step = part * (seen[1] - seen[0]) * scale
+        facing = np.tile(description.axes[2], (2, 1))
+        tilted = facing + 0.7 * description.axes[0]
+        tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+        at = NORMALIZATION.points(seen).astype(float)
+        np.testing.assert_allclose(in_pixels(size, at, facing, np.tile(step, (2, 1)))[0], [1, 0], atol=1e-4)
+        hits = origins + ((seen[0] - origins) @ tilted[0] / (directions @ tilted[0]))[:, None] * directions
+        slid = part * (hits[1] - hits[0]) * scale
+        found = in_pixels(size, at[:1], tilted[:1], slid[None])[0]
+        # Pixels farther off are larger, by their distance to first order.
+        np.testing.assert_allclose(found, [1, 0], atol=2.0 / WIDTH)
 
 
-def test_where_pixels_are_not_square_queries_stand_for_the_shorter_side():
+def test_pixels_that_are_not_square_have_both_of_their_sides():
     tall = replace(camera(True, moving=False), window=(-1, 1, -1, 1))
     size = pixel_size(camera_of(tall, 200, 20, NORMALIZATION), 4)
-    assert size.base == pytest.approx(2 / 200 * NORMALIZATION.scale, rel=1e-5)
+    assert np.linalg.norm(size.right) == pytest.approx(2 / 200 * NORMALIZATION.scale, rel=1e-5)
+    assert np.linalg.norm(size.up) == pytest.approx(2 / 20 * NORMALIZATION.scale, rel=1e-5)
 
 
 def test_without_a_camera_footprints_are_not_widened():
     size = pixel_size(None, 1)
-    assert size.base == 0 and size.slope == 0
+    assert size.base == 0 and size.slope == 0 and not any(size.right)
 
 
 def test_clipping_distances_are_scaled_and_stay_finite():

@@ -95,8 +95,18 @@ def test_irradiance_is_what_falls_on_the_floor_whatever_it_is_seen_through():
     for channels in (dry, wet):
         np.testing.assert_allclose(rgb(channels, "irradiance"), 1 - R0, rtol=1e-4)
     np.testing.assert_allclose(rgb(dry, "caustic"), 0.5 / math.pi * (1 - R0), rtol=1e-4)
-    np.testing.assert_allclose(rgb(wet, "caustic"), 0.5 / math.pi * (1 - R0) ** 2, rtol=1e-4)
+    # From above, radiance is less by the square of the index as well: its beam is wider there.
+    np.testing.assert_allclose(rgb(wet, "caustic"), 0.5 / math.pi * (1 - R0) ** 2 / 1.33**2, rtol=1e-4)
     assert not rgb(dry, "direct").any() and not rgb(wet, "direct").any()
+
+
+def test_radiance_keeps_its_scale_through_closed_glass_and_where_hosts_leave_it_out():
+    slab = [water(), quad("/below", (-3, -3), (3, 3), 0.8, WATER, up=False)]
+    through = rgb(render([floor(material=GREY), *slab], samples=1), "caustic")
+    # Light and view each pass the slab, inner reflections of all orders with them.
+    assert through.mean() == pytest.approx(0.5 / math.pi * ((1 - R0) / (1 + R0)) ** 2, rel=0.005)
+    unscaled = rgb(render([floor(material=GREY), water()], refracted_radiance="unscaled"), "caustic")
+    np.testing.assert_allclose(unscaled, 0.5 / math.pi * (1 - R0) ** 2, rtol=1e-4)
 
 
 def test_irradiance_of_a_pixel_is_the_mean_over_the_surfaces_seen_not_over_background():

@@ -33,7 +33,7 @@ def points(spots, positions, receivers=0, normals=(0, 0, 1), first=1) -> dict[st
 
 
 def looked_up(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    found = merged(columns, lambda positions: np.full(len(positions), SIDE))
+    found = merged(columns, lambda positions, normals, apart: apart[:, :2] / SIDE)
     assert found.keys() == columns.keys()
     np.testing.assert_allclose(found["weight"].sum(), columns["weight"].sum())
     assert found["first"].sum() == columns["first"].sum()

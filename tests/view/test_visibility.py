@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.view.scenes import (
+    QUAD,
     SHUTTER,
+    SUN,
     WATER,
+    WHITE,
     bumpy,
     floor,
     looking_down,
@@ -18,7 +22,15 @@ from tests.view.scenes import (
     turned,
     view_rays,
 )
-from tpdwarp.scene.description import CameraAtShutter, Interaction, LightAtShutter, LightKind, Material, SceneAtShutter
+from tpdwarp.scene.description import (
+    CameraAtShutter,
+    Interaction,
+    LightAtShutter,
+    LightKind,
+    Material,
+    MeshAtShutter,
+    SceneAtShutter,
+)
 from usd_scenes.oracle import finite_differences, surfaces_of
 from usd_scenes.oracle.closed_forms import critical_angle, fresnel_reflectance, snell
 
@@ -182,7 +194,8 @@ def test_check_21_seen_through_flat_water_the_floor_is_shifted_by_snell_and_dimm
     inside = snell(theta, 1.0, 1.33)
     np.testing.assert_allclose(refracted.positions[0], [math.tan(inside), 0, 0], atol=POSITION)
     transmitted = 1 - fresnel_reflectance(theta, 1.0, 1.33)
-    np.testing.assert_allclose(math.pi * refracted.weights[0], transmitted, rtol=1e-5)
+    # In radiance the beam inside is narrower by the square of the index.
+    np.testing.assert_allclose(math.pi * refracted.weights[0], transmitted / 1.33**2, rtol=1e-5)
     # The reflection is followed too; it goes up, to nothing.
     assert reflected is not None and reflected.receivers[0] == -1
 
@@ -194,7 +207,7 @@ def test_what_water_reflects_is_seen_with_the_rest_of_the_light(theta):
     scene = SceneAtShutter(SHUTTER, (floor(), water, roof), (), camera)
     refracted, reflected = see(scene, SIZE, SIZE, MIDDLE)[:2]
     np.testing.assert_allclose(reflected.positions[0], [0.8 * math.tan(theta), 0, 1.8], atol=POSITION)
-    np.testing.assert_allclose(math.pi * (refracted.weights[0] + reflected.weights[0]), 1.0, rtol=1e-5)
+    np.testing.assert_allclose(math.pi * (1.33**2 * refracted.weights[0] + reflected.weights[0]), 1.0, rtol=1e-5)
     np.testing.assert_allclose(math.pi * reflected.weights[0], fresnel_reflectance(theta, 1.0, 1.33), rtol=1e-5)
     assert refracted.receivers[0] == 0 and reflected.receivers[0] == 2 and reflected.items[0] == 0
 
@@ -225,3 +238,46 @@ def test_a_mirror_between_mirrors_ends_where_the_bounces_do():
     scene = SceneAtShutter(SHUTTER, (floor(), mirror, other), (), through_mirror(False))
     seen = see(scene, SIZE, SIZE, MIDDLE)[0]
     assert seen.receivers[0] == -1 and not seen.weights[0].any()
+
+
+PLANES = {"z = 0": (0, 0, 0), "x = 0": (0, math.pi / 2, 0), "y = 0": (math.pi / 2, 0, 0), "tilted": (0.3, 0.2, 0.5)}
+
+
+@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("through_the_middle", [True, False])
+def test_no_point_of_a_lone_floor_lies_in_its_own_shadow(plane, size, through_the_middle):
+    """Whatever plane it lies in, at whatever angle light falls: ray offsets vanish with the coordinates there."""
+    turn = turned(PLANES[plane]) if any(PLANES[plane]) else np.eye(3)
+    corners = size * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+    corners += 0.0 if through_the_middle else size * np.array([0.3, -0.2, 0.4])
+    board = MeshAtShutter("/floor", corners @ turn.T, QUAD, materials=(WHITE,))
+    eye = corners.mean(axis=0) + np.array([0, 0, size])
+    window = (-0.9 * size, 0.9 * size, -0.9 * size, 0.9 * size)
+    camera = CameraAtShutter("/cam", True, turn @ eye, turn.T.copy(), window)
+    for angle in (0.02, 0.6, 1.1, 1.5):
+        to_light = turn @ np.array([math.sin(angle) * 0.8, math.sin(angle) * 0.6, math.cos(angle)])
+        across = np.cross(turn[:, 2] + (0.1, 0.2, 0.3), to_light)
+        across /= np.linalg.norm(across)
+        axes = np.stack([across, np.cross(to_light, across), to_light])
+        sun = LightAtShutter("/sun", LightKind.DISTANT, (1.0, 1.0, 1.0), axes=axes)
+        films = np.random.default_rng(5).uniform(0, 64, (2000, 2))
+        (seen,) = see(SceneAtShutter(SHUTTER, (board,), (sun,), camera), 64, 64, films)
+        np.testing.assert_allclose(math.pi * seen.direct[:, 0], math.cos(angle), rtol=1e-4)
+
+
+def test_surfaces_a_ten_thousandth_of_the_scene_apart_shadow_each_other():
+    """A card over the left half of a floor, with light that falls steeply."""
+    card = quad("/card", (-2, -2), (0, 2), 1e-4)
+    films = np.random.default_rng(6).uniform((0, 0), (64, 64), (500, 2))
+    below = CameraAtShutter("/cam", True, np.array([0.0, 0.0, 0.5e-4]), np.eye(3), (-1, 1, -1, 1))
+    (seen,) = see(SceneAtShutter(SHUTTER, (floor(2.0), card), (SUN,), below), 64, 64, films)
+    np.testing.assert_array_equal(seen.direct[:, 0] > 0, films[:, 0] > 32)
+
+
+@pytest.mark.parametrize("against", [False, True])
+def test_normals_shade_the_side_that_is_seen_also_where_they_were_authored_against_the_winding(against):
+    normals = np.tile([[0.0, 0.0, -1.0 if against else 1.0]], (4, 1))
+    board = replace(floor(), normals=normals, normal_indices=QUAD)
+    (seen,) = see(SceneAtShutter(SHUTTER, (board,), (SUN,), slanted_camera(0.0, 2.0)), SIZE, SIZE, MIDDLE)
+    np.testing.assert_allclose(math.pi * seen.direct[0], 1.0, rtol=1e-6)

@@ -11,6 +11,7 @@ import numpy as np
 from tpdwarp.errors import InputError
 from tpdwarp.footprints.gather import SMALLEST_COSINE
 from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
+from tpdwarp.footprints.placing import LARGEST_SHADING_RATIO
 from tpdwarp.photons.photon_map import PhotonMap
 
 # Photons on the other side of a thin receiver are passed over; no more than so many times k are searched for others.
@@ -38,11 +39,12 @@ def tree_type() -> Any:
 
 @dataclass(frozen=True, eq=False)
 class _Nearby:
-    """Photons to search: their tree, normals [n, 3] and flux [n, 3]."""
+    """Photons to search: their tree, normals [n, 3], flux [n, 3], and incidence [n, 3] on smooth receivers."""
 
     tree: Any
     normal: np.ndarray
     flux: np.ndarray
+    incidence: np.ndarray | None
 
 
 class NearestField:
@@ -63,6 +65,8 @@ class NearestField:
         self._position = np.concatenate([m.position for m in maps]).astype(np.float64)
         self._normal = np.concatenate([m.normal for m in maps])
         self._flux = np.concatenate([m.flux for m in maps]).astype(np.float64)
+        shaded = all(len(m.incidence) == len(m) for m in maps)
+        self._incidence = np.concatenate([m.incidence for m in maps]) if shaded else None
         self._receiver = np.concatenate([m.receiver for m in maps])
         self._parts = [(len(m), m.time - 0.5 * m.duration, m.time + 0.5 * m.duration) for m in maps]
         self._trees: dict[tuple[int, float, float], _Nearby] = {}
@@ -78,6 +82,7 @@ class NearestField:
     ) -> Irradiance:
         """Irradiance at ``queries``, as :func:`tpdwarp.footprints.gather.gather` gives it; photons have no motion."""
         position, normal, receiver = (getattr(queries, name).numpy() for name in ("position", "normal", "receiver"))
+        shading = queries.shading_normal.numpy() if queries.shading_normal.shape[0] else normal
         light, found = np.zeros((len(receiver), 3)), np.zeros(len(receiver), np.int32)
         moves = queries.motion.numpy().any(axis=1) if query_moves else np.zeros(len(receiver), bool)
         for owner in np.unique(receiver[receiver >= 0]):
@@ -85,7 +90,9 @@ class NearestField:
                 rows = np.flatnonzero((receiver == owner) & those)
                 if len(rows):
                     nearby = self._nearby(int(owner), *part)
-                    light[rows], found[rows] = self._estimate(nearby, position[rows], normal[rows])
+                    light[rows], found[rows] = self._estimate(
+                        nearby, position[rows], normal[rows], shading[rows]
+                    )
         if not with_motion:
             return Irradiance(light)
         return Irradiance(light, np.zeros_like(light), light.sum(axis=1), found)
@@ -102,11 +109,12 @@ class NearestField:
             share = np.repeat(shares, [count for count, _, _ in self._parts])
             rows = np.flatnonzero((self._receiver == receiver) & (share > SMALLEST_SHARE))
             tree = self._tree_type(self._position[rows])
-            self._trees[key] = _Nearby(tree, self._normal[rows], self._flux[rows] * share[rows, None])
+            incidence = None if self._incidence is None else self._incidence[rows]
+            self._trees[key] = _Nearby(tree, self._normal[rows], self._flux[rows] * share[rows, None], incidence)
         return self._trees[key]
 
     def _estimate(
-        self, nearby: _Nearby, position: np.ndarray, normal: np.ndarray
+        self, nearby: _Nearby, position: np.ndarray, normal: np.ndarray, shading: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         light, found = np.zeros((len(position), 3)), np.zeros(len(position), np.int32)
         count = len(nearby.flux)
@@ -125,6 +133,9 @@ class NearestField:
                 radius = np.maximum(np.where(counted, distances, 0.0).max(axis=1), SMALLEST_RADIUS)
                 weights = _epanechnikov(distances / radius[:, None]) / radius[:, None] ** 2
                 weights[~counted] = 0.0
+                if nearby.incidence is not None:
+                    ratio = np.einsum("nkc,nc->nk", nearby.incidence[indices], shading[rows])
+                    weights *= ratio.clip(0.0, LARGEST_SHADING_RATIO)
                 sums = np.einsum("nk,nkc->nc", weights, nearby.flux[indices])
                 light[rows[done]], found[rows[done]] = sums[done], counted[done].sum(axis=1)
                 unfinished.append(rows[~done])

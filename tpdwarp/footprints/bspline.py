@@ -12,7 +12,6 @@ those of a B-spline that is stretched beyond its cells do not.
 
 from __future__ import annotations
 
-import itertools
 import math
 from functools import cache
 
@@ -57,20 +56,42 @@ def averaged_bspline(x: float, width: float) -> float:
     return (wp.where(distance < half, 1.0 - near, near) - _bspline_tail(distance + half)) / width
 
 
+@wp.func
+def _double_tail(x: float) -> float:
+    """∫ of the tail from |x| on, with |x|/2 added, which second differences do not see: even, and convex."""
+    distance = wp.abs(x)
+    outer = wp.max(1.5 - distance, 0.0)
+    inner = wp.max(0.5 - distance, 0.0)
+    outer = outer * outer
+    inner = inner * inner
+    return outer * outer / 24.0 - inner * inner * 0.125 + 0.5 * distance
+
+
+@wp.func
+def twice_averaged_bspline(x: float, width: float, second: float) -> float:
+    """Mean of b over an interval of ``width``, and of that over one of ``second``, as the projection of a pixel is."""
+    both = 0.5 * (width + second)
+    apart = 0.5 * (width - second)
+    outer = _double_tail(x + both) + _double_tail(x - both)
+    inner = _double_tail(x + apart) + _double_tail(x - apart)
+    return wp.max(outer - inner, 0.0) / (width * second)
+
+
 @wp.struct
 class Trajectory:
     """How a footprint moves over the shutter, in its own filter space at mid shutter.
 
     At the part s (−½ … ½) of the shutter its centre stands at s velocity + ½ s² acceleration + ⅙ s³ jerk, and its axes
     are those of mid shutter times 1 + s jacobian_rate. Only the B-spline's trajectory curves and only its axes grow.
-    ``filter_width`` holds the sides of the box that it is averaged over, in cells; they stay.
+    ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
+    stay.
     """
 
     velocity: wp.vec2
     acceleration: wp.vec2
     jerk: wp.vec2
     jacobian_rate: wp.mat22
-    filter_width: wp.vec2
+    filter_width: wp.vec3
 
 
 @wp.func
@@ -91,12 +112,20 @@ def _time_within(y: wp.vec2, velocity: wp.vec2, extent: wp.vec2) -> wp.vec2:
 
 
 @wp.func
-def _relative_cell(width: float) -> float:
-    """One cell as a part of the cells of a plain B-spline that has the variance of one averaged over ``width``.
+def _relative_cell(square: float) -> float:
+    """One cell as a part of the cells of a plain B-spline that has the variance of one averaged over a box.
 
-    The variances are 1/4 cells² and 1/4 + width²/12.
+    The variances are 1/4 cells² and 1/4 + width²/12; ``square`` is width².
     """
-    return 1.0 / wp.sqrt(1.0 + THIRD * width * width)
+    return 1.0 / wp.sqrt(1.0 + THIRD * square)
+
+
+@wp.func
+def box_extent(width: wp.vec3, axis: int) -> float:
+    """Half the widths of the boxes along an axis."""
+    if axis == 0:
+        return 0.5 * width[0]
+    return 0.5 * (width[1] + width[2])
 
 
 @wp.func
@@ -104,7 +133,7 @@ def trajectory_extent(trajectory: Trajectory, axis: int) -> float:
     """How far along an axis the footprint reaches to either side of its straight trajectory, over the whole shutter."""
     growth = 0.5 * (wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1]))
     sweep = 0.125 * wp.abs(trajectory.acceleration[axis]) + wp.abs(trajectory.jerk[axis]) / 48.0
-    return HALF_WIDTH * (1.0 + growth) + 0.5 * trajectory.filter_width[axis] + sweep
+    return HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis) + sweep
 
 
 @cache
@@ -113,39 +142,52 @@ def bspline_weight(moves: bool, curved: bool) -> wp.Function:
 
     Averages over a filter width cost twice what the B-spline does, so axes without one have functions of their own.
     """
-    variants = itertools.product((True, False), repeat=2)
-    both, u, v, neither = (_weight_along_trajectory(moves, curved, *filtered) for filtered in variants)
+    plain = _weight_along_trajectory(moves, curved, False, 0)
+    u = _weight_along_trajectory(moves, curved, True, 0)
+    v = _weight_along_trajectory(moves, curved, False, 1)
+    both = _weight_along_trajectory(moves, curved, True, 1)
+    thin = _weight_along_trajectory(moves, curved, True, 2)
 
     @wp.func
     def weight(y: wp.vec2, trajectory: Trajectory) -> float:
-        if trajectory.filter_width[0] > 0.0:
-            if trajectory.filter_width[1] > 0.0:
+        width = trajectory.filter_width
+        if width[2] > 0.0:
+            return thin(y, trajectory)
+        if width[0] > 0.0:
+            if width[1] > 0.0:
                 return both(y, trajectory)
             return u(y, trajectory)
-        if trajectory.filter_width[1] > 0.0:
+        if width[1] > 0.0:
             return v(y, trajectory)
-        return neither(y, trajectory)
+        return plain(y, trajectory)
 
     return weight
 
 
 @cache
-def _weight_along_trajectory(moves: bool, curved: bool, filtered_u: bool, filtered_v: bool) -> wp.Function:
+def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: int) -> wp.Function:
     """∫ b(y − x(s)) ds over s ∈ [−½, ½], by two Gauss nodes a cell; only nodes inside the support are visited.
 
     The nodes do not depend on y, so that translates by one cell sum to one while they sweep, too.
     """
 
     @wp.func
-    def tensor(y: wp.vec2, width: wp.vec2) -> float:
-        """b(y_u) b(y_v), each averaged over its filter width where it has one."""
+    def tensor(y: wp.vec2, width: wp.vec3) -> float:
+        """b(y_u) b(y_v), each averaged over its boxes where it has any."""
         along_u = float(0.0)
         along_v = float(0.0)
-        if wp.static(filtered_u):
+        if wp.static(boxes_v == 2):
+            # Thin footprints may be long beside a pixel, and then have no box along them.
+            along_u = quadratic_bspline(y[0])
+            if width[0] > 0.0:
+                along_u = averaged_bspline(y[0], width[0])
+        elif wp.static(box_u):
             along_u = averaged_bspline(y[0], width[0])
         else:
             along_u = quadratic_bspline(y[0])
-        if wp.static(filtered_v):
+        if wp.static(boxes_v == 2):
+            along_v = twice_averaged_bspline(y[1], width[1], width[2])
+        elif wp.static(boxes_v == 1):
             along_v = averaged_bspline(y[1], width[1])
         else:
             along_v = quadratic_bspline(y[1])
@@ -170,7 +212,8 @@ def _weight_along_trajectory(moves: bool, curved: bool, filtered_u: bool, filter
         z = y - s * (trajectory.velocity + (0.5 * s) * (trajectory.acceleration + (s / 3.0) * trajectory.jerk))
         z_u = scale * (grown_v * z[0] - s * rate[0, 1] * z[1])
         z_v = scale * (grown_u * z[1] - s * rate[1, 0] * z[0])
-        return scale * tensor(wp.vec2(z_u, z_v), scale * wp.vec2(grown_v * width[0], grown_u * width[1]))
+        boxes = scale * wp.vec3(grown_v * width[0], grown_u * width[1], grown_u * width[2])
+        return scale * tensor(wp.vec2(z_u, z_v), boxes)
 
     @wp.func
     def moving(y: wp.vec2, trajectory: Trajectory) -> float:
@@ -186,7 +229,10 @@ def _weight_along_trajectory(moves: bool, curved: bool, filtered_u: bool, filter
                 fastest += 0.5 * wp.abs(trajectory.acceleration[axis]) + 0.125 * wp.abs(trajectory.jerk[axis])
                 rates = wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1])
                 growth = wp.max(growth, 0.5 * rates)
-            speed = wp.max(speed, fastest * _relative_cell(trajectory.filter_width[axis]))
+            square = trajectory.filter_width[axis] * trajectory.filter_width[axis]
+            if axis == 1:
+                square += trajectory.filter_width[2] * trajectory.filter_width[2]
+            speed = wp.max(speed, fastest * _relative_cell(square))
         if speed == 0.0 and growth == 0.0:
             return tensor(y, trajectory.filter_width)
         panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))

@@ -24,6 +24,7 @@ class FootprintMap:
         duration: Part of the shutter that each footprint's ``dxdt`` spans.
         moves: Whether any footprint moves.
         curved: Whether any trajectory curves.
+        shaded: Whether receivers are shaded by normals that are not those of their triangles.
         run_size: Half the typical size of a piece: queries this close together are gathered together.
         clamped: Footprints whose length or aspect was limited.
         count: Number of footprints.
@@ -35,6 +36,7 @@ class FootprintMap:
     duration: float
     moves: bool
     curved: bool
+    shaded: bool
     run_size: float
     clamped: int
     count: int
@@ -49,7 +51,7 @@ def shape_footprints(
     curved = any(photons.trajectory is not None for photons in maps)
     if not count:
         arrays = launcher.rows(FootprintArrays, 0)
-        return FootprintMap(arrays, PieceArrays(), None, duration, moves, curved, 0.0, 0, 0)
+        return FootprintMap(arrays, PieceArrays(), None, duration, moves, curved, False, 0.0, 0, 0)
 
     def column(name: str) -> wp.array:
         return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
@@ -61,24 +63,27 @@ def shape_footprints(
 
     # Columns that footprints share with photons are not copied: ten million of either fill memory.
     shared = {"center": "position", "normal": "normal", "dxdt": "dxdt"}
-    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "filter_width")
+    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "filter_width", "incidence")
     out = launcher.rows(FootprintArrays, count, but=(*shared, *others))
     for name, source in shared.items():
         setattr(out, name, column(source))
     out.acceleration, out.jerk = trajectory_column("dxdtt"), trajectory_column("dxdttt")
     out.jacobian_rate = launcher.zeros(count if curved else 0, wp.mat22)
-    out.filter_width = launcher.zeros(count if kernel == "bspline" else 0, wp.vec2)
+    out.filter_width = launcher.zeros(count if kernel == "bspline" else 0, wp.vec3)
+    shaded = all(len(m.incidence) == len(m) for m in maps)
+    out.incidence = column("incidence") if shaded else launcher.zeros(0, wp.vec3)
     out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
     times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
     out.time = launcher.array(times, wp.float32)
     rates = [trajectory_column("dxdut"), trajectory_column("dxdvt")]
     columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux")]
-    launcher(footprint_kernel(kernel != "bspline", curved), count, [*columns, float(smoothing), pixel, out])
+    shape = footprint_kernel(None if kernel == "bspline" else kernel, curved)
+    launcher(shape, count, [*columns, float(smoothing), pixel, out])
     pieces = pieces_of(out, launcher)
     size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
     clamped = int(out.clamped.numpy().sum(dtype=np.int64))
     bvh = wp.Bvh(pieces.lower, pieces.upper)
-    return FootprintMap(out, pieces, bvh, duration, moves, curved, 0.5 * size, clamped, count)
+    return FootprintMap(out, pieces, bvh, duration, moves, curved, shaded, 0.5 * size, clamped, count)
 
 
 def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:

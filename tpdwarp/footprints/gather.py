@@ -18,7 +18,7 @@ from tpdwarp.footprints.bspline import trajectory_extent
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays
 from tpdwarp.footprints.parabolas import Parabola, parabola_at
-from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint
+from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratio
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
 from tpdwarp.footprints.shaping import FootprintArrays
 from tpdwarp.footprints.weights import GatherForm, footprint_weight
@@ -120,7 +120,9 @@ def _add_parabola(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
 
 
 @cache
-def _add_to_queries(form: GatherForm, moves: bool, curved: bool, query_moves: bool, with_motion: bool) -> wp.Function:
+def _add_to_queries(
+    form: GatherForm, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
+) -> wp.Function:
     """Adds a footprint to each query of a run."""
     weight = footprint_weight(form, moves, curved)
 
@@ -144,6 +146,8 @@ def _add_to_queries(form: GatherForm, moves: bool, curved: bool, query_moves: bo
                     if wp.abs(wp.dot(placed.normal, d)) <= placed.plane_tolerance:
                         y = wp.vec2(wp.dot(placed.row_u, d), wp.dot(placed.row_v, d))
                         w = weight(y, placed.trajectory)
+                        if wp.static(shaded):
+                            w *= shading_ratio(placed.incidence, queries.shading_normal[i])
                     if w > 0.0:
                         added = w * placed.density
                         if not summed:
@@ -159,7 +163,7 @@ def _add_to_queries(form: GatherForm, moves: bool, curved: bool, query_moves: bo
 
 @cache
 def gather_kernel(
-    form: GatherForm, moves: bool, curved: bool, query_moves: bool, with_motion: bool
+    form: GatherForm, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
 ) -> wp.Kernel:
     """The gathering kernel for one form of footprint, specialised by what moves and what is wanted.
 
@@ -167,11 +171,13 @@ def gather_kernel(
     that it finds fall on all of the run.
     """
     smooth = form.smooth
+    # Shading normals change within a run, which parabolas do not see.
+    parabolas = smooth and not shaded
     collect = next_run(query_moves)
-    place = place_footprint(smooth, moves, curved)
+    place = place_footprint(smooth, moves, curved, shaded)
     misses = _misses(form)
     add_parabola = _add_parabola(form, moves, curved)
-    add_to_queries = _add_to_queries(form, moves, curved, query_moves, with_motion)
+    add_to_queries = _add_to_queries(form, moves, curved, shaded, query_moves, with_motion)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather(
@@ -215,7 +221,7 @@ def gather_kernel(
                         if not placed.overlap or misses(placed, offset, spread):
                             last = start
                         summed = bool(False)
-                        if wp.static(smooth):
+                        if wp.static(parabolas):
                             if last > start and is_parabola(run, start, placed, radius, run_since):
                                 facing = wp.dot(run.normal, placed.normal)
                                 height = wp.abs(wp.dot(placed.normal, offset))
@@ -271,7 +277,8 @@ def gather(
     out = irradiance_arrays(count, with_motion, launcher)
     if footprints.count:
         moves = footprints.moves or query_moves
-        kernel = gather_kernel(form, moves, footprints.curved, query_moves, with_motion)
+        shaded = footprints.shaded and queries.shading_normal.shape[0] > 0
+        kernel = gather_kernel(form, moves, footprints.curved, shaded, query_moves, with_motion)
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.duration, footprints.run_size]
         inputs = [*photons, time_window(time, window), count, queries, out]
         launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)

@@ -14,11 +14,13 @@ class QueryArrays:
 
     ``position`` is where the point stands when it is looked at, ``motion`` the way it goes over the whole shutter (that
     of the surface point a pixel sees), ``normal`` faces the viewer, ``receiver`` is its object (−1: no query).
+    ``shading_normal`` faces the viewer, too, and may be a mean of several; it has no rows where receivers are flat.
     """
 
     position: wp.array(dtype=wp.vec3)
     motion: wp.array(dtype=wp.vec3)
     normal: wp.array(dtype=wp.vec3)
+    shading_normal: wp.array(dtype=wp.vec3)
     receiver: wp.array(dtype=wp.int32)
 
 

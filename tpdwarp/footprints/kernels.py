@@ -27,6 +27,15 @@ LINE_INTEGRAL = {
     "gaussian": math.erf(math.sqrt(0.5)) * math.sqrt(2.0 * math.pi) / (2.0 * math.pi * (1.0 - math.exp(-0.5))),
 }
 
+# Variance of each radial kernel along an axis, ∫ y_u² K(|y|²) dy, in squared radii of its support.
+VARIANCE = {
+    "uniform": 1.0 / 4.0,
+    "cone": 3.0 / 20.0,
+    "epanechnikov": 1.0 / 6.0,
+    "quartic": 1.0 / 8.0,
+    "gaussian": 0.5 * (2.0 - 3.0 * math.exp(-0.5)) / (1.0 - math.exp(-0.5)),
+}
+
 # ∫₀¹ ω of each time filter of Eq. 9, ω(τ) = profile(1 − τ) with profile(0) = 1: the shutter's close weighs most.
 TIME_INTEGRAL = {
     "uniform": 1.0,

@@ -13,6 +13,8 @@ from tpdwarp.footprints.shaping import FootprintArrays
 SHORTEST_OVERLAP = wp.constant(1.0e-6)
 # Added to how far off its plane a footprint reaches: rounding of positions in a scene of unit size.
 PLANE_ROUNDING = wp.constant(1.0e-5)
+# Light that grazes a facet so much that its normal makes more of a difference than this is too little to be known.
+LARGEST_SHADING_RATIO = wp.constant(16.0)
 
 
 @wp.struct
@@ -35,6 +37,7 @@ class PlacedFootprint:
 
     ``center`` is where it stands in the middle of that part, ``since`` how long after the query's own time that is.
     ``density`` is Φ |det M| times that part by what the query stands for; ``overlap`` is false where they share none.
+    ``incidence`` is −ω/|ω·n_g|, for :func:`shading_ratio`.
     """
 
     receiver: int
@@ -44,13 +47,23 @@ class PlacedFootprint:
     row_v: wp.vec3
     density: wp.vec3
     plane_tolerance: float
+    incidence: wp.vec3
     trajectory: Trajectory
     since: float
     overlap: bool
 
 
+@wp.func
+def shading_ratio(incidence: wp.vec3, n_s: wp.vec3) -> float:
+    """|ω·n_s| / |ω·n_g|: photons fall by the geometric normal of a receiver, and light shades by its shading normal.
+
+    Departs from the paper, whose receivers are flat. Where light grazes a facet the ratio grows without bound.
+    """
+    return wp.clamp(wp.dot(incidence, n_s), 0.0, LARGEST_SHADING_RATIO)
+
+
 @cache
-def place_footprint(smooth: bool, moves: bool, curved: bool) -> wp.Function:
+def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp.Function:
     """The function that places footprint ``j`` for a query, specialised by what footprints do."""
 
     @wp.func
@@ -58,6 +71,8 @@ def place_footprint(smooth: bool, moves: bool, curved: bool) -> wp.Function:
         out = PlacedFootprint()
         out.receiver = footprints.receiver[j]
         out.normal = footprints.normal[j]
+        if wp.static(shaded):
+            out.incidence = footprints.incidence[j]
         out.plane_tolerance = footprints.plane_tolerance[j] + PLANE_ROUNDING
         center = footprints.center[j]
         row_u = footprints.row_u[j]
@@ -103,7 +118,8 @@ def place_footprint(smooth: bool, moves: bool, curved: bool) -> wp.Function:
                     row_u = row_then
                     density = density * wp.abs(wp.determinant(inverse))
                     width = trajectory.filter_width
-                    trajectory.filter_width = wp.vec2(inverse[0, 0] * width[0], inverse[1, 1] * width[1])
+                    v_scale = inverse[1, 1]
+                    trajectory.filter_width = wp.vec3(inverse[0, 0] * width[0], v_scale * width[1], v_scale * width[2])
                     rate = inverse * rate
                 second = part * part
                 third = part * part * part

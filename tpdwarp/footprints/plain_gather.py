@@ -10,17 +10,17 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.gather import SMALLEST_COSINE, irradiance_arrays, irradiance_of, time_window
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays
-from tpdwarp.footprints.placing import TimeWindow, place_footprint
+from tpdwarp.footprints.placing import TimeWindow, place_footprint, shading_ratio
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, window_of
 from tpdwarp.footprints.shaping import FootprintArrays
 from tpdwarp.footprints.weights import GatherForm, footprint_weight
 
 
 @cache
-def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool) -> wp.Kernel:
+def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool, shaded: bool) -> wp.Kernel:
     """One thread a query, without groups, tree or parabolas."""
     weight = footprint_weight(form, moves, curved)
-    place = place_footprint(form.smooth, moves, curved)
+    place = place_footprint(form.smooth, moves, curved, shaded)
 
     @wp.kernel(module="unique", enable_backward=False)
     def plain_gather(
@@ -39,6 +39,8 @@ def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool) -> wp.Kerne
             facing = wp.dot(queries.normal[i], placed.normal) > SMALLEST_COSINE
             if same and facing and wp.abs(wp.dot(placed.normal, d)) <= placed.plane_tolerance:
                 w = weight(wp.vec2(wp.dot(placed.row_u, d), wp.dot(placed.row_v, d)), placed.trajectory)
+                if wp.static(shaded):
+                    w *= shading_ratio(placed.incidence, queries.shading_normal[i])
                 out.irradiance[i] = out.irradiance[i] + w * placed.density
 
     return plain_gather
@@ -52,7 +54,8 @@ def plain_gather(
     count = queries.position.shape[0]
     out = irradiance_arrays(count, False, launcher)
     moves = footprints.moves or queries.motion.shape[0] > 0
-    kernel = plain_gather_kernel(form, moves, footprints.curved)
+    shaded = footprints.shaded and queries.shading_normal.shape[0] > 0
+    kernel = plain_gather_kernel(form, moves, footprints.curved, shaded)
     inputs = [footprints.arrays, footprints.duration, footprints.run_size, time_window(time, window), queries, out]
     launcher(kernel, count, inputs)
     return irradiance_of(out, footprints.duration, False)

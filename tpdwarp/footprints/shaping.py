@@ -1,17 +1,22 @@
 """Shaping footprints: the metric M that maps a photon's tangent plane to filter space, regularised, with its bounds.
 
-A query stands for a square of side a, about a pixel, and a footprint is as wide as what it is on average over that. Let
-J = [D_u x, D_v x] in the tangent plane. Where the wavefront folds |Du×Dv| → 0, where light grazes it grows without
-bound; so the singular values S of J are widened to √(S² + 4ε²), which adds ε²I to the footprint's covariance
-C = ¼(DuDuᵀ + DvDvᵀ), with ε² = a²/12, the variance of the square along either side. They are then limited in length and
-aspect. The singular vectors stay.
+A pixel's value is the mean over the parallelogram with sides P, Q that it sees on a surface, and so is what a footprint
+adds to it. Let J = [D_u x, D_v x] in the tangent plane, σ1 ≥ σ2 its singular values in units of the pixel ([P, Q]⁻¹ J).
 
-The B-spline, whose translates sum to one over the cells of its lattice only, is averaged over a box along its own axes
-instead, whose sides are its filter width. Where these axes are not at right angles, by γ = √|cos ∠(Du, Dv)|, a box does
-not widen them all around: it then takes the part 1 − γ of a², and singular values are widened by γ of it. They are no
-less than ε: a bare box would have hard edges.
+- σ2 ≥ 1: the footprint is larger than a pixel. It keeps its own axes, along which translates of the B-spline sum to
+  one, and is averaged over a box along them, whose sides are its filter width. Where the axes are not at right angles,
+  by γ = √|cos ∠(Du, Dv)|, a box does not widen them all around: it then takes the part 1 − γ of the pixel's variance,
+  and the singular values of J are widened by γ of it.
+- σ1 ≤ 1: smaller than a pixel. The axes are the pixel's own, P and Q, the footprint has its deviations along them, and
+  the box is the pixel: what falls on a pixel is counted exactly, and pixels side by side share it without rest.
+- between them, long and thin: the axes are the singular vectors of J. Across the thin one the pixel is two boxes, of
+  the widths that P and Q have there, which is exact for a line.
 
-The metric, its determinant and the bounds all follow from the widened J, so that every footprint keeps its flux.
+Radial kernels have no boxes: the singular values S of J are widened to √(S² + a²/(3κ)), where κ is the kernel's
+variance along an axis (Table 1) and a² the square of P, Q along the singular vector, so that variances add up.
+
+Where the wavefront folds |Du×Dv| → 0, where light grazes it grows without bound; so lengths and aspect are limited. The
+metric, its determinant and the bounds all follow from the limited axes, so that every footprint keeps its flux.
 """
 
 from __future__ import annotations
@@ -21,6 +26,7 @@ from functools import cache
 import warp as wp
 
 from tpdwarp.footprints.bspline import SUPPORT
+from tpdwarp.footprints.kernels import VARIANCE
 
 # Longest axis of a footprint in the tracer's units, in which the scene is of unit size.
 LONGEST_AXIS = wp.constant(1.0)
@@ -30,6 +36,10 @@ SMALLEST_FILTER_WIDTH = wp.constant(0.25)
 LARGEST_ASPECT = wp.constant(1000.0)
 # Standard deviation of a box, as a part of its side.
 BOX_DEVIATION = wp.constant(12.0**-0.5)
+# Footprints are no finer than this part of a pixel, which adds 2e-5 of its variance: weights stay exact in float32.
+FINEST_IN_PIXEL = wp.constant(1.0 / 64.0)
+# Pixels count as seen under no smaller cosine than this: beyond it their parallelograms grow without bound.
+SMALLEST_VIEW_COSINE = wp.constant(0.05)
 # Shortest axis: a part of the coordinates where the footprint lies, ten or so units in their last place; and at least
 # this part of the scene.
 SHORTEST_AXIS = wp.constant(1.0e-6)
@@ -42,9 +52,18 @@ LARGEST_GROWTH = wp.constant(0.5)
 
 @wp.struct
 class PixelSize:
-    """Side of the square on a receiver that a query stands for: ``base + slope · distance`` from ``eye``."""
+    """What a query stands for on a receiver: the parallelogram that a pixel, or a part of one, sees there.
+
+    ``right`` and ``up`` are the sides of the pixel in the plane at distance 1 before the eye (in tracer's units for an
+    orthographic camera), ``back`` points against the view. Where ``right`` is zero, a query stands for a square of side
+    ``base + slope · distance`` from ``eye`` instead, whichever way it lies.
+    """
 
     eye: wp.vec3
+    right: wp.vec3
+    up: wp.vec3
+    back: wp.vec3
+    orthographic: int
     base: float
     slope: float
 
@@ -55,9 +74,10 @@ class FootprintArrays:
 
     At the part s (−½ … ½) of the photon's own shutter the footprint stands at
     center + s dxdt + ½ s² acceleration + ⅙ s³ jerk, and its axes are those of the middle times 1 + s jacobian_rate, in
-    filter coordinates. Where no trajectory curves, these three have no rows. ``filter_width`` holds the sides of what a
-    B-spline is averaged over, in cells. ``density`` is Φ |det M|; ``long_axis`` and ``half_extent`` (along it, across
-    it, along the normal) bound what the footprint sweeps over; ``plane_tolerance`` is how far off its plane it reaches.
+    filter coordinates. Where no trajectory curves, these three have no rows. ``filter_width`` holds the widths of the
+    boxes that a B-spline is averaged over, in cells: one along u, two along v. ``density`` is Φ |det M|; ``long_axis``
+    and ``half_extent`` (along it, across it, along the normal) bound what the footprint sweeps over;
+    ``plane_tolerance`` is how far off its plane it reaches. ``incidence`` is −ω/|ω·n|; no rows for flat receivers.
     """
 
     center: wp.array(dtype=wp.vec3)
@@ -68,7 +88,7 @@ class FootprintArrays:
     acceleration: wp.array(dtype=wp.vec3)
     jerk: wp.array(dtype=wp.vec3)
     jacobian_rate: wp.array(dtype=wp.mat22)
-    filter_width: wp.array(dtype=wp.vec2)
+    filter_width: wp.array(dtype=wp.vec3)
     dxdt_relative: wp.array(dtype=wp.vec3)
     density: wp.array(dtype=wp.vec3)
     plane_tolerance: wp.array(dtype=wp.float32)
@@ -76,6 +96,7 @@ class FootprintArrays:
     time: wp.array(dtype=wp.float32)
     long_axis: wp.array(dtype=wp.vec3)
     half_extent: wp.array(dtype=wp.vec3)
+    incidence: wp.array(dtype=wp.vec3)
     clamped: wp.array(dtype=wp.int32)
 
 
@@ -98,12 +119,28 @@ class SingularValues:
 
 
 @wp.struct
-class Widened:
-    """Singular values after widening and limiting, and the side of the box that is left to the filter width."""
+class PixelOnPlane:
+    """Sides P, Q of a pixel's parallelogram in the coordinates of a tangent frame."""
 
+    p: wp.vec2
+    q: wp.vec2
+
+
+@wp.struct
+class Axes:
+    """A footprint's axes after widening: lengths t1, t2 along two unit vectors, and its filter widths.
+
+    ``turn`` is the angle from these vectors to the axes u, v of filter space: J = R(left) diag(t1, t2) R(turn)ᵀ. They
+    may be oblique (``first``, ``second``), as those of a pixel are. ``growing`` is zero where axes do not grow.
+    """
+
+    first: wp.vec2
+    second: wp.vec2
     t1: float
     t2: float
-    box: float
+    turn: float
+    width: wp.vec3
+    growing: float
     clamped: int
 
 
@@ -144,28 +181,158 @@ def nonorthogonality(a: float, b: float, c: float, d: float) -> float:
 
 
 @wp.func
-def widened(j: SingularValues, side: float, gamma: float, distance: float) -> Widened:
-    """Singular values √(S² + 4ε²) for the part γ of the pixel's square, limited in length and aspect.
+def pixel_on_plane(pixel: PixelSize, x: wp.vec3, n: wp.vec3, frame: TangentFrame) -> PixelOnPlane:
+    """The parallelogram that a pixel sees at x on a plane with normal n."""
+    out = PixelOnPlane()
+    if wp.length_sq(pixel.right) == 0.0:
+        side = pixel.base + pixel.slope * wp.length(x - pixel.eye)
+        out.p = wp.vec2(side, 0.0)
+        out.q = wp.vec2(0.0, side)
+        return out
+    w = -pixel.back
+    scale = float(1.0)
+    if pixel.orthographic == 0:
+        scale = wp.abs(wp.dot(x - pixel.eye, w))
+        w = wp.normalize(x - pixel.eye)
+    cosine = wp.dot(n, w)
+    if wp.abs(cosine) < SMALLEST_VIEW_COSINE:
+        cosine = wp.where(cosine < 0.0, -SMALLEST_VIEW_COSINE, SMALLEST_VIEW_COSINE)
+    p = scale * (pixel.right - w * (wp.dot(n, pixel.right) / cosine))
+    q = scale * (pixel.up - w * (wp.dot(n, pixel.up) / cosine))
+    out.p = wp.vec2(wp.dot(frame.e1, p), wp.dot(frame.e2, p))
+    out.q = wp.vec2(wp.dot(frame.e1, q), wp.dot(frame.e2, q))
+    return out
 
-    Args:
-        side: Side a of the square that a query stands for.
-        gamma: Part of it by which singular values are widened; the box takes the rest.
-        distance: Of the footprint from the origin of the tracer's units.
-    """
-    out = Widened()
-    out.box = side * wp.sqrt(1.0 - gamma)
-    widening = (gamma / 3.0) * side * side
-    out.t1 = wp.max(wp.sqrt(j.s1 * j.s1 + widening), BOX_DEVIATION * out.box)
-    out.t2 = wp.max(wp.sqrt(j.s2 * j.s2 + widening), BOX_DEVIATION * out.box)
-    if out.t1 > LONGEST_AXIS:
-        out.t1 = LONGEST_AXIS
-        out.t2 = wp.min(out.t2, LONGEST_AXIS)
+
+@wp.func
+def direction(angle: float) -> wp.vec2:
+    """The unit vector at ``angle``."""
+    return wp.vec2(wp.cos(angle), wp.sin(angle))
+
+
+@wp.func
+def square_along(pixel: PixelOnPlane, axis: wp.vec2) -> float:
+    """Twelve times the variance of a pixel along a unit vector: (P·e)² + (Q·e)²."""
+    a = wp.dot(pixel.p, axis)
+    b = wp.dot(pixel.q, axis)
+    return a * a + b * b
+
+
+@wp.func
+def limited(axes: Axes, distance: float) -> Axes:
+    """Axes of limited length and aspect; ``distance`` is that of the footprint from the origin of the units."""
+    out = axes
+    longest = wp.max(axes.t1, axes.t2)
+    shortest = wp.max(
+        wp.min(longest, LONGEST_AXIS) / LARGEST_ASPECT, wp.max(SHORTEST_AXIS * distance, SHORTEST_AXIS_AT_ORIGIN)
+    )
+    out.t1 = wp.clamp(axes.t1, shortest, LONGEST_AXIS)
+    out.t2 = wp.clamp(axes.t2, shortest, LONGEST_AXIS)
+    if out.t1 != axes.t1 or out.t2 != axes.t2:
         out.clamped = 1
-    shortest = wp.max(out.t1 / LARGEST_ASPECT, wp.max(SHORTEST_AXIS * distance, SHORTEST_AXIS_AT_ORIGIN))
-    if out.t2 < shortest:
-        out.t2 = shortest
-        out.clamped = 1
-    out.t1 = wp.max(out.t1, out.t2)
+    return out
+
+
+@wp.func
+def own_axes(j: SingularValues, pixel: PixelOnPlane, gamma: float, kernel_variance: float, distance: float) -> Axes:
+    """Axes of a footprint that is larger than a pixel; singular values take the part ``gamma`` of its variance."""
+    out = Axes()
+    out.first = direction(j.left)
+    out.second = wp.vec2(-out.first[1], out.first[0])
+    out.turn = j.right
+    if j.s2 < 0.0:
+        out.second = -out.second
+    out.growing = 1.0
+    part = gamma / (3.0 * kernel_variance)
+    along = square_along(pixel, out.first)
+    across = square_along(pixel, out.second)
+    rest = BOX_DEVIATION * wp.sqrt(1.0 - gamma)
+    out.t1 = wp.max(wp.sqrt(j.s1 * j.s1 + part * along), rest * wp.sqrt(along))
+    out.t2 = wp.max(wp.sqrt(j.s2 * j.s2 + part * across), rest * wp.sqrt(across))
+    return limited(out, distance)
+
+
+@wp.func
+def box_along_axes(axes: Axes, pixel: PixelOnPlane, part: float) -> wp.vec3:
+    """Filter widths along u and v with the part ``part`` of a pixel's variance there, in cells."""
+    c = wp.cos(axes.turn)
+    s = wp.sin(axes.turn)
+    u = c * axes.t1 * axes.first - s * axes.t2 * axes.second
+    v = s * axes.t1 * axes.first + c * axes.t2 * axes.second
+    length_u = wp.length(u)
+    length_v = wp.length(v)
+    width = wp.vec3(
+        wp.sqrt(part * square_along(pixel, u / length_u)) / length_u,
+        wp.sqrt(part * square_along(pixel, v / length_v)) / length_v,
+        0.0,
+    )
+    if width[0] < SMALLEST_FILTER_WIDTH:
+        width[0] = 0.0
+    if width[1] < SMALLEST_FILTER_WIDTH:
+        width[1] = 0.0
+    return width
+
+
+@wp.func
+def thin_axes(j: SingularValues, pixel: PixelOnPlane, distance: float) -> Axes:
+    """Axes of a footprint that is longer than a pixel, but not as wide: its singular vectors."""
+    out = Axes()
+    out.first = direction(j.left)
+    out.second = wp.vec2(-out.first[1], out.first[0])
+    out.growing = 1.0
+    across = wp.sqrt(square_along(pixel, out.second))
+    out.t1 = j.s1
+    out.t2 = wp.max(wp.abs(j.s2), FINEST_IN_PIXEL * across)
+    out = limited(out, distance)
+    wide = wp.max(wp.abs(wp.dot(pixel.p, out.second)), wp.abs(wp.dot(pixel.q, out.second))) / out.t2
+    narrow = wp.min(wp.abs(wp.dot(pixel.p, out.second)), wp.abs(wp.dot(pixel.q, out.second))) / out.t2
+    if narrow < SMALLEST_FILTER_WIDTH:
+        wide = wp.sqrt(wide * wide + narrow * narrow)
+        narrow = 0.0
+    along = wp.sqrt(square_along(pixel, out.first)) / out.t1
+    if along < SMALLEST_FILTER_WIDTH:
+        along = 0.0
+    out.width = wp.vec3(along, wide, narrow)
+    return out
+
+
+@wp.func
+def pixel_axes(pixel: PixelOnPlane, in_pixels: wp.mat22, distance: float) -> Axes:
+    """Axes of a footprint that is smaller than a pixel: the pixel's; ``in_pixels`` is [P, Q]⁻¹ J."""
+    out = Axes()
+    length_p = wp.length(pixel.p)
+    length_q = wp.length(pixel.q)
+    out.first = pixel.p / length_p
+    out.second = pixel.q / length_q
+    along = wp.sqrt(in_pixels[0, 0] * in_pixels[0, 0] + in_pixels[0, 1] * in_pixels[0, 1])
+    across = wp.sqrt(in_pixels[1, 0] * in_pixels[1, 0] + in_pixels[1, 1] * in_pixels[1, 1])
+    out.t1 = length_p * wp.max(along, FINEST_IN_PIXEL)
+    out.t2 = length_q * wp.max(across, FINEST_IN_PIXEL)
+    out = limited(out, distance)
+    out.width = wp.vec3(length_p / out.t1, length_q / out.t2, 0.0)
+    return out
+
+
+@wp.func
+def axes_of(a: float, b: float, c: float, d: float, pixel: PixelOnPlane, distance: float) -> Axes:
+    """Axes of a B-spline footprint with the columns (a, c) and (b, d) in its tangent frame."""
+    j = singular_values(a, b, c, d)
+    area = pixel.p[0] * pixel.q[1] - pixel.p[1] * pixel.q[0]
+    if area != 0.0:
+        p_row = wp.vec2(pixel.q[1], -pixel.q[0]) / area
+        q_row = wp.vec2(-pixel.p[1], pixel.p[0]) / area
+        in_pixels = wp.mat22(
+            p_row[0] * a + p_row[1] * c, p_row[0] * b + p_row[1] * d,
+            q_row[0] * a + q_row[1] * c, q_row[0] * b + q_row[1] * d,
+        )  # fmt: skip
+        sigma = singular_values(in_pixels[0, 0], in_pixels[0, 1], in_pixels[1, 0], in_pixels[1, 1])
+        if sigma.s1 <= 1.0:
+            return pixel_axes(pixel, in_pixels, distance)
+        if wp.abs(sigma.s2) < 1.0:
+            return thin_axes(j, pixel, distance)
+    gamma = nonorthogonality(a, b, c, d)
+    out = own_axes(j, pixel, gamma, 1.0, distance)
+    out.width = box_along_axes(out, pixel, 1.0 - gamma)
     return out
 
 
@@ -178,10 +345,11 @@ def _along(a: wp.vec3, b: wp.vec3, c: wp.vec3, displacement: wp.vec3) -> wp.vec3
 
 
 @cache
-def footprint_kernel(radial: bool, curved: bool) -> wp.Kernel:
-    """The kernel that shapes footprints, for radial kernels or the B-spline, whose trajectories may curve."""
+def footprint_kernel(radial: str | None, curved: bool) -> wp.Kernel:
+    """The kernel that shapes footprints, for a radial kernel or (None) the B-spline, whose trajectories may curve."""
     # The rows of M are 2(Dv×n)/… for a radial kernel, whose support is the unit disc (§5); one cell for the B-spline.
     scale = 2.0 if radial else 1.0
+    variance = VARIANCE[radial] if radial else 1.0
 
     @wp.kernel(module="unique", enable_backward=False)
     def shape_footprints(
@@ -203,85 +371,83 @@ def footprint_kernel(radial: bool, curved: bool) -> wp.Kernel:
         x = out.center[i]
         dxdt = out.dxdt[i]
 
-        # ---- J in the tangent plane, its singular values, and the pixel's share in them
+        # ---- J in the tangent plane, and the axes that it has as seen by pixels
         frame = tangent_frame(n)
         a = wp.dot(frame.e1, dxdu[i]) * smoothing
         b = wp.dot(frame.e1, dxdv[i]) * smoothing
         c = wp.dot(frame.e2, dxdu[i]) * smoothing
         d = wp.dot(frame.e2, dxdv[i]) * smoothing
-        j = singular_values(a, b, c, d)
-        side = pixel.base + pixel.slope * wp.length(x - pixel.eye)
-        gamma = float(1.0)
-        if wp.static(not radial):
-            gamma = nonorthogonality(a, b, c, d)
-        w = widened(j, side, gamma, wp.length(x))
-        t1 = w.t1
-        t2 = w.t2
+        on_plane = pixel_on_plane(pixel, x, n, frame)
+        axes = Axes()
+        if wp.static(radial is None):
+            axes = axes_of(a, b, c, d, on_plane, wp.length(x))
+        else:
+            axes = own_axes(singular_values(a, b, c, d), on_plane, 1.0, wp.static(variance), wp.length(x))
 
         # ---- The metric M: rows of J⁻¹, and its determinant
-        sign = float(1.0)
-        if j.s2 < 0.0:
-            sign = -1.0
-        cl = wp.cos(j.left)
-        sl = wp.sin(j.left)
-        cr = wp.cos(j.right)
-        sr = wp.sin(j.right)
-        left1 = cl * frame.e1 + sl * frame.e2
-        left2 = cl * frame.e2 - sl * frame.e1
-        row_u = (cr / t1) * left1 - (sign * sr / t2) * left2
-        row_v = (sr / t1) * left1 + (sign * cr / t2) * left2
-        out.row_u[i] = wp.static(scale) * row_u
-        out.row_v[i] = wp.static(scale) * row_v
+        first = axes.first[0] * frame.e1 + axes.first[1] * frame.e2
+        second = axes.second[0] * frame.e1 + axes.second[1] * frame.e2
+        sine = axes.first[0] * axes.second[1] - axes.first[1] * axes.second[0]
+        first_row = (axes.second[1] * frame.e1 - axes.second[0] * frame.e2) / (sine * axes.t1)
+        second_row = (axes.first[0] * frame.e2 - axes.first[1] * frame.e1) / (sine * axes.t2)
+        cr = wp.cos(axes.turn)
+        sr = wp.sin(axes.turn)
+        out.row_u[i] = wp.static(scale) * (cr * first_row - sr * second_row)
+        out.row_v[i] = wp.static(scale) * (sr * first_row + cr * second_row)
         out.dxdt_relative[i] = dxdt - receiver_motion[i]
-        out.density[i] = flux[i] * (wp.static(scale * scale) / (t1 * t2))
-        out.clamped[i] = w.clamped
+        out.density[i] = flux[i] * (wp.static(scale * scale) / (axes.t1 * axes.t2 * wp.abs(sine)))
+        out.clamped[i] = axes.clamped
 
-        # ---- Extent along both singular axes at mid shutter
-        along = 0.5 * t1
-        across = 0.5 * t2
-        if wp.static(not radial):
-            length_u = wp.sqrt(cr * cr * t1 * t1 + sr * sr * t2 * t2)
-            length_v = wp.sqrt(sr * sr * t1 * t1 + cr * cr * t2 * t2)
-            width = wp.vec2(w.box / length_u, w.box / length_v)
-            if width[0] < SMALLEST_FILTER_WIDTH:
-                width[0] = 0.0
-            if width[1] < SMALLEST_FILTER_WIDTH:
-                width[1] = 0.0
-            out.filter_width[i] = width
-            extent_u = wp.static(SUPPORT) + 0.5 * width[0]
-            extent_v = wp.static(SUPPORT) + 0.5 * width[1]
-            along = t1 * (wp.abs(cr) * extent_u + wp.abs(sr) * extent_v)
-            across = t2 * (wp.abs(sr) * extent_u + wp.abs(cr) * extent_v)
+        # ---- Extent along the longer axis and across it at mid shutter
+        reach = wp.vec2(0.5, 0.5)
+        if wp.static(radial is None):
+            out.filter_width[i] = axes.width
+            reach_u = wp.static(SUPPORT) + 0.5 * axes.width[0]
+            reach_v = wp.static(SUPPORT) + 0.5 * (axes.width[1] + axes.width[2])
+            reach = wp.vec2(
+                wp.abs(cr) * reach_u + wp.abs(sr) * reach_v, wp.abs(sr) * reach_u + wp.abs(cr) * reach_v
+            )
+        long_axis = first
+        if axes.t2 * reach[1] > axes.t1 * reach[0]:
+            long_axis = second
+        other = wp.cross(n, long_axis)
+        along1 = axes.t1 * reach[0] * wp.abs(wp.dot(long_axis, first))
+        along2 = axes.t2 * reach[1] * wp.abs(wp.dot(long_axis, second))
+        across1 = axes.t1 * reach[0] * wp.abs(wp.dot(other, first))
+        across2 = axes.t2 * reach[1] * wp.abs(wp.dot(other, second))
 
-        # ---- Sweep over the shutter: to either side along these axes and the normal, and growth of the axes
-        sweep = 0.5 * _along(left1, left2, n, dxdt)
+        # ---- Sweep over the shutter: along these axes and the normal, and growth of the axes
+        sweep = 0.5 * _along(long_axis, other, n, dxdt)
         normal_extent = 0.5 * wp.length(out.dxdt_relative[i])
         if wp.static(curved):
             acceleration = out.acceleration[i]
             jerk = out.jerk[i]
-            sweep += 0.125 * _along(left1, left2, n, acceleration) + _along(left1, left2, n, jerk) / 48.0
+            sweep += 0.125 * _along(long_axis, other, n, acceleration) + _along(long_axis, other, n, jerk) / 48.0
             normal_extent += 0.125 * wp.length(acceleration) + wp.length(jerk) / 48.0
             # How singular values change up to either end of the shutter, by their own size. What they were widened by
             # stays; what axes turn by does, too: to follow that costs time and gains nothing.
-            right1 = (0.5 * smoothing) * (cr * dxdut[i] + sr * dxdvt[i])
-            right2 = (0.5 * smoothing) * (cr * dxdvt[i] - sr * dxdut[i])
-            growth1 = wp.min(j.s1 / t1, 1.0) * wp.dot(left1, right1) / t1
-            growth2 = wp.clamp(j.s2 / t2, -1.0, 1.0) * wp.dot(left2, right2) / t2
-            growth1 = wp.clamp(growth1, -LARGEST_GROWTH, LARGEST_GROWTH)
-            growth2 = wp.clamp(growth2, -LARGEST_GROWTH, LARGEST_GROWTH)
+            j = singular_values(a, b, c, d)
+            jc = wp.cos(j.right)
+            js = wp.sin(j.right)
+            rate1 = (0.5 * smoothing) * (jc * dxdut[i] + js * dxdvt[i])
+            rate2 = (0.5 * smoothing) * (jc * dxdvt[i] - js * dxdut[i])
+            growth1 = wp.min(j.s1 / axes.t1, 1.0) * wp.dot(first, rate1) / axes.t1
+            growth2 = wp.min(wp.abs(j.s2) / axes.t2, 1.0) * wp.dot(second, rate2) / axes.t2
+            if wp.static(radial is None):
+                # Thin axes leave out the sign of s2, which the second one of J's own axes carries.
+                if wp.dot(second, -wp.sin(j.left) * frame.e1 + wp.cos(j.left) * frame.e2) * j.s2 < 0.0:
+                    growth2 = -growth2
+            growth1 = axes.growing * wp.clamp(growth1, -LARGEST_GROWTH, LARGEST_GROWTH)
+            growth2 = axes.growing * wp.clamp(growth2, -LARGEST_GROWTH, LARGEST_GROWTH)
             turn = wp.mat22(cr, -sr, sr, cr)
             out.jacobian_rate[i] = 2.0 * (turn * wp.mat22(growth1, 0.0, 0.0, growth2) * wp.transpose(turn))
-            along *= 1.0 + wp.abs(growth1)
-            across *= 1.0 + wp.abs(growth2)
-        tolerance = PLANE_TOLERANCE * (along + across + normal_extent)
+            along1 *= 1.0 + wp.abs(growth1)
+            across1 *= 1.0 + wp.abs(growth1)
+            along2 *= 1.0 + wp.abs(growth2)
+            across2 *= 1.0 + wp.abs(growth2)
+        tolerance = PLANE_TOLERANCE * (along1 + along2 + across1 + across2 + normal_extent)
         out.plane_tolerance[i] = tolerance
-        along += sweep[0]
-        across += sweep[1]
-        if along >= across:
-            out.long_axis[i] = left1
-            out.half_extent[i] = wp.vec3(along, across, tolerance + sweep[2])
-        else:
-            out.long_axis[i] = left2
-            out.half_extent[i] = wp.vec3(across, along, tolerance + sweep[2])
+        out.long_axis[i] = long_axis
+        out.half_extent[i] = wp.vec3(along1 + along2 + sweep[0], across1 + across2 + sweep[1], tolerance + sweep[2])
 
     return shape_footprints

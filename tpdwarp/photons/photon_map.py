@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -40,6 +40,8 @@ class PhotonMap:
         shift: Lattice steps by which a photon that rides on its surface moves over it on the light, shape [n, 2].
         receiver: Number of the object that it landed on, shape [n].
         bounces: Specular interactions on the way, shape [n].
+        incidence: −ω/|ω·n|, where n is ``normal``: its product with a shading normal is by how much more light falls
+            on that; shape [n, 3], no rows where all receivers are flat.
         trajectory: How its way curves and its footprint changes; None where it goes straight.
         time: Middle of the photons' part of the shutter, −½ … ½.
         duration: Length of that part.
@@ -57,6 +59,7 @@ class PhotonMap:
     shift: np.ndarray
     receiver: np.ndarray
     bounces: np.ndarray
+    incidence: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     trajectory: TrajectoryColumns | None = None
     time: float = 0.0
     duration: float = 1.0
@@ -73,7 +76,8 @@ class PhotonMap:
 
     def rows(self, chosen: np.ndarray) -> PhotonMap:
         """Some of the photons, by index or mask."""
-        columns = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
+        arrays = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
+        columns = [name for name in arrays if len(getattr(self, name)) == len(self)]
         return replace(self, **{name: getattr(self, name)[chosen] for name in columns})
 
 

@@ -70,6 +70,7 @@ class PhotonArrays:
     shift: wp.array(dtype=wp.vec2)
     receiver: wp.array(dtype=wp.int32)
     bounces: wp.array(dtype=wp.int32)
+    incidence: wp.array(dtype=wp.vec3)
     fate: wp.array(dtype=wp.int32)
     reported: wp.array(dtype=wp.int32)
     retried: wp.array(dtype=wp.int32)
@@ -84,6 +85,7 @@ class TracingVariant:
     reflection: bool
     riding: bool
     jittered: bool
+    smooth_receivers: bool
 
 
 @wp.func
@@ -104,6 +106,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     """The kernel that traces one path of one photon, specialised by what the scene requires."""
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
+    smooth_receivers = variant.smooth_receivers
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -170,6 +173,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     out.receiver[i] = surfaces.object_of[hit.triangle]
                     out.normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
                     out.receiver_motion[i] = hit.motion
+                    if wp.static(smooth_receivers):
+                        out.incidence[i] = -beam.w / wp.abs(wp.dot(beam.w, hit.n_g))
                 break
             if bounce == bounces:
                 break
@@ -226,6 +231,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
 
 _COLUMNS = (
     "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver", "bounces",
+    "incidence",
 )  # fmt: skip
 
 
@@ -257,10 +263,13 @@ def trace_photons(
     """
     account = EnergyAccount()
     landed: list[dict[str, np.ndarray]] = []
+    needs = requirements
     variant = TracingVariant(
-        requirements.photon_motion, requirements.refraction, requirements.reflection, riding, jittered
+        needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers
     )
     kernel = tracing_kernel(variant)
+    left_out = () if needs.smooth_receivers else ("incidence",)
+    columns = [name for name in _COLUMNS if name not in left_out]
     for lattice, patch in plan.patches(scene):
         patch.power = weight * patch.power
         cells = chosen(patch) if chosen else np.arange(patch.count_u * patch.count_v)
@@ -268,14 +277,14 @@ def trace_photons(
         masks = np.zeros(len(cells), np.int32)
         account.add(EnergyAccount(counts={"emitted": len(cells)}))
         while len(cells):
-            out = launcher.rows(PhotonArrays, len(cells))
+            out = launcher.rows(PhotonArrays, len(cells), but=left_out)
             inputs = [geometry.surfaces, patch, launcher.array(cells, wp.int32), launcher.array(masks, wp.int32)]
             launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
             fate, reported = out.fate.numpy(), out.reported.numpy()
             _tally(account, out, fate, masks, plan.normalization.power)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
             if len(keep):
-                rows = {name: getattr(out, name).numpy()[keep] for name in _COLUMNS}
+                rows = {name: getattr(out, name).numpy()[keep] for name in columns}
                 rows["ids"] = _ids(rows["emission"], masks[keep], lattice, plan.id_count)
                 landed.append(rows)
             cells, masks = reported_paths(cells, masks, reported)
@@ -284,7 +293,7 @@ def trace_photons(
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return PhotonMap.empty(), account
-    return PhotonMap(**{name: joined([rows[name] for rows in landed]) for name in ("ids", *_COLUMNS)}), account
+    return PhotonMap(**{name: joined([rows[name] for rows in landed]) for name in ("ids", *columns)}), account
 
 
 def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: np.ndarray, unit: float) -> None:

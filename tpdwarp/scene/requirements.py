@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from tpdwarp.scene.description import Interaction, SceneAtShutter
+import numpy as np
+
+from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
 
 MAX_BOUNCES = 16
 INTERNAL_REFLECTIONS = 6
+# Normals within this cosine of their triangle's (0.4°) shade it as flat: irradiance differs by less than 1 % of sin θ.
+FLAT_COSINE = 0.99997
 
 
 @dataclass(frozen=True)
@@ -20,6 +24,7 @@ class Requirements:
         moving_camera: Whether the camera does.
         refraction: Whether there is a dielectric.
         reflection: Whether there is a mirror (dielectrics reflect too, as part of refraction).
+        smooth_receivers: Whether a diffuse surface is shaded by normals that are not those of its triangles.
         bounces: Specular interactions followed along a path.
     """
 
@@ -28,6 +33,7 @@ class Requirements:
     moving_camera: bool
     refraction: bool
     reflection: bool
+    smooth_receivers: bool
     bounces: int
 
     @property
@@ -50,6 +56,20 @@ class Requirements:
         return {**asdict(self), "differentials": ["u", "v", "t"] if self.photon_motion else ["u", "v"]}
 
 
+def is_smooth_receiver(mesh: MeshAtShutter) -> bool:
+    """Whether a mesh has diffuse triangles whose shading normals differ from their geometric ones."""
+    diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in mesh.materials])
+    if mesh.normals is None or mesh.normal_indices is None or not diffuse.any():
+        return False
+    rows = slice(None) if diffuse.all() or mesh.triangle_materials is None else diffuse[mesh.triangle_materials]
+    corners, indices = mesh.points[mesh.triangles[rows]], mesh.normal_indices[rows]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(area, axis=1, keepdims=True)
+    flat = area / np.maximum(length, np.finfo(float).tiny)
+    cosines = np.abs(np.einsum("mkc,mc->mk", mesh.normals[indices], flat))
+    return bool(np.any((cosines < FLAT_COSINE) & (indices >= 0) & (length > 0)))
+
+
 def requirements_of(scene: SceneAtShutter) -> Requirements:
     """Decides what ``scene`` requires."""
     interactions = [{material.interaction for material in mesh.materials} for mesh in scene.meshes]
@@ -62,5 +82,6 @@ def requirements_of(scene: SceneAtShutter) -> Requirements:
         moving_camera=scene.camera is not None and scene.camera.moves,
         refraction=dielectrics > 0,
         reflection=mirrors > 0,
+        smooth_receivers=(dielectrics > 0 or mirrors > 0) and any(map(is_smooth_receiver, scene.meshes)),
         bounces=min(bounces, MAX_BOUNCES),
     )

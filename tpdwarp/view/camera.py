@@ -51,20 +51,39 @@ def camera_of(camera: CameraAtShutter, width: int, height: int, normalization: N
 def pixel_size(camera: Camera | None, samples: int) -> PixelSize:
     """What a query stands for: a pixel, or with many samples a part of it; nothing where nothing looks.
 
-    Averaged over a square as large, light on a plane that faces the camera is that of the pixel, however few samples
-    look at it. Where pixels are not square, the shorter side counts.
+    Averaged over the parallelogram that it sees on a plane, light there is that of the pixel, however few samples look
+    at it. Through glass that parallelogram is taken for what it would be without.
     """
     size = PixelSize()
     if camera is not None:
-        side = min(abs(camera.pixel[0]), abs(camera.pixel[1])) / part_count(samples)
-        size.eye = camera.position
-        size.base, size.slope = (side, 0.0) if camera.orthographic else (0.0, side)
+        parts = float(part_count(samples))
+        size.eye, size.back, size.orthographic = camera.position, wp.normalize(camera.back), camera.orthographic
+        size.right = wp.normalize(camera.right) * (camera.pixel[0] / parts)
+        size.up = wp.normalize(camera.up) * (camera.pixel[1] / parts)
     return size
 
 
-def sides_at(size: PixelSize, positions: np.ndarray) -> np.ndarray:
-    """Sides of what queries at ``positions`` [n, 3] stand for, shape [n]."""
-    return size.base + size.slope * np.linalg.norm(positions - np.array(size.eye), axis=1)
+def in_pixels(size: PixelSize, positions: np.ndarray, normals: np.ndarray, displacements: np.ndarray) -> np.ndarray:
+    """Displacements on planes, in sides of the parallelograms that queries stand for there.
+
+    Args:
+        size: What queries stand for.
+        positions, normals: Points of the planes and their unit normals, shape [n, 3].
+        displacements: Shape [n, 3].
+
+    Returns:
+        Along the image's rows and columns, shape [n, 2].
+    """
+    view = -np.array(size.back, np.float64)
+    if size.orthographic:
+        depth, w = np.ones(len(positions)), np.broadcast_to(view, positions.shape)
+    else:
+        ways = positions - np.array(size.eye)
+        depth, w = np.abs(ways @ view), ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-30)
+    # Seen along the view, a displacement in the plane of the image has the same place.
+    right, up = np.array(size.right, np.float64), np.array(size.up, np.float64)
+    flat = displacements - w * (displacements @ view / np.maximum(np.abs(w @ view), 1e-30))[:, None]
+    return np.stack([flat @ side / (depth * (side @ side)) for side in (right, up)], axis=1)
 
 
 @wp.func

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import warp as wp
@@ -14,7 +15,7 @@ from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
-from tpdwarp.view.camera import Camera, camera_of, pixel_size, sides_at
+from tpdwarp.view.camera import Camera, camera_of, in_pixels, pixel_size
 from tpdwarp.view.merging import merged
 from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
 from tpdwarp.view.visibility import LightArrays, VisiblePoints, light_arrays, visible_points
@@ -76,6 +77,8 @@ class _Rows:
             "spot": spots[chosen],
             "first": np.full(len(chosen), int(points.first)),
         }
+        if points.queries.shading_normal is not None:
+            values["shading_normal"] = points.queries.shading_normal.numpy()[chosen]
         if self.moving:
             values["motion"] = points.queries.motion.numpy()[chosen]
         for name, rows in values.items():
@@ -173,7 +176,8 @@ class CameraView:
             camera, lights = self._camera_and_lights(loaded)
             surfaces = loaded.geometry.at(time - segment - 0.5, self._launcher)
         passes = visible_points(
-            surfaces, lights, camera, films, loaded.requirements, self._launcher, moves=self._moves, segments=count
+            surfaces, lights, camera, films, loaded.requirements, self._launcher,
+            moves=self._moves, segments=count, scales_radiance=self._settings.refracted_radiance == "scaled",
         )
         while True:
             with self._clock.stage("view"):
@@ -192,7 +196,7 @@ class CameraView:
         with self._clock.stage("view"):
             columns = {name: np.concatenate(parts) for name, parts in rows.columns.items()}
             if not rows.moving and self._merges:
-                columns = merged(columns, lambda positions: sides_at(self._pixel, positions))
+                columns = merged(columns, partial(in_pixels, self._pixel))
             elif not rows.moving and self._times > 1:
                 # What lies together in the image is gathered together, whenever it was seen.
                 by_place = np.argsort(columns["spot"], kind="stable")
@@ -201,6 +205,9 @@ class CameraView:
             queries = QueryArrays()
             for name in ("position", "normal"):
                 setattr(queries, name, launcher.array(columns[name], wp.vec3))
-            queries.motion = launcher.array(columns["motion"], wp.vec3) if rows.moving else launcher.zeros(0, wp.vec3)
+            for name in ("motion", "shading_normal"):
+                given = columns.get(name)
+                array = launcher.zeros(0, wp.vec3) if given is None else launcher.array(given, wp.vec3)
+                setattr(queries, name, array)
             queries.receiver = launcher.array(columns["receiver"], wp.int32)
         return QueryBatch(queries, columns["pixel"], columns["weight"], columns["first"], time, window, rows.moving)

@@ -119,7 +119,7 @@ def query_motion(motion: wp.vec3) -> wp.vec3:
 
 
 @cache
-def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel:
+def visible_kernel(moves: bool, refraction: bool, reflection: bool, smooth_receivers: bool) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on."""
     both, specular = refraction and reflection, refraction or reflection
 
@@ -137,6 +137,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
         bounces: int,
         smallest_throughput: float,
         segments: float,
+        radiance_power: float,
         # Out
         queries: QueryArrays,
         out: VisibleArrays,
@@ -170,7 +171,10 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
             beam = transfer_to(beam, hit, wp.static(moves))
             side = -wp.sign(wp.dot(hit.n_g, beam.w))
             n_g = side * hit.n_g
-            n = side * shading_normal(surfaces, hit, False, wp.static(moves)).n
+            n = shading_normal(surfaces, hit, False, wp.static(moves)).n
+            # Faced to the viewer, as the geometric normal is, also where it was authored against the winding.
+            if wp.dot(n, n_g) < 0.0:
+                n = -n
             if bounce == 0:
                 out.first_position[i] = beam.x
                 out.first_normal[i] = n
@@ -186,6 +190,8 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
                 queries.normal[i] = n_g
+                if wp.static(smooth_receivers):
+                    queries.shading_normal[i] = n
                 queries.position[i] = beam.x
                 if wp.static(moves):
                     queries.motion[i] = query_motion(segments * beam.dxdt)
@@ -204,6 +210,8 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool) -> wp.Kernel
                     branch = take_branch(mask, bounce, first_open, at.reflectance, throughput, smallest_throughput)
                     reflected = branch.reflected
                     throughput = branch.throughput
+                    if not reflected:
+                        throughput = throughput * wp.pow(at.eta, radiance_power)
                     reported = reported | branch.reported
                 else:
                     throughput = wp.cw_mul(throughput, surfaces.tint[material])
@@ -238,23 +246,28 @@ def visible_points(
     *,
     moves: bool,
     segments: int = 1,
+    scales_radiance: bool = True,
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
 
     Args:
         moves: Whether queries carry their motion.
         segments: Segments of the shutter; scene and camera are those of one of them.
+        scales_radiance: Whether radiance changes by η² = (η_i/η_t)² where it is refracted, as it does (a beam of it is
+            narrower inside); without, as hosts that leave it out have it. Through closed glass it cancels.
     """
     items = np.arange(len(films), dtype=np.int32)
     masks = np.zeros(len(films), np.int32)
     device_films = launcher.array(films.astype(np.float32), wp.vec2)
-    kernel = visible_kernel(moves, requirements.refraction, requirements.reflection)
+    needs = requirements
+    kernel = visible_kernel(moves, needs.refraction, needs.reflection, needs.smooth_receivers)
+    left_out = () if needs.smooth_receivers else ("shading_normal",)
     first = True
     while len(items):
-        queries, out = launcher.rows(QueryArrays, len(items)), launcher.rows(VisibleArrays, len(items))
+        queries, out = launcher.rows(QueryArrays, len(items), but=left_out), launcher.rows(VisibleArrays, len(items))
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
         scene = [surfaces, lights, camera, device_films]
-        limits = [requirements.bounces, SMALLEST_THROUGHPUT, float(segments)]
+        limits = [needs.bounces, SMALLEST_THROUGHPUT, float(segments), 2.0 if scales_radiance else 0.0]
         launcher(kernel, len(items), [*scene, *paths, *limits, queries, out])
         yield VisiblePoints(items, queries, out, first)
         items, masks = reported_paths(items, masks, out.reported.numpy())
