@@ -17,6 +17,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.errors import InputError
+from tpdwarp.stopping import raise_if_asked
 from tpdwarp.workers import Chunks, Workers
 
 CHUNKS_PER_THREAD = 16
@@ -29,8 +30,14 @@ wp.config.enable_backward = False
 @contextmanager
 def _without_native_stderr() -> Iterator[None]:
     """Drops what native code prints to stderr: Warp's warns wherever there is no GPU driver, asked for or not."""
-    sys.stderr.flush()
-    kept = os.dup(2)
+    if sys.stderr is not None:
+        sys.stderr.flush()
+    try:
+        kept = os.dup(2)
+    except OSError:
+        # There is no stderr, so nothing has to be dropped.
+        yield
+        return
     elsewhere = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(elsewhere, 2)
@@ -70,7 +77,12 @@ class Launcher:
 
         However this ends, by an interruption too, no thread runs the kernel afterwards, so that arrays and meshes may
         be freed.
+
+        Raises:
+            Stopped: A signal asked the process to end.
+            FrameTimeout: The frame's time limit has passed.
         """
+        raise_if_asked()
         if count <= 0:
             return
         if self.device.is_cuda:
@@ -89,6 +101,7 @@ class Launcher:
             return
         # One thread takes chunks as well, for an interruption is heard between them only.
         for base in bases:
+            raise_if_asked()
             run(base)
 
     def array(self, values: np.ndarray, dtype: Any) -> wp.array:

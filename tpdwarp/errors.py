@@ -6,6 +6,15 @@ import logging
 
 logger = logging.getLogger("tpdwarp")
 
+# Libraries quote whole files and stacks of calls; what they mean stands in front.
+LONGEST_QUOTE = 240
+
+
+def shortened(text: str) -> str:
+    """What a library says, in one line of at most 240 characters."""
+    line = " ".join(text[: 20 * LONGEST_QUOTE].split())
+    return line if len(line) <= LONGEST_QUOTE else line[: LONGEST_QUOTE - 2] + " …"
+
 
 class InputError(Exception):
     """Input that cannot be used (exit code 2). ``str()`` is ``FILE: /Prim/Path: what is wrong (and what to do)``.
