@@ -39,14 +39,18 @@ class WarnOnce:
 
     Args:
         file: The file every message names.
+        silent: Whether messages are kept and not reported.
     """
 
-    def __init__(self, file: str) -> None:
-        self.file = str(file)
+    def __init__(self, file: str, silent: bool = False) -> None:
+        self.file, self._silent = str(file), silent
         self.messages: list[str] = []
+        self._known: set[str] = set()
 
     def __call__(self, prim: str, message: str) -> None:
         line = ": ".join(part for part in (self.file, str(prim), " ".join(message.split())) if part)
-        if line not in self.messages:
+        if line not in self._known:
+            self._known.add(line)
             self.messages.append(line)
-            logger.warning(line)
+            if not self._silent:
+                logger.warning(line)
