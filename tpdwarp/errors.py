@@ -40,11 +40,16 @@ class WarnOnce:
     Args:
         file: The file every message names.
         silent: Whether messages are kept and not reported.
+
+    Attributes:
+        messages: What was reported.
+        of_usd: Those that are USD's own, of what it could not compose or read.
     """
 
     def __init__(self, file: str, silent: bool = False) -> None:
         self.file, self._silent = str(file), silent
         self.messages: list[str] = []
+        self.of_usd: list[str] = []
         self._known: set[str] = set()
 
     def __call__(self, prim: str, message: str) -> None:

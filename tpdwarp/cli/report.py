@@ -51,15 +51,38 @@ def report(result: SequenceResult, quiet: bool) -> int:
         frames = ",".join(map(frame_text, result.failed))
         say(f"error: {len(result.failed)} of {len(result.outcomes)} frames failed: {frames}", sys.stderr)
     if not quiet:
-        if result.target is not None:
-            chosen = f"{result.target.photons} photons, {result.target.segments} segments"
-            say(
-                f"{chosen} for an error of {result.target.wanted:g} (expected {result.target.expected:.3g})", sys.stdout
-            )
-        skipped = f", {len(result.skipped)} skipped" if result.skipped else ""
-        done = f"{len(result.written)} of {len(result.outcomes)} frames done"
-        say(f"{done}{skipped}, {result.seconds:.1f} s", sys.stdout)
+        for line in summary_lines(result):
+            say(line, sys.stdout)
     return DONE if result.ok else FAILED
+
+
+def summary_lines(result: SequenceResult) -> list[str]:
+    """What became of a sequence, in a few lines: frames and time, why frames were rendered anew, and energy."""
+    lines = []
+    if result.target is not None:
+        chosen = f"{result.target.photons} photons, {result.target.segments} segments"
+        lines.append(f"{chosen} for an error of {result.target.wanted:g} (expected {result.target.expected:.3g})")
+    if result.anew:
+        lines.append("rendered anew: " + ", ".join(f"{count} {reason}" for reason, count in result.anew.items()))
+    tried = sum(outcome.tries > 1 for outcome in result.outcomes)
+    if tried:
+        lines.append(f"tried more than once: {tried}")
+    sent = sum(energy.sent for energy in result.energy.values())
+    if sent > 0:
+        shares = {
+            name: sum(getattr(energy, field) for energy in result.energy.values()) / sent
+            for name, field in (
+                ("deposited", "deposited"),
+                ("escaped", "escaped"),
+                ("absorbed", "absorbed"),
+                ("lost", "lost_total"),
+            )
+        }
+        lines.append("energy: " + ", ".join(f"{share:.1%} {name}" for name, share in shares.items()))
+    done = f"{len(result.written)} of {len(result.outcomes)} frames done"
+    skipped = f", {len(result.skipped)} skipped" if result.skipped else ""
+    failed = f", {len(result.failed)} failed" if result.failed else ""
+    return [*lines, f"{done}{skipped}{failed}, {result.seconds:.1f} s"]
 
 
 class _Printer(logging.Handler):

@@ -7,6 +7,7 @@ import pytest
 from tests.small_stage import write_stage
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
+from tpdwarp.usd.read.used_files import file_digest
 
 SUB = """#usda 1.0
 def Shader "Wood"
@@ -60,7 +61,7 @@ def test_layers_clips_textures_and_their_tiles_are_used(stage, tmp_path):
 def test_the_digest_changes_with_any_file_and_with_nothing_else(stage, tmp_path, changed):
     def digest():
         source = StageScene.open(stage, Settings())
-        return source.content_digest(source.used_files())
+        return source.content_digest(map(file_digest, source.used_files()))
 
     before = digest()
     assert digest() == before
@@ -68,6 +69,7 @@ def test_the_digest_changes_with_any_file_and_with_nothing_else(stage, tmp_path,
     assert digest() != before
 
 
-def test_what_cannot_be_composed_is_said_in_a_line(stage):
-    (error,) = StageScene.open(stage, Settings()).composition_errors()
-    assert "missing.usda" in error and "\n" not in error and len(error) <= 240
+def test_what_usd_warns_of_is_kept_apart_in_a_line_each(stage):
+    warnings = StageScene.open(stage, Settings()).warnings
+    (said,) = warnings.of_usd
+    assert "missing.usda" in said and "\n" not in said and len(said) <= 240

@@ -34,7 +34,9 @@ def usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
         collected = delegate.TakeUncoalescedDiagnostics()
         del delegate
         for diagnostic in collected:
-            warnings("", _without_innards(diagnostic.commentary))
+            said = _without_innards(diagnostic.commentary)
+            warnings.of_usd.append(said)
+            warnings("", said)
 
 
 @contextmanager

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom
 
-from tpdwarp.errors import InputError, WarnOnce, shortened
+from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.cameras import Camera
@@ -239,13 +239,9 @@ class StageScene:
         """The layers on disk that are open, by their files."""
         return used_layers(self._stage)
 
-    def content_digest(self, files: list[str]) -> str:
-        """Hash of what ``files`` and the stage's layers in memory hold."""
-        return content_digest(self._stage, files)
-
-    def composition_errors(self) -> list[str]:
-        """What could not be composed (layers that are missing or damaged, …), one line each."""
-        return [shortened(str(error)) for error in self._stage.GetCompositionErrors()]
+    def content_digest(self, file_digests: Iterable[str]) -> str:
+        """Hash of what the stage's files, by their own digests, and its layers in memory hold."""
+        return content_digest(self._stage, file_digests)
 
     @property
     def _animation(self) -> tuple[float, float]:

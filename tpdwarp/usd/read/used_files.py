@@ -6,6 +6,7 @@ import contextlib
 import glob
 import hashlib
 import os
+from collections.abc import Iterable
 
 from pxr import Sdf, Tf, Usd, UsdUtils
 
@@ -36,9 +37,9 @@ def used_files(stage: Usd.Stage) -> list[str]:
     return sorted(path for path in paths if os.path.isfile(path))
 
 
-def content_digest(stage: Usd.Stage, files: list[str]) -> str:
-    """Hash of what ``files`` hold, whatever they are called, and of layers that are in memory only."""
-    digests = [file_digest(path) for path in files]
+def content_digest(stage: Usd.Stage, file_digests: Iterable[str]) -> str:
+    """Hash of what the stage's files hold, by their own digests, and of its layers that are in memory only."""
+    digests = list(file_digests)
     session = stage.GetSessionLayer()
     for layer in stage.GetUsedLayers():
         if not layer.realPath and layer != session:
