@@ -16,6 +16,9 @@ from tpdwarp.photons.record import EnergyAccount
 
 STATISTICS = "tpdwarp:statistics"
 
+# PNG's last chunk with its checksum, and JPEG's marker of the end of an image.
+_ENDINGS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
+
 
 @dataclass(frozen=True)
 class KeptFrame:
@@ -68,6 +71,7 @@ class ExistingFrames:
             reason = self._fingerprint.difference(frame, metadata)
             if not reason:
                 read_image(path)
+                reason = "" if _has_its_end(path) else "damaged (its end is missing)"
             return reason, metadata
         except (InputError, OSError, MemoryError, ValueError) as error:
             return f"damaged ({shortened(getattr(error, 'message', str(error)))})", {}
@@ -76,6 +80,14 @@ class ExistingFrames:
 def statistics_text(photons: int, energy: EnergyAccount, seconds: Mapping[str, float]) -> str:
     """What a frame's file carries for statistics of a sequence that is rendered in several runs, as JSON."""
     return json.dumps({"photons": photons, "energy": energy.as_dict(), "seconds": dict(seconds)})
+
+
+def _has_its_end(path: str) -> bool:
+    """Whether a file ends as its format does, where its reader is content without."""
+    ending = _ENDINGS.get(os.path.splitext(path)[1].lower(), b"")
+    with open(path, "rb") as file:
+        file.seek(-len(ending), os.SEEK_END)
+        return file.read() == ending
 
 
 def _kept(metadata: Mapping[str, Any]) -> KeptFrame:
