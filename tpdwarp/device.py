@@ -17,6 +17,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.errors import InputError
+from tpdwarp.kernel_cache import KernelCache
 from tpdwarp.stopping import raise_if_asked
 from tpdwarp.workers import Chunks, Workers
 
@@ -25,6 +26,8 @@ SMALLEST_CHUNK = 512
 
 wp.config.log_level = wp.LOG_WARNING
 wp.config.enable_backward = False
+
+_cache = KernelCache()
 
 
 @contextmanager
@@ -60,8 +63,7 @@ class Launcher:
     """
 
     def __init__(self, device: str = "cpu", threads: int = 0) -> None:
-        with _without_native_stderr() if device == "cpu" else nullcontext():
-            wp.init()
+        _cache.start_warp(_without_native_stderr if device == "cpu" else nullcontext)
         try:
             self.device = wp.get_device(device)
         except Exception as error:
@@ -86,10 +88,11 @@ class Launcher:
         if count <= 0:
             return
         if self.device.is_cuda:
+            _cache.load(kernel.module, self.device, kernel.module.options["block_dim"])
             wp.launch(kernel, dim=count, inputs=[0, *inputs], device=self.device)
             return
         # Loaded once, as a launch on the CPU would (one thread a block), or each thread compiles it again.
-        kernel.module.load(self.device, 1)
+        _cache.load(kernel.module, self.device, 1)
         chunk = max(smallest_chunk, -(-count // (self.threads * CHUNKS_PER_THREAD)))
 
         def run(base: int) -> None:

@@ -187,6 +187,26 @@ def test_a_render_without_standard_streams_writes_its_frames(tmp_path, closed):
     read_image(tmp_path / "a.03.exr")
 
 
+def test_too_little_address_space_is_one_line_and_no_crash(tmp_path):
+    stage = write_stage(tmp_path / "stage.usda")
+    program = [sys.executable, "-m", "tpdwarp", "render", stage, str(tmp_path / "a.##.exr")]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        ["bash", "-c", 'ulimit -v 1500000; exec "$@"', "bash", *program],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 2 and re.fullmatch(r"error: 1\.4 GB of address space [^\n]*\n", done.stderr)
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path, capsys):
+    os.mkfifo(tmp_path / "stage.usda")
+    assert main(["render", str(tmp_path / "stage.usda"), str(tmp_path / "a.exr")]) == 2
+    assert "is no ordinary file" in capsys.readouterr().err
+
+
 def test_a_full_log_costs_no_frame(tmp_path):
     stage = write_stage(tmp_path / "stage.usda")
     with open("/dev/full", "w") as full:

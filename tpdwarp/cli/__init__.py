@@ -9,6 +9,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 
+from tpdwarp.cli.memory import check_address_space
 from tpdwarp.cli.outcome import DONE, FAILED, REFUSED, SIGNALLED, debugging
 from tpdwarp.cli.parser import build_parser
 from tpdwarp.cli.streams import mend_streams
@@ -44,6 +45,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     try:
         options = build_parser(COMMANDS).parse_args(arguments)
         resumable = getattr(options, "resumable", "")
+        check_address_space()
         code = options.run(options)
         raise_if_asked()
         return code

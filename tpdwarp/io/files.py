@@ -63,7 +63,7 @@ def complete_or_absent(path: str | os.PathLike[str]) -> Iterator[str]:
     """
     folder, name = os.path.split(os.fspath(path))
     target = Path(os.path.realpath(folder or os.curdir)) / name
-    owner = f"{_host()}-{os.getpid():x}-{secrets.token_hex(4)}"
+    owner = f"{host_name()}-{os.getpid():x}-{secrets.token_hex(4)}"
     temporary = target.with_name(f".{target.stem[:40]}.{owner}.tmp{target.suffix}")
     try:
         yield str(temporary)
@@ -127,15 +127,15 @@ def is_running(process: int) -> bool:
 
 
 def _is_abandoned(entry: os.DirEntry[str], host: str, process: int) -> bool:
-    if host == _host():
+    if host == host_name():
         return not is_running(process)
     with contextlib.suppress(OSError):
         return time.time() - entry.stat(follow_symlinks=False).st_mtime > ABANDONED_SECONDS
     return False
 
 
-def _host() -> str:
-    """What tells hosts apart, and containers, which number processes anew."""
+def host_name() -> str:
+    """Eight digits that tell hosts apart, and containers, which number processes anew."""
     parts = [socket.gethostname()]
     with contextlib.suppress(OSError):
         parts.append(os.readlink("/proc/self/ns/pid"))

@@ -216,6 +216,9 @@ def open_scene(scene: FilePath, settings: Settings, default_time: bool) -> Stage
         InputError: The stage cannot be used.
     """
     check_name(scene)
+    # A pipe would be waited for.
+    if os.path.exists(scene) and not os.path.isfile(scene) and not os.path.isdir(scene):
+        raise InputError("is no ordinary file (name a USD file)", file=os.fspath(scene))
     return (DefaultTimeScene if default_time else StageScene).open(os.fspath(scene), settings)
 
 

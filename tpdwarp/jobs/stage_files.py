@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from tpdwarp.errors import FrameError, logger
-from tpdwarp.usd.read.used_files import file_digest
+from tpdwarp.io.digests import file_digest
 
 if TYPE_CHECKING:
     from tpdwarp.usd.read.stage import StageScene

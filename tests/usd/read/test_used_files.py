@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from tests.small_stage import write_stage
+from tpdwarp.io.digests import file_digest
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
-from tpdwarp.usd.read.used_files import file_digest
 
 SUB = """#usda 1.0
 def Shader "Wood"

@@ -13,8 +13,6 @@ from pxr import Sdf, Tf, Usd, UsdUtils
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
 
-_BLOCK = 1 << 20
-
 
 def used_layers(stage: Usd.Stage) -> dict[str, Sdf.Layer]:
     """The layers on disk that ``stage`` has open, by their files (packages count as one)."""
@@ -45,19 +43,6 @@ def content_digest(stage: Usd.Stage, file_digests: Iterable[str]) -> str:
         if not layer.realPath and layer != session:
             digests.append(hashlib.sha256(layer.ExportToString().encode()).hexdigest())
     return hashlib.sha256("\n".join(sorted(digests)).encode()).hexdigest()
-
-
-def file_digest(path: str) -> str:
-    """Hash of what a file holds.
-
-    Raises:
-        OSError: It cannot be read.
-    """
-    digest = hashlib.sha256()
-    with open(path, "rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
 
 
 def _package(path: str) -> str:
