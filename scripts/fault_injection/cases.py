@@ -13,7 +13,18 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from scripts.fault_injection.program import FRAMES, finish, leftovers, lost, pixels, render, run, same, start
+from scripts.fault_injection.program import (
+    FRAMES,
+    LONGEST_LINE,
+    finish,
+    leftovers,
+    lost,
+    pixels,
+    render,
+    run,
+    same,
+    start,
+)
 from scripts.fault_injection.table import Row
 
 SKIP = "--skip-existing-frames"
@@ -146,7 +157,7 @@ def stage_written_over(bench: Bench) -> Iterator[Row]:
         wrong = sum(not same(planes, bench.reference[name]) for name, planes in pixels(folder).items())
         longest = max(map(len, ended.err.splitlines()), default=0)
         did = f"code {ended.code}, {len(pixels(folder))} frames, {wrong} wrong, longest line {longest}"
-        good = ended.code == 1 and not wrong and longest <= 600 and "was written over" in ended.err
+        good = ended.code == 1 and not wrong and longest <= LONGEST_LINE and "was written over" in ended.err
         yield Row(f"the stage {how} in place", "frames until then, exit 1, short lines", did, wrong, good)
 
 

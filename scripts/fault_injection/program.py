@@ -44,10 +44,13 @@ class Ended:
 
     @property
     def one_line(self) -> bool:
-        """Whether it said exactly one line of bounded length on stderr."""
-        return self.err.count("\n") == 1 and len(self.err) <= 600
+        """Whether it said exactly one error, in a line of bounded length, beside warnings."""
+        errors = [line for line in self.err.splitlines() if not line.startswith("warning: ")]
+        return len(errors) == 1 and errors[0].startswith("error: ") and len(errors[0]) <= LONGEST_LINE
 
 
+# What a library says is cut to 240 characters; names of files and prims stand in front.
+LONGEST_LINE = 600
 HANGS = -1
 
 

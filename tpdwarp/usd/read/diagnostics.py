@@ -54,8 +54,11 @@ def errors_at(path: object) -> Iterator[None]:
 
 def _first_error(error: Tf.ErrorException) -> str:
     """The text of the first USD error, without the place in USD's sources that raised it."""
-    found = re.search(r" in file \S+ : '(.*?)'(?:\n\tError in|\Z)", str(error), re.DOTALL)
-    return _without_innards(found.group(1) if found else str(error))
+    text = str(error).strip()
+    if len(text) > MOST_QUOTED:
+        text = text[:MOST_QUOTED] + "'"
+    found = re.search(r" in file \S+ : '(.*?)'(?:\n\tError in|\Z)", text, re.DOTALL)
+    return _without_innards(found.group(1) if found else text)
 
 
 def _without_innards(text: str) -> str:
