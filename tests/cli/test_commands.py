@@ -66,12 +66,20 @@ def test_alf_progress_is_all_there_is_on_stdout(stage, tmp_path, capsys):
     assert capsys.readouterr().out == "".join(f"ALF_PROGRESS {percent}%\n" for percent in (0, 33, 66, 100))
 
 
-def test_existing_frames_are_skipped_on_demand(stage, tmp_path, capsys):
-    arguments = ["render", stage, str(tmp_path / "a.##.exr"), *SMALL, "--skip-existing-frames"]
-    (tmp_path / "a.02.exr").write_bytes(b"an image")
-    assert main(arguments) == 0
+def test_existing_frames_are_skipped_on_demand_and_stale_ones_rendered_anew_with_a_reason(stage, tmp_path, capsys):
+    arguments = ["render", stage, str(tmp_path / "a.##.exr"), *SMALL, "--skip-existing-frames", "--progress", "none"]
+    assert main([*arguments, "-f", "2"]) == 0
+    before = (tmp_path / "a.02.exr").stat()
+    assert main([*arguments, "--progress", "plain"]) == 0
     assert "2 of 3 frames done, 1 skipped" in capsys.readouterr().out
-    assert (tmp_path / "a.02.exr").read_bytes() == b"an image"
+    assert (tmp_path / "a.02.exr").stat() == before
+    assert main([*arguments, "--seed", "3", "--progress", "plain"]) == 0
+    out, err = capsys.readouterr()
+    assert err == (
+        f"warning: {tmp_path / 'a.01.exr'}: is of other settings (seed 0, now 3) and rendered anew, "
+        "as others of its kind will be\n"
+    )
+    assert "rendered anew: 3 of other settings" in out
 
 
 def test_photons_writes_the_layer_and_its_view(tmp_path, capsys):

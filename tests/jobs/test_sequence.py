@@ -2,6 +2,11 @@ import json
 import logging
 import math
 import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +15,9 @@ from pxr import Usd
 import tpdwarp
 from tests.small_stage import write_stage
 from tpdwarp.errors import FrameError, InputError
+from tpdwarp.io.files import complete_or_absent
 from tpdwarp.io.images import read_image
-from tpdwarp.jobs import sequence
+from tpdwarp.jobs import reports, sequence
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.rendering.frame import Frame
@@ -119,23 +125,121 @@ def test_a_frame_that_cannot_be_written_fails_alone(stage, tmp_path, monkeypatch
     assert str(tmp_path / "a.02.exr") in result.failed[2]
 
 
-def test_existing_frames_are_skipped_only_when_complete(stage, tmp_path, monkeypatch):
+def test_existing_frames_are_skipped_only_when_whole_and_up_to_date(stage, tmp_path, monkeypatch):
     fake = FakeRenderer(monkeypatch)
+    tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
     (tmp_path / "a.01.exr").write_bytes(b"an image")
     (tmp_path / "a.02.exr").write_bytes(b"")
+    kept = (tmp_path / "a.03.exr").stat()
+    fake.rendered.clear()
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", skip_existing=True, **SMALL)
-    assert (result.skipped, result.written, fake.rendered, fake.traced) == ((1,), (2, 3), [2, 3], [])
-    assert (tmp_path / "a.01.exr").read_bytes() == b"an image"
+    assert (result.skipped, result.written, fake.rendered, fake.traced) == ((3,), (1, 2), [1, 2], [])
+    assert result.anew == {"damaged": 2} and (tmp_path / "a.03.exr").stat() == kept
+
+
+def test_statistics_of_two_runs_have_every_frame_as_those_of_one(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch, energy=EnergyAccount(3.0, 2.0, 1.0, lost={"a": 0.5}, counts={"landed": 3}))
+    tpdwarp.render(stage, tmp_path / "one.##.exr", stats=tmp_path / "one.json", **SMALL)
+    tpdwarp.render(stage, tmp_path / "two.##.exr", frames="1:2", **SMALL)
+    tpdwarp.render(stage, tmp_path / "two.##.exr", stats=tmp_path / "two.json", skip_existing=True, **SMALL)
+    one, two = (json.loads((tmp_path / f"{name}.json").read_text())["frames"] for name in ("one", "two"))
+    assert [entry["status"] for entry in two] == ["skipped", "skipped", "written"]
+    for name in ("frame", "energy", "photons"):
+        assert [entry[name] for entry in one] == [entry[name] for entry in two]
+    assert [entry["seconds"]["trace"] for entry in two] == [0.5, 0.5, 0.5]
+
+
+def test_lines_of_statistics_are_there_as_soon_as_a_frame_has_ended_and_stay(stage, tmp_path, monkeypatch):
+    stats = tmp_path / "s.jsonl"
+    FakeRenderer(monkeypatch, fail={3: KeyboardInterrupt()})
+    with pytest.raises(KeyboardInterrupt):
+        tpdwarp.render(stage, tmp_path / "a.##.exr", stats=stats, **SMALL)
+    first = stats.read_text()
+    assert [json.loads(line)["frame"] for line in first.splitlines()] == [1, 2]
+    FakeRenderer(monkeypatch)
+    # As a kill in the midst of a line leaves it.
+    stats.write_text(first + '{"frame": 3.0, "sta')
+    tpdwarp.render(stage, tmp_path / "a.##.exr", stats=stats, skip_existing=True, **SMALL)
+    assert stats.read_text().startswith(first)
+    entries = [json.loads(line) for line in stats.read_text().splitlines()]
+    assert [(entry["frame"], entry["status"]) for entry in entries] == [(1, "written"), (2, "written"), (3, "written")]
+    tpdwarp.render(stage, tmp_path / "a.##.exr", stats=stats, **SMALL)
+    assert len(stats.read_text().splitlines()) == 3
 
 
 def test_the_debug_layer_holds_the_photons_of_skipped_frames_too(stage, tmp_path, monkeypatch):
     fake = FakeRenderer(monkeypatch)
-    (tmp_path / "a.02.exr").write_bytes(b"an image")
+    tpdwarp.render(stage, tmp_path / "a.##.exr", frames=2, **SMALL)
+    fake.rendered.clear()
     layer = tmp_path / "a.debug.usdc"
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", skip_existing=True, debug_layer=layer, **SMALL)
     assert (result.skipped, fake.rendered, fake.traced) == ((2,), [1, 3], [2])
     assert sampled_frames(layer) == [1, 2, 3]
     assert (tmp_path / "a.view.usda").exists()
+
+
+def test_outputs_do_not_destroy_what_the_stage_is_made_of_nor_each_other(stage, tmp_path, monkeypatch):
+    fake = FakeRenderer(monkeypatch)
+    sub = tmp_path / "sub.usda"
+    sub.write_text("#usda 1.0\n")
+    (tmp_path / "root.usda").write_text("#usda 1.0\n(\n    subLayers = [@./sub.usda@, @./stage.usda@]\n)\n")
+    out, root = tmp_path / "a.##.exr", tmp_path / "root.usda"
+    for outputs, message in (
+        ({"debug_layer": sub}, "is read by the scene"),
+        ({"stats": sub}, "is read by the scene"),
+        ({"debug_layer": tmp_path / "sub.view.usda", "stats": tmp_path / "sub.view.usda"}, "is written by"),
+        ({"debug_layer": tmp_path / "b.usdc", "stats": tmp_path / "b.view.usda"}, "its view layer"),
+        ({"stats": tmp_path / "a.02.exr"}, "is written by --stats and by frames"),
+    ):
+        with pytest.raises(InputError, match=message):
+            tpdwarp.render(root, out, frames="1:3", **outputs, **SMALL)
+    with pytest.raises(InputError, match="is read by the scene"):
+        tpdwarp.write_photons(root, sub)
+    assert fake.rendered == [] and sub.read_text() == "#usda 1.0\n"
+    assert files_in(tmp_path) == ["root.usda", "stage.usda", "sub.usda"]
+
+
+def test_what_usd_warns_of_is_an_error_when_strict(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch)
+    root = tmp_path / "root.usda"
+    root.write_text("#usda 1.0\n(\n    subLayers = [@./gone.usda@, @./stage.usda@]\n)\n")
+    assert tpdwarp.render(root, tmp_path / "a.##.exr", frames=1, **SMALL).ok
+    with pytest.raises(InputError, match=r"gone\.usda.* \(--strict\)"):
+        tpdwarp.render(root, tmp_path / "a.##.exr", frames=1, strict=True, **SMALL)
+
+
+def test_leftovers_of_killed_renders_are_swept(stage, tmp_path, monkeypatch):
+    FakeRenderer(monkeypatch)
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    with complete_or_absent(tmp_path / "a.01.exr") as temporary:
+        own = os.path.basename(temporary)
+        Path(temporary).write_bytes(b"")
+    left = own.replace(f"-{os.getpid():x}-", f"-{ended.pid:x}-")
+    (tmp_path / left).write_bytes(b"half")
+    (tmp_path / ".a.02.exr.claim").write_bytes(b"")
+    tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
+    assert files_in(tmp_path) == ["a.01.exr", "a.02.exr", "a.03.exr", "stage.usda"]
+
+
+def test_two_renders_into_one_folder_share_the_frames(stage, tmp_path, monkeypatch):
+    fake = FakeRenderer(monkeypatch)
+    real, first = fake.render, []
+
+    def render_and_begin_another(source, shutter, settings, width, height):
+        if not first:
+            first.append(threading.Thread(target=tpdwarp.render, args=(stage, tmp_path / "a.##.exr"), kwargs=SMALL))
+            first[0].start()
+            while len(fake.rendered) < 2:
+                time.sleep(0.01)
+        return real(source, shutter, settings, width, height)
+
+    monkeypatch.setattr(sequence, "render_frame", render_and_begin_another)
+    result = tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
+    first[0].join()
+    # The second found the first frame claimed, and made the others meanwhile.
+    assert sorted(fake.rendered) == [1, 2, 3]
+    assert result.ok and len(result.outcomes) == 3 and files_in(tmp_path)[-1] == "stage.usda"
 
 
 def test_a_sequence_that_fails_throughout_leaves_no_debug_layer_and_says_so(stage, tmp_path, monkeypatch):
@@ -257,7 +361,7 @@ def test_statistics_that_cannot_be_written_are_a_problem_not_the_end(stage, tmp_
     def refuse(path, statistics):
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr(sequence, "write_statistics", refuse)
+    monkeypatch.setattr(reports, "write_statistics", refuse)
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", stats=tmp_path / "a.json", **SMALL)
     assert result.written == (1, 2, 3) and not result.ok
     assert result.problems == (f"{tmp_path / 'a.json'}: No space left on device",)

@@ -13,6 +13,7 @@ from tpdwarp.jobs.progress import KINDS
 from tpdwarp.presets import PRESETS
 from tpdwarp.settings import AOVS, CHOICES, Settings
 
+LOG_LEVELS = ("debug", "info", "warning", "error")
 COMPLEXITIES = {"low": 1.0, "medium": 1.1, "high": 1.2, "veryhigh": 1.3}
 
 
@@ -153,9 +154,11 @@ def declare_tracing(parser: argparse.ArgumentParser, picture: Iterable[SettingOp
 
 
 def declare_reports(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--stats`` and ``--progress``."""
+    """Adds ``--stats``, ``--progress`` and ``--log-level``."""
     parser.add_argument(
-        "--stats", metavar="FILE.json", help="Also write seconds by stage, energies and counts of every frame."
+        "--stats",
+        metavar="FILE.json",
+        help="Also write seconds and energies of every frame; .jsonl: a line as each ends.",
     )
     parser.add_argument(
         "--progress",
@@ -163,6 +166,32 @@ def declare_reports(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="How progress is shown; auto is a bar on a terminal, else a line a frame. [auto]",
     )
+    parser.add_argument(
+        "--log-level",
+        choices=LOG_LEVELS,
+        metavar="LEVEL",
+        default="warning",
+        help=f"{', '.join(LOG_LEVELS)}. [warning]",
+    )
+
+
+def declare_persistence(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say how much a sequence puts up with; :func:`persistence_given` has their values."""
+    group = parser.add_argument_group("what goes wrong")
+    group.add_argument("--strict", action="store_true", help="Layers that are missing or damaged are errors.")
+    group.add_argument("--frame-timeout", type=float, metavar="S", help="Seconds a frame may take. [no limit]")
+    group.add_argument("--retries", type=int, default=0, metavar="N", help="Further tries of a frame that failed. [0]")
+    group.add_argument(
+        "--max-failures",
+        type=int,
+        metavar="N",
+        help="Stop after so many frames in a row. [3 on a full disk]",
+    )
+
+
+def persistence_given(options: argparse.Namespace) -> dict[str, Any]:
+    """The values of :func:`declare_persistence`, by their names in Python."""
+    return {name: getattr(options, name) for name in ("strict", "frame_timeout", "retries", "max_failures")}
 
 
 def _help(option: SettingOption) -> str:

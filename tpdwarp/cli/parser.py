@@ -67,7 +67,9 @@ class _Root(Parser):
         """
         options, unknown = self.parse_known_args(_joined(sys.argv[1:] if arguments is None else arguments))
         if unknown:
-            options.parser.error(f"unknown arguments: {' '.join(unknown)}")
+            # An option's value is left over with it, or taken for a file while that is left over: neither is to blame.
+            blamed = [argument for argument in unknown if argument.startswith("-")] or unknown
+            options.parser.error(f"unknown arguments: {' '.join(blamed)}")
         return options
 
 

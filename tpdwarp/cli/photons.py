@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import argparse
 
-from tpdwarp.cli.options import PICTURE, declare_frames, declare_reports, declare_tracing, settings_given
+from tpdwarp.cli.options import (
+    PICTURE,
+    declare_frames,
+    declare_persistence,
+    declare_reports,
+    declare_tracing,
+    persistence_given,
+    settings_given,
+)
 from tpdwarp.cli.report import report, warnings_shown
 from tpdwarp.jobs.progress import progress_of
 
 SUMMARY = "trace photons and write them to a USD debug layer"
 EPILOG = (
     "Beside shot.debug.usdc appears shot.view.usda, which shows the photons in the scene.\n"
-    "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 interrupted."
+    "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
 _PICTURE_ONLY = ("image_width", "samples", "aovs")
 
@@ -24,13 +32,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_frames(parser)
     parser.add_argument("--curves", type=int, metavar="N", help="At most so many photons a frame, spread evenly. [all]")
     declare_reports(parser)
+    declare_persistence(parser)
     declare_tracing(parser, [option for option in PICTURE if option.field not in _PICTURE_ONLY])
 
 
 def run(options: argparse.Namespace) -> int:
     """Traces; returns the exit code."""
     shown = progress_of(options.progress)
-    with warnings_shown(shown):
+    with warnings_shown(shown, options.log_level) as warnings:
         # Here and not above, so that --help need not wait for the tracer to load.
         from tpdwarp.jobs.sequence import write_photons
 
@@ -42,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
             progress=shown,
             curves=options.curves,
             stats=options.stats,
+            **persistence_given(options),
             **settings_given(options),
         )
-    return report(result, quiet=options.progress in ("alf", "none"))
+    return report(result, quiet=options.progress in ("alf", "none"), warnings=warnings)

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import argparse
 
-from tpdwarp.cli.options import PICTURE, declare_frames, declare_reports, declare_tracing, settings_given
+from tpdwarp.cli.options import (
+    PICTURE,
+    declare_frames,
+    declare_persistence,
+    declare_reports,
+    declare_tracing,
+    persistence_given,
+    settings_given,
+)
 from tpdwarp.cli.report import report, warnings_shown
 from tpdwarp.jobs.progress import progress_of
 
 SUMMARY = "render frames of a USD stage to image files"
 EPILOG = (
     "OUT holds #### where the frame number goes (zero-padded; ###.## for fractions), as in out/wave.####.exr.\n"
-    "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 interrupted."
+    "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
 
 
@@ -22,18 +30,23 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("out", metavar="OUT", help="Image file: .exr, or .png, .jpg, .tif (beauty only, sRGB).")
     declare_frames(parser)
     parser.add_argument(
-        "--skip-existing-frames", dest="skip_existing", action="store_true", help="Leave frames whose files are there."
+        "--skip-existing-frames",
+        dest="skip_existing",
+        action="store_true",
+        help="Leave frames that are there, whole and up to date.",
     )
     parser.add_argument("--debug-layer", metavar="LAYER", help="Also write the photons to this USD layer.")
     parser.add_argument("--curves", type=int, metavar="N", help="At most so many photons a frame in it. [all]")
     declare_reports(parser)
+    declare_persistence(parser)
     declare_tracing(parser, PICTURE)
+    parser.set_defaults(resumable=" (the same command with --skip-existing-frames goes on)")
 
 
 def run(options: argparse.Namespace) -> int:
     """Renders; returns the exit code."""
     shown = progress_of(options.progress)
-    with warnings_shown(shown):
+    with warnings_shown(shown, options.log_level) as warnings:
         # Here and not above, so that --help need not wait for the renderer to load.
         from tpdwarp.jobs.sequence import render
 
@@ -47,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
             curves=options.curves,
             stats=options.stats,
             skip_existing=options.skip_existing,
+            **persistence_given(options),
             **settings_given(options),
         )
-    return report(result, quiet=options.progress in ("alf", "none"))
+    return report(result, quiet=options.progress in ("alf", "none"), warnings=warnings)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 
-from tpdwarp.errors import FrameError, InputError
+from tpdwarp.errors import FrameError, InputError, shortened
 from tpdwarp.io.files import complete_or_absent
 
 DISPLAY_BITS = {".png": "uint8", ".jpg": "uint8", ".jpeg": "uint8", ".tif": "uint16", ".tiff": "uint16"}
@@ -27,6 +27,12 @@ HALF_MAXIMUM = float(np.finfo(np.float16).max)
 
 # Their writers hide a failed write (PNG) or end the process at one (JPEG).
 SILENT_EXTENSIONS = (".png", ".jpg", ".jpeg")
+
+# Have no place for attributes of one's own.
+PLAIN_EXTENSIONS = (".jpg", ".jpeg", ".tif", ".tiff")
+
+# What a frame was made from; see :mod:`tpdwarp.jobs.fingerprint`.
+FINGERPRINT = "tpdwarp:fingerprint"
 
 # OpenImageIO has names of its own for two of OpenEXR's attributes.
 ATTRIBUTE_NAMES = {"capDate": "DateTime", "expTime": "ExposureTime"}
@@ -59,6 +65,8 @@ def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]
     EXR takes all channels, R, G, B and A first and the others as given (zip, scan lines): colours as half, limited to
     ±65504, the layers of ``FLOAT_LAYERS`` as float. The other formats take the beauty only, sRGB encoded: PNG and JPEG
     with 8 bits, TIFF with 16; PNG and TIFF with alpha, JPEG over black.
+
+    Attributes of one's own go into EXR and PNG; JPEG and TIFF keep that of ``FINGERPRINT``, as their description.
 
     Args:
         path: The file, with one of ``EXTENSIONS``; its folder exists.
@@ -98,6 +106,8 @@ def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]
     spec.z_channel = names.index("Z") if "Z" in names else -1
     for name, value in metadata.items():
         set_attribute(spec, name, value)
+    if Path(path).suffix.lower() in PLAIN_EXTENSIONS and FINGERPRINT in metadata:
+        spec.attribute("ImageDescription", f"{FINGERPRINT} {metadata[FINGERPRINT]}")
     with complete_or_absent(path) as temporary:
         if Path(path).suffix.lower() in SILENT_EXTENSIONS:
             write_surely(temporary, path, spec, pixels)
@@ -259,23 +269,42 @@ def read_stored(path: str | os.PathLike[str]) -> StoredImage:
     as_stored.attribute("oiio:UnassociatedAlpha", 1)
     source = oiio.ImageInput.open(os.fspath(path), as_stored)
     if source is None:
-        raise InputError(f"cannot be read: {oiio.geterror()}", file=os.fspath(path))
+        raise InputError(f"cannot be read: {shortened(oiio.geterror())}", file=os.fspath(path))
     spec = source.spec()
     pixels = source.read_image(0, 0, 0, spec.nchannels, "float")
     if pixels is None:
-        raise InputError(f"cannot be read: {source.geterror()}", file=os.fspath(path))
+        raise InputError(f"cannot be read: {shortened(source.geterror())}", file=os.fspath(path))
     parts = 1
     while source.seek_subimage(parts, 0):
         parts += 1
     source.close()
-    file_names = {own: name for name, own in ATTRIBUTE_NAMES.items()}
-    metadata = {
-        file_names.get(entry.name, entry.name): attribute_value(entry.name, entry.type, entry.value)
-        for entry in spec.extra_attribs
-    }
+    metadata = attributes_of(spec)
     depths = tuple(str(spec.channelformat(index)) for index in range(spec.nchannels))
     window = (spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height)
     return StoredImage(tuple(spec.channelnames), depths, pixels, metadata, window, parts)
+
+
+def read_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """All attributes of an image, of which only the header is read; see :func:`read_stored`.
+
+    Raises:
+        InputError: The file is missing, damaged or no image.
+    """
+    source = oiio.ImageInput.open(os.fspath(path))
+    if source is None:
+        raise InputError(f"cannot be read: {shortened(oiio.geterror())}", file=os.fspath(path))
+    metadata = attributes_of(source.spec())
+    source.close()
+    return metadata
+
+
+def attributes_of(spec: oiio.ImageSpec) -> dict[str, Any]:
+    """The attributes of an image's header, by the names and types that :func:`set_attribute` takes."""
+    file_names = {own: name for name, own in ATTRIBUTE_NAMES.items()}
+    return {
+        file_names.get(entry.name, entry.name): attribute_value(entry.name, entry.type, entry.value)
+        for entry in spec.extra_attribs
+    }
 
 
 def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -2,90 +2,196 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from tpdwarp.errors import FrameError, InputError, logger
+from tpdwarp.errors import FrameError, InputError, logger, shortened
 from tpdwarp.io.frame_names import frame_text
+from tpdwarp.jobs.claims import ClaimedElsewhere
 from tpdwarp.jobs.progress import Progress
 from tpdwarp.jobs.results import FrameOutcome
+from tpdwarp.stopping import pause, raise_if_asked, time_limit
 
 if TYPE_CHECKING:
     from tpdwarp.usd.write.debug_layer import DebugLayerWriter
 
+# How long frames that other processes render are left alone before they are looked for again.
+CLAIM_POLL_SECONDS = 0.5
+# So many frames in a row that fail while the disk is full end the sequence: space may come back, but not soon.
+FAILURES_ON_A_FULL_DISK = 3
+# Before a second try; a busy file server is over a hiccup by then. Doubled for every further one.
+RETRY_SECONDS = 0.5
+_PROBE_BYTES = 1 << 16
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 
-def run_frames(
-    frames: Sequence[float],
-    work: Callable[[float], FrameOutcome],
-    path_of: Callable[[float], str],
-    shown: Progress,
-    layer: DebugLayerWriter | None,
-) -> tuple[list[FrameOutcome], list[str]]:
-    """Works through ``frames``, past those that fail, then completes the debug layer.
+
+@dataclass(frozen=True)
+class Persistence:
+    """How long a sequence keeps trying.
+
+    Attributes:
+        frame_timeout: Seconds that a frame may take, for each try; None for no limit.
+        retries: How often a frame that failed is tried again.
+        max_failures: So many frames in a row that fail end the sequence; None for no limit.
+
+    Raises:
+        InputError: A number makes no sense.
+    """
+
+    frame_timeout: float | None = None
+    retries: int = 0
+    max_failures: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.frame_timeout is not None and not 0 < self.frame_timeout < 1e9:
+            raise InputError(f"--frame-timeout must be above 0 seconds, not {self.frame_timeout}")
+        if self.retries < 0:
+            raise InputError(f"--retries must be 0 or more, not {self.retries}")
+        if self.max_failures is not None and self.max_failures < 1:
+            raise InputError(f"--max-failures must be above 0, not {self.max_failures}")
+
+
+class FrameLoop:
+    """Works through frames, past those that fail, then completes the debug layer.
 
     Args:
-        frames: Time codes.
         work: Does one frame.
         path_of: The file of a frame, for the outcome of one that failed.
         shown: Is told what happens.
-        layer: A debug layer to which ``work`` adds; completed if any frame came through, else dropped.
+        persistence: How long to keep trying.
+        ended: Is given every outcome as it is known.
 
-    Returns:
-        What became of each frame, and what failed beyond them, one line each.
-
-    Raises:
-        InputError: That is how every frame failed; the first such error.
-        BrokenPipeError: Nobody listens to the progress any more.
+    Attributes:
+        outcomes: What became of each frame.
+        problems: What failed beyond them, one line each.
     """
-    outcomes: list[FrameOutcome] = []
-    problems: list[str] = []
-    try:
-        with layer if layer is not None else nullcontext():
-            shown.start(len(frames))
-            try:
-                refusal = _work_through(frames, work, path_of, shown, outcomes)
-            finally:
-                shown.finish()
-            if refusal is not None:
-                raise refusal
-            if layer is not None and all(outcome.status == "failed" for outcome in outcomes):
-                raise FrameError(f"{layer.path}: is not written, for no frame could be traced")
-    except (InputError, BrokenPipeError):
-        raise
-    except Exception as error:
-        logger.debug("after the last frame", exc_info=error)
-        problems.append(reason_of(error))
-    return outcomes, problems
 
+    def __init__(
+        self,
+        work: Callable[[float], FrameOutcome],
+        path_of: Callable[[float], str],
+        shown: Progress,
+        persistence: Persistence | None = None,
+        ended: Callable[[FrameOutcome], None] | None = None,
+    ) -> None:
+        self._work, self._path_of, self._shown = work, path_of, shown
+        self._persistence, self._ended = persistence or Persistence(), ended
+        self.outcomes: list[FrameOutcome] = []
+        self.problems: list[str] = []
+        self._refusal: InputError | None = None
+        self._refused = self._failures = self._failures_on_full = 0
+        self._layer_path = ""
 
-def _work_through(
-    frames: Sequence[float],
-    work: Callable[[float], FrameOutcome],
-    path_of: Callable[[float], str],
-    shown: Progress,
-    outcomes: list[FrameOutcome],
-) -> InputError | None:
-    """Works through ``frames``; gives the first :class:`InputError` if that is how every frame failed."""
-    refusal: InputError | None = None
-    refused = 0
-    for frame in frames:
-        shown.begin(frame)
-        started = time.perf_counter()
+    def run(self, frames: Sequence[float], layer: DebugLayerWriter | None) -> None:
+        """Works through ``frames``.
+
+        Args:
+            frames: Time codes.
+            layer: A debug layer to which the work adds; completed if any frame came through, else dropped.
+
+        Raises:
+            InputError: That is how every frame failed; the first such error.
+            BrokenPipeError: Nobody listens to the progress any more.
+        """
+        self._layer_path = "" if layer is None else str(layer.path)
         try:
-            outcome = work(frame)
+            with layer if layer is not None else nullcontext():
+                self._shown.start(len(frames))
+                try:
+                    self._work_through(frames)
+                finally:
+                    self._shown.finish()
+                if self._refusal is not None and self._refused == len(frames):
+                    raise self._refusal
+                if layer is not None and all(outcome.status == "failed" for outcome in self.outcomes):
+                    raise FrameError(f"{layer.path}: is not written, for no frame could be traced")
+        except (InputError, BrokenPipeError):
+            raise
         except Exception as error:
-            if isinstance(error, InputError):
-                refused += 1
-                refusal = refusal or error
-            logger.debug(f"frame {frame_text(frame)}", exc_info=error)
-            outcome = FrameOutcome(frame, "failed", path_of(frame), reason_of(error))
-        outcome = replace(outcome, total_seconds=time.perf_counter() - started)
-        outcomes.append(outcome)
-        shown.end(outcome)
-    return refusal if refused == len(frames) else None
+            logger.debug("after the last frame", exc_info=error)
+            self.problems.append(reason_of(error))
+        places = {frame: place for place, frame in enumerate(frames)}
+        self.outcomes.sort(key=lambda outcome: places.get(outcome.frame, 0))
+
+    def _work_through(self, frames: Sequence[float]) -> None:
+        """Works through ``frames``; those that other processes render are looked for again at the end."""
+        left = list(frames)
+        while left:
+            elsewhere: list[float] = []
+            for frame in left:
+                raise_if_asked()
+                outcome = self._given_up(frame) or self._one(frame)
+                if outcome is None:
+                    elsewhere.append(frame)
+                    continue
+                self.outcomes.append(outcome)
+                if self._ended is not None:
+                    self._ended(outcome)
+                self._shown.end(outcome)
+            if len(elsewhere) == len(left):
+                pause(CLAIM_POLL_SECONDS)
+            left = elsewhere
+
+    def _one(self, frame: float) -> FrameOutcome | None:
+        """What became of a frame; None where another process renders it."""
+        self._shown.begin(frame)
+        started = time.perf_counter()
+        tries = 0
+        while True:
+            tries += 1
+            try:
+                with time_limit(self._persistence.frame_timeout):
+                    outcome = self._work(frame)
+                self._failures = self._failures_on_full = 0
+                break
+            except ClaimedElsewhere:
+                return None
+            except Exception as error:
+                logger.debug(f"frame {frame_text(frame)}", exc_info=error)
+                refused = isinstance(error, InputError)
+                # Input stays what it is.
+                if not refused and tries <= self._persistence.retries:
+                    logger.warning(f"frame {frame_text(frame)} is tried again: {reason_of(error)}")
+                    pause(RETRY_SECONDS * 2 ** (tries - 1))
+                    continue
+                if refused:
+                    self._refused += 1
+                    self._refusal = self._refusal or error
+                self._failures += 1
+                full = disk_is_full(self._path_of(frame) or self._layer_path)
+                self._failures_on_full = self._failures_on_full + 1 if full else 0
+                outcome = FrameOutcome(frame, "failed", self._path_of(frame), reason_of(error))
+                break
+        return replace(outcome, total_seconds=time.perf_counter() - started, tries=tries)
+
+    def _given_up(self, frame: float) -> FrameOutcome | None:
+        """The outcome of a frame that is not begun, for there is no hope for it; None while there is."""
+        most = self._persistence.max_failures
+        if self._failures_on_full >= FAILURES_ON_A_FULL_DISK:
+            reason = f"not begun, for the disk was full for {self._failures_on_full} frames in a row"
+        elif most is not None and self._failures >= most:
+            reason = f"not begun, for {self._failures} frames in a row failed (--max-failures)"
+        else:
+            return None
+        return FrameOutcome(frame, "failed", self._path_of(frame), reason, tries=0)
+
+
+def disk_is_full(path: str) -> bool:
+    """Whether the folder of ``path`` has no room for as much as 64 kB, or no more than its user may take."""
+    try:
+        with tempfile.TemporaryFile(dir=os.path.dirname(os.path.abspath(path))) as probe:
+            probe.write(bytes(_PROBE_BYTES))
+            probe.flush()
+            os.fsync(probe.fileno())
+    except OSError as error:
+        return error.errno in _FULL
+    return False
 
 
 def reason_of(error: Exception) -> str:
@@ -97,5 +203,5 @@ def reason_of(error: Exception) -> str:
     elif isinstance(error, OSError):
         text = ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
     else:
-        text = f"internal: {type(error).__name__}: {error}"
+        text = f"internal: {type(error).__name__}: {shortened(str(error))}"
     return " ".join(text.split())

@@ -10,6 +10,9 @@ import numpy as np
 
 import tpdwarp
 from tpdwarp.io.float32 import to_float32
+from tpdwarp.io.images import FINGERPRINT
+from tpdwarp.jobs.existing_frames import STATISTICS, statistics_text
+from tpdwarp.jobs.fingerprint import Fingerprint
 from tpdwarp.rendering.error_target import ErrorTarget
 from tpdwarp.rendering.frame import Frame
 from tpdwarp.scene.description import CameraAtShutter, Shutter
@@ -23,6 +26,7 @@ def frame_metadata(
     shutter: Shutter,
     settings: Settings,
     made: Frame,
+    fingerprint: Fingerprint,
     target: ErrorTarget | None = None,
 ) -> dict[str, Any]:
     """Image attributes of one frame, by their EXR names.
@@ -37,6 +41,7 @@ def frame_metadata(
         shutter: When it was exposed.
         settings: How it was rendered.
         made: What came out.
+        fingerprint: What the sequence is made from.
         target: What photons and segments were chosen for.
     """
     energy = made.energy
@@ -47,6 +52,8 @@ def frame_metadata(
         "tpdwarp:version": tpdwarp.__version__,
         "tpdwarp:scene": source.file,
         "tpdwarp:settings": json.dumps(settings.as_dict(), sort_keys=True),
+        FINGERPRINT: fingerprint.text(frame),
+        STATISTICS: statistics_text(len(made.photons), energy, made.seconds),
         "tpdwarp:seed": settings.seed,
         "tpdwarp:renderSeconds": sum(made.seconds.values()),
         "tpdwarp:photons": len(made.photons),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -15,14 +16,15 @@ class FrameOutcome:
 
     Attributes:
         frame: Time code; NaN for the default time.
-        status: ``written``, ``traced`` (photons only), ``compared`` (by a check), ``skipped`` (the file was there) or
-            ``failed``.
+        status: ``written``, ``traced`` (photons only), ``compared`` (by a check), ``skipped`` (the file was there,
+            whole and up to date) or ``failed``.
         path: The frame's file, or empty.
         reason: Why it failed, in one line.
         photons: Photons landed.
         energy: Where the flux went; None where nothing was traced.
         seconds: Seconds by stage.
         total_seconds: Seconds in all, writing included.
+        tries: How often it was tried.
     """
 
     frame: float
@@ -33,6 +35,7 @@ class FrameOutcome:
     energy: EnergyAccount | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     total_seconds: float = 0.0
+    tries: int = 1
 
 
 @dataclass(frozen=True)
@@ -44,12 +47,14 @@ class SequenceResult:
         seconds: Seconds in all.
         problems: What failed beyond single frames (the debug layer, the statistics), one line each.
         target: What was chosen for ``target_error``; None without.
+        anew: How many frames whose files were there were rendered anew, by reason.
     """
 
     outcomes: tuple[FrameOutcome, ...]
     seconds: float
     problems: tuple[str, ...] = ()
     target: ErrorTarget | None = None
+    anew: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def written(self) -> tuple[float, ...]:

@@ -6,21 +6,25 @@ import math
 import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from numbers import Real
 from typing import Any
 
 from tpdwarp.device import Launcher
-from tpdwarp.errors import InputError, logger
-from tpdwarp.io.files import check_writable
+from tpdwarp.errors import InputError
+from tpdwarp.io.files import check_name
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import check_format, write_frame
+from tpdwarp.jobs.claims import claimed
 from tpdwarp.jobs.energy_warnings import EnergyWatch
-from tpdwarp.jobs.frame_loop import reason_of, run_frames
+from tpdwarp.jobs.existing_frames import ExistingFrames
+from tpdwarp.jobs.fingerprint import Fingerprint
+from tpdwarp.jobs.frame_loop import FrameLoop, Persistence
 from tpdwarp.jobs.frame_metadata import frame_metadata
+from tpdwarp.jobs.outputs import prepare_outputs
 from tpdwarp.jobs.progress import Progress, progress_of
+from tpdwarp.jobs.reports import SequenceReports
 from tpdwarp.jobs.results import FrameOutcome, SequenceResult
-from tpdwarp.jobs.statistics import statistics_of, write_statistics
+from tpdwarp.jobs.stage_files import StageFiles
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.error_target import ErrorTarget, settled
@@ -49,6 +53,10 @@ def render(
     curves: int | None = None,
     stats: FilePath | None = None,
     skip_existing: bool = False,
+    strict: bool = False,
+    frame_timeout: float | None = None,
+    retries: int = 0,
+    max_failures: int | None = None,
     **settings: Any,
 ) -> SequenceResult:
     """Renders frames of a USD stage to image files.
@@ -64,49 +72,68 @@ def render(
             which shows nothing.
         debug_layer: Also write the photons to this USD layer, and a view layer beside it.
         curves: At most so many photons a frame in the debug layer; None for all.
-        stats: Also write statistics to this JSON file.
-        skip_existing: Leave frames alone whose files are there. With a debug layer their photons are traced still.
+        stats: Also write statistics to this file: ``.jsonl`` is a line of JSON for each frame as it ends, other names
+            are one JSON document at the end.
+        skip_existing: Leave frames alone whose files are there, whole, and made from the same stage with the same
+            settings by the same version of the program. With a debug layer their photons are traced still.
+        strict: Take what USD warns of (layers or clips that are missing or damaged, …) for errors.
+        frame_timeout: Seconds that a frame may take, for each try; None for no limit.
+        retries: How often a frame that failed is tried again.
+        max_failures: So many frames in a row that fail end the sequence; None for no limit. A disk that is full ends it
+            after three.
         **settings: Fields of :class:`tpdwarp.settings.Settings`.
 
     Raises:
         InputError: The input or the settings cannot be used, an output cannot be written where it is asked for, or
             no frame at all could be rendered because of the input.
     """
-    started = time.perf_counter()
+    started, begun = time.perf_counter(), time.time()
     chosen = chosen_settings(settings)
+    persistence = Persistence(frame_timeout, retries, max_failures)
     shown = progress_of(progress)
     names = FrameNames(out)
     check_format(names.template, chosen.aovs)
     if curves is not None and debug_layer is None:
         raise InputError("--curves thins a debug layer (add --debug-layer)")
-    source, wanted = _open(scene, chosen, frames, default_time)
+    source, wanted = _open(scene, chosen, frames, default_time, strict)
     names.check(wanted)
     source.require_camera()
     width, height = source.resolution()
-    for path in (names.path(wanted[0]), stats):
-        _check_output(path, source)
+    files = StageFiles(source)
+    prepare_outputs(source, files, stats, debug_layer, [names.path(frame) for frame in wanted])
     watch = EnergyWatch(source)
     chosen, target = _settled(source, chosen)
+    fingerprint = Fingerprint.of(chosen, files.digest)
+    existing = ExistingFrames(fingerprint)
     layer = None if debug_layer is None else _debug_layer(debug_layer, source, chosen, wanted, curves)
     context = _LazyContext(source, chosen)
 
     def render_one(frame: float) -> FrameOutcome:
         shutter, path = shutter_of(source, frame, chosen), names.path(frame)
-        skipped = skip_existing and _is_complete(path)
-        if skipped and layer is None:
-            return FrameOutcome(frame, "skipped", path)
-        made = trace_frame(context(), shutter) if skipped else render_frame(context(), shutter, width, height)
-        watch(frame, shutter, made.energy)
-        # The image first: a debug layer that cannot be written makes the frame fail, but costs no image.
-        if not skipped:
-            write_frame(path, made.channels, frame_metadata(source, frame, shutter, chosen, made, target))
+        with claimed(path):
+            # What another render of the same has made meanwhile need not be made again.
+            kept = existing.kept(path, frame) if skip_existing or _is_newer(path, begun) else None
+            if kept is not None and layer is None:
+                return FrameOutcome(frame, "skipped", path, "", kept.photons, kept.energy, dict(kept.seconds))
+            with files.unchanged(strict):
+                if kept is not None:
+                    made = trace_frame(context(), shutter)
+                else:
+                    made = render_frame(context(), shutter, width, height)
+            watch(frame, shutter, made.energy)
+            # The image first: a debug layer that cannot be written makes the frame fail, but costs no image.
+            if kept is None:
+                metadata = frame_metadata(source, frame, shutter, chosen, made, fingerprint, target)
+                write_frame(path, made.channels, metadata)
         if layer is not None:
             layer.add_frame(frame, made.photons, chosen.smoothing)
-        status = "skipped" if skipped else "written"
+        status = "written" if kept is None else "skipped"
         return FrameOutcome(frame, status, path, "", len(made.photons), made.energy, dict(made.seconds))
 
-    outcomes, problems = run_frames(wanted, render_one, names.path, shown, layer)
-    return _finished(source, chosen, target, outcomes, problems, started, stats)
+    reports = SequenceReports(source.file, stats, skip_existing)
+    loop = FrameLoop(render_one, names.path, shown, persistence, reports.add)
+    loop.run(wanted, layer)
+    return reports.finished(chosen, target, loop, time.perf_counter() - started, existing.anew)
 
 
 def write_photons(
@@ -118,6 +145,10 @@ def write_photons(
     progress: str | Progress | None = None,
     curves: int | None = None,
     stats: FilePath | None = None,
+    strict: bool = False,
+    frame_timeout: float | None = None,
+    retries: int = 0,
+    max_failures: int | None = None,
     **settings: Any,
 ) -> SequenceResult:
     """Traces the photons of frames of a USD stage and writes them as a debug layer, with a view layer beside it.
@@ -129,9 +160,11 @@ def write_photons(
     """
     started = time.perf_counter()
     chosen = chosen_settings(settings)
+    persistence = Persistence(frame_timeout, retries, max_failures)
     shown = progress_of(progress)
-    source, wanted = _open(scene, chosen, frames, default_time)
-    _check_output(stats, source)
+    source, wanted = _open(scene, chosen, frames, default_time, strict)
+    files = StageFiles(source)
+    prepare_outputs(source, files, stats, layer)
     chosen, target = _settled(source, chosen)
     writer = _debug_layer(layer, source, chosen, wanted, curves)
     watch = EnergyWatch(source)
@@ -139,13 +172,16 @@ def write_photons(
 
     def trace_one(frame: float) -> FrameOutcome:
         shutter = shutter_of(source, frame, chosen)
-        traced = trace_frame(context(), shutter)
+        with files.unchanged(strict):
+            traced = trace_frame(context(), shutter)
         watch(frame, shutter, traced.energy)
         writer.add_frame(frame, traced.photons, chosen.smoothing)
         return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
 
-    outcomes, problems = run_frames(wanted, trace_one, lambda frame: "", shown, writer)
-    return _finished(source, chosen, target, outcomes, problems, started, stats)
+    reports = SequenceReports(source.file, stats, resume=False)
+    loop = FrameLoop(trace_one, lambda frame: "", shown, persistence, reports.add)
+    loop.run(wanted, writer)
+    return reports.finished(chosen, target, loop, time.perf_counter() - started)
 
 
 def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecord:
@@ -195,6 +231,10 @@ def open_scene(scene: FilePath, settings: Settings, default_time: bool) -> Stage
     Raises:
         InputError: The stage cannot be used.
     """
+    check_name(scene)
+    # A pipe would be waited for.
+    if os.path.exists(scene) and not os.path.isfile(scene) and not os.path.isdir(scene):
+        raise InputError("is no ordinary file (name a USD file)", file=os.fspath(scene))
     return (DefaultTimeScene if default_time else StageScene).open(os.fspath(scene), settings)
 
 
@@ -232,12 +272,14 @@ def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None
 
 
 def _open(
-    scene: FilePath, settings: Settings, frames: Frames, default_time: bool
+    scene: FilePath, settings: Settings, frames: Frames, default_time: bool, strict: bool
 ) -> tuple[StageScene, tuple[float, ...]]:
     asked = frames_asked(frames, default_time)
     # Tried here, so that a missing device is refused once and not by every frame.
     Launcher(settings.device, settings.threads)
     source = open_scene(scene, settings, default_time)
+    if strict and source.warnings.of_usd:
+        raise InputError(f"{source.warnings.of_usd[0]} (--strict)", file=source.file)
     return source, asked or frames_between(source.start, source.end)
 
 
@@ -262,17 +304,11 @@ def spread_shutters(source: StageScene, settings: Settings) -> list[Shutter]:
     return [shutter_of(source, frame, settings) for frame in frames]
 
 
-def _check_output(path: FilePath | None, source: StageScene) -> None:
-    if path is None:
-        return
-    check_writable(path)
-    if os.path.realpath(path) == os.path.realpath(source.file):
-        raise InputError("is the scene itself (choose another name)", file=os.fspath(path))
-
-
-def _is_complete(path: str) -> bool:
-    # Frames are given their names only when complete; an empty file is what other programs leave on a full disk.
-    return os.path.isfile(path) and os.path.getsize(path) > 0
+def _is_newer(path: str, begun: float) -> bool:
+    try:
+        return os.stat(path).st_mtime > begun
+    except OSError:
+        return False
 
 
 def _debug_layer(
@@ -291,23 +327,3 @@ def _debug_layer(
         source.meters_per_unit,
         curves=curves,
     )
-
-
-def _finished(
-    source: StageScene,
-    settings: Settings,
-    target: ErrorTarget | None,
-    outcomes: Sequence[FrameOutcome],
-    problems: Sequence[str],
-    started: float,
-    stats: FilePath | None,
-) -> SequenceResult:
-    result = SequenceResult(tuple(outcomes), time.perf_counter() - started, tuple(problems), target)
-    if stats is None:
-        return result
-    try:
-        write_statistics(stats, statistics_of(source.file, settings, result))
-    except Exception as error:
-        logger.debug("statistics", exc_info=error)
-        return replace(result, problems=(*result.problems, reason_of(error)))
-    return result

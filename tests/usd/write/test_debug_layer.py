@@ -327,9 +327,7 @@ def test_swept_outline_is_convex_and_holds_the_ellipse_at_every_time(motion: flo
     # A polygon inscribed in the half ellipse holds the ellipse shrunk by the cosine of half its step.
     angles = np.linspace(0, 2 * np.pi, 101)
     shrunk = 0.5 * np.cos(0.5 * np.pi / (SWEPT_POINTS // 2 - 1))
-    ellipse = shrunk * (
-        np.cos(angles)[:, None] * record.dxdu[:, None] + np.sin(angles)[:, None] * record.dxdv[:, None]
-    )
+    ellipse = shrunk * (np.cos(angles)[:, None] * record.dxdu[:, None] + np.sin(angles)[:, None] * record.dxdv[:, None])
     for time in (-0.5, 0.0, 0.5):
         assert signed_distances(polygons, record.normals, ellipse + time * record.dxdt[:, None]).min() > -tolerance
 
@@ -480,9 +478,10 @@ def test_layer_that_finds_the_disk_full_fails_and_leaves_nothing(
     tmp_path: Path, scene: Path, extension: str, file_size_limit: Callable[[int], None]
 ) -> None:
     out = tmp_path / "out"
-    with pytest.raises(FrameError, match=rf"a\.{extension}: cannot be written"), writer(
-        out / f"a.{extension}", scene
-    ) as layer:
+    with (
+        pytest.raises(FrameError, match=rf"a\.{extension}: cannot be written"),
+        writer(out / f"a.{extension}", scene) as layer,
+    ):
         file_size_limit(20000)
         layer.add_frame(2, photons(16), 1.0)
     assert list(out.iterdir()) == []
@@ -593,3 +592,17 @@ def test_scene_that_cannot_be_opened_is_refused_in_one_line(tmp_path: Path, cont
 def test_thinning_to_nothing_is_refused(tmp_path: Path, scene: Path) -> None:
     with pytest.raises(InputError, match="--curves"):
         writer(tmp_path / "a.usdc", scene, curves=0)
+
+
+def test_a_link_planted_in_place_of_the_layer_is_replaced_and_not_followed(tmp_path: Path, scene: Path) -> None:
+    precious = tmp_path / "precious.usdc"
+    precious.write_bytes(b"precious")
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in ("shot.debug.usdc", "shot.view.usda"):
+        (out / name).symlink_to(precious)
+    write(out / "shot.debug.usdc", scene, {2: photons()})
+    assert precious.read_bytes() == b"precious"
+    view = Sdf.Layer.FindOrOpen(str(out / "shot.view.usda"))
+    assert view.subLayerPaths[0] == "./shot.debug.usdc"
+    assert Usd.Stage.Open(view).GetPrimAtPath("/TPD/Photons")

@@ -8,7 +8,10 @@ from contextlib import contextmanager
 
 from pxr import Tf, UsdUtils
 
-from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.errors import InputError, WarnOnce, shortened
+
+# Patterns are looked for in so much of what USD says.
+MOST_QUOTED = 1 << 14
 
 
 @contextmanager
@@ -31,7 +34,9 @@ def usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
         collected = delegate.TakeUncoalescedDiagnostics()
         del delegate
         for diagnostic in collected:
-            warnings("", _without_innards(diagnostic.commentary))
+            said = _without_innards(diagnostic.commentary)
+            warnings.of_usd.append(said)
+            warnings("", said)
 
 
 @contextmanager
@@ -49,13 +54,18 @@ def errors_at(path: object) -> Iterator[None]:
 
 def _first_error(error: Tf.ErrorException) -> str:
     """The text of the first USD error, without the place in USD's sources that raised it."""
-    found = re.search(r" in file \S+ : '(.*?)'(?:\n\tError in|\Z)", str(error), re.DOTALL)
-    return _without_innards(found.group(1) if found else str(error))
+    text = str(error).strip()
+    if len(text) > MOST_QUOTED:
+        text = text[:MOST_QUOTED] + "'"
+    found = re.search(r" in file \S+ : '(.*?)'(?:\n\tError in|\Z)", text, re.DOTALL)
+    return _without_innards(found.group(1) if found else text)
 
 
 def _without_innards(text: str) -> str:
-    """USD's text without addresses in memory, which differ on every run, and without its grammar's rules."""
+    """USD's text in one line, without addresses in memory, which differ on every run, and its grammar's rules."""
+    # A parser quotes the line it stumbles over, which may be a whole file.
+    text = text[:MOST_QUOTED]
     text = re.sub(r"\s*\((instantiating|recomposing) stage on .*$", "", text)
     text = re.sub(r"(?:,|@)@?anon:0x[0-9a-f]+[^@]*@", "", text)
     text = re.sub(r"parse error matching \S*pxrInternal.*?(?= at ')", "parse error", text, flags=re.DOTALL)
-    return re.sub(r"\b0x[0-9a-f]{6,}\b|\bpxrInternal\w*::", "", text)
+    return shortened(re.sub(r"\b0x[0-9a-f]{6,}\b|\bpxrInternal\w*::", "", text))

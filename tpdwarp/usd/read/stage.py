@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom
@@ -24,6 +24,7 @@ from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.transforms import Transforms, union
+from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
 
 DEFAULT_WIDTH = 960
 MOST_PIXELS = 2**30
@@ -229,6 +230,18 @@ class StageScene:
                 "render_settings": self._request.path,
                 "warnings": list(self.warnings.messages),
             }
+
+    def used_files(self) -> list[str]:
+        """Files that the stage reads now or may read for some frame; see :func:`used_files.used_files`."""
+        return used_files(self._stage)
+
+    def used_layers(self) -> dict[str, Sdf.Layer]:
+        """The layers on disk that are open, by their files."""
+        return used_layers(self._stage)
+
+    def content_digest(self, file_digests: Iterable[str]) -> str:
+        """Hash of what the stage's files, by their own digests, and its layers in memory hold."""
+        return content_digest(self._stage, file_digests)
 
     @property
     def _animation(self) -> tuple[float, float]:

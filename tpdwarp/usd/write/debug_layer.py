@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 
-from tpdwarp.errors import FrameError, InputError
+from tpdwarp.errors import FrameError, InputError, shortened
 from tpdwarp.io.files import check_writable, complete_or_absent
 from tpdwarp.io.float32 import to_float32
 from tpdwarp.photons.record import PhotonRecord
@@ -373,12 +373,13 @@ class DebugLayerWriter:
             raise FrameError(f"{self.path}: cannot be written: {first_line(error)}") from error
 
     def _write_view(self) -> None:
-        folder = os.path.dirname(os.path.realpath(self.view_path))
+        folder = os.path.realpath(self.view_path.parent)
         view = Sdf.Layer.CreateNew(self._temporary_view)
         # Stage metadata does not compose from sublayers.
         UsdUtils.CopyLayerMetadata(self._scene, view, skipSublayers=True)
         view.subLayerPaths = [
-            relative_asset(os.path.realpath(self.path), folder),
+            # A link in its place is about to be replaced by the layer itself.
+            relative_asset(os.path.join(os.path.realpath(self.path.parent), self.path.name), folder),
             relative_asset(self._scene.realPath, folder),
         ]
         shown = Sdf.CreatePrimInLayer(view, "/TPD")
@@ -429,7 +430,7 @@ def program_version() -> str:
 
 def first_line(error: Tf.ErrorException) -> str:
     """What the first of USD's errors says, without where in USD it was raised."""
-    return " ".join(error.args[0].commentary.split())
+    return shortened(error.args[0].commentary)
 
 
 def vectors(values: np.ndarray) -> Vt.Vec3fArray:

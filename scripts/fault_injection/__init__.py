@@ -1,0 +1,1 @@
+"""Faults injected into renders, and what became of the frames."""

@@ -1,0 +1,287 @@
+"""Faults other than signals, each on a sequence of a few small frames."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import warp as wp
+
+from scripts.fault_injection.program import (
+    FRAMES,
+    LONGEST_LINE,
+    finish,
+    leftovers,
+    lost,
+    pixels,
+    render,
+    run,
+    same,
+    start,
+)
+from scripts.fault_injection.table import Row
+
+SKIP = "--skip-existing-frames"
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What faults are injected into.
+
+    Attributes:
+        scene: A stage as a crate.
+        folder: Where to work; each fault has a folder of its own in it.
+        reference: Frames of a render that was left alone.
+    """
+
+    scene: Path
+    folder: Path
+    reference: Mapping[str, dict[str, np.ndarray]]
+
+    def new(self, name: str) -> Path:
+        """An empty folder."""
+        folder = self.folder / name
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+        return folder
+
+    def rendered(self, name: str) -> Path:
+        """A folder with the frames of the reference, as the program wrote them."""
+        folder = self.new(name)
+        for path in (self.folder / "reference").glob("*.exr"):
+            shutil.copy2(path, folder)
+        return folder
+
+
+def stale_frames(bench: Bench) -> Iterator[Row]:
+    """Frames of other settings or of another stage are not kept."""
+    for change in (["--photons", "2048"], ["--seed", "5"], ["--exposure", "0.25"], ["-w", "24"], ["--aov", "Z"]):
+        out = bench.rendered("stale")
+        fresh = bench.new("fresh")
+        ended = run([*render(bench.scene, out / "a.####.exr", SKIP), *change])
+        run([*render(bench.scene, fresh / "a.####.exr"), *change])
+        missing = lost(out, pixels(fresh))
+        said = "of other settings" in ended.err
+        yield Row(
+            f"resumed with {' '.join(change)}", "all rendered anew, and why", _did(ended), missing, not missing and said
+        )
+    out = bench.rendered("stale")
+    scene = bench.new("stage") / "scene.usda"
+    scene.write_text(
+        f"#usda 1.0\n(\n    subLayers = [@{bench.scene}@]\n    startTimeCode = 1\n    endTimeCode = 9\n)\n"
+    )
+    ended = run(render(scene, out / "a.####.exr", SKIP))
+    said = "of another stage" in ended.err
+    yield Row("resumed with another stage", "all rendered anew, and why", _did(ended), 0, said and ended.code == 0)
+
+
+def damaged_frames(bench: Bench) -> Iterator[Row]:
+    """Frames that are not whole are not kept."""
+    out = bench.rendered("damaged")
+    whole = (out / "a.0001.exr").read_bytes()
+    for number, data in enumerate((whole[: len(whole) // 2], whole[:1], b"a text\n", b"<html></html>", b""), start=1):
+        (out / f"a.{number:04d}.exr").write_bytes(data)
+    ended = run(render(bench.scene, out / "a.####.exr", SKIP))
+    missing = lost(out, bench.reference)
+    said = "5 damaged" in ended.out and "1 skipped" in ended.out
+    yield Row(
+        "frames cut, of one byte, text, HTML, empty",
+        "5 rendered anew, 1 kept",
+        _did(ended),
+        missing,
+        said and not missing,
+    )
+
+
+def closed_streams(bench: Bench) -> Iterator[Row]:
+    """Streams that are closed cost no frame."""
+    for closed in ("2>&-", "1>&-", "0<&- 1>&- 2>&-", ">/dev/full 2>&1"):
+        out = bench.new("closed")
+        ended = run(render(bench.scene, out / "a.####.exr"), prefix=("bash", "-c", f'exec "$@" {closed}', "bash"))
+        missing = lost(out, bench.reference)
+        yield Row(f"started with {closed}", "renders, silently", _did(ended), missing, not missing and not ended.err)
+
+
+def outputs_over_inputs(bench: Bench) -> Iterator[Row]:
+    """No output destroys what is read or written too."""
+    folder = bench.new("outputs")
+    sub = folder / "sub.usdc"
+    shutil.copy2(bench.scene, sub)
+    scene = folder / "scene.usda"
+    scene.write_text("#usda 1.0\n(\n    subLayers = [@./sub.usdc@]\n)\n")
+    (folder / "link.json").symlink_to(sub)
+    before = sub.read_bytes()
+    frames = folder / "a.####.exr"
+    for arguments in (
+        ["photons", scene, sub],
+        render(scene, frames, "--debug-layer", sub),
+        render(scene, frames, "--stats", sub),
+        render(scene, frames, "--stats", folder / "link.json"),
+        render(scene, frames, "--stats", folder / "a.0002.exr"),
+        render(scene, "s3://bucket/a.####.exr"),
+    ):
+        ended = run(arguments)
+        good = ended.code == 2 and ended.one_line and sub.read_bytes() == before
+        yield Row(
+            f"{arguments[0]} … {' '.join(_short(a) for a in arguments[-2:])}", "exit 2, one line", _did(ended), 0, good
+        )
+    precious = folder / "precious.txt"
+    precious.write_text("precious")
+    (folder / "a.0001.exr").symlink_to(precious)
+    ended = run(render(bench.scene, frames))
+    good = precious.read_text() == "precious" and not lost(folder, bench.reference)
+    yield Row(
+        "a link planted in place of a frame", "what it names stays", _did(ended), lost(folder, bench.reference), good
+    )
+
+
+def stage_written_over(bench: Bench) -> Iterator[Row]:
+    """A crate that changes under a render gives no frame of two versions."""
+    data = bench.scene.read_bytes()
+    for how, change in (("truncated", data[:1000]), ("written over, same size", bytes(len(data)))):
+        folder = bench.new("over")
+        scene = folder / "scene.usdc"
+        scene.write_bytes(data)
+        process = start(render(scene, folder / "a.####.exr"))
+        _wait_for(folder / "a.0001.exr")
+        with open(scene, "r+b") as file:
+            file.write(change)
+            file.truncate(len(change))
+        ended = finish(process)
+        wrong = sum(not same(planes, bench.reference[name]) for name, planes in pixels(folder).items())
+        longest = max(map(len, ended.err.splitlines()), default=0)
+        did = f"code {ended.code}, {len(pixels(folder))} frames, {wrong} wrong, longest line {longest}"
+        good = ended.code == 1 and not wrong and longest <= LONGEST_LINE and "was written over" in ended.err
+        yield Row(f"the stage {how} in place", "frames until then, exit 1, short lines", did, wrong, good)
+
+
+def folder_gone(bench: Bench) -> Iterator[Row]:
+    """A folder that vanishes fails the frames to come, and nothing else."""
+    out = bench.new("gone")
+    process = start(render(bench.scene, out / "a.####.exr"))
+    _wait_for(out / "a.0002.exr")
+    shutil.move(out, bench.folder / "moved")
+    ended = finish(process)
+    kept = pixels(bench.folder / "moved")
+    wrong = sum(not same(planes, bench.reference[name]) for name, planes in kept.items())
+    shutil.rmtree(bench.folder / "moved")
+    good = ended.code == 1 and len(kept) >= 2 and not wrong and "frames failed" in ended.err
+    yield Row("the output folder is moved away", "exit 1, failed frames listed", _did(ended), wrong, good)
+
+
+def full_disk(bench: Bench) -> Iterator[Row]:
+    """A full disk ends the sequence soon, and what is there is whole."""
+    out = bench.new("full")
+    size = sum(path.stat().st_size for path in (bench.folder / "reference").glob("*.exr")) // FRAMES
+    mount = f"mount -t tmpfs -o size={max(size * 2 // 4096, 1) * 4096} tmpfs {out} && trap '' PIPE && \"$@\""
+    keep = f"; code=$?; mkdir -p {out}.kept; cp {out}/*.exr {out}.kept; exit $code"
+    prefix = ("unshare", "-rm", "sh", "-c", mount + keep, "sh")
+    if subprocess.run(["unshare", "-rm", "true"], capture_output=True).returncode:
+        yield Row("a full disk", "stops, whole frames", "not tried: no mounts of one's own here", 0, True)
+        return
+    ended = run(render(bench.scene, out / "a.####.exr"), prefix=prefix)
+    kept = pixels(Path(f"{out}.kept"))
+    wrong = sum(not same(planes, bench.reference[name]) for name, planes in kept.items())
+    shutil.rmtree(f"{out}.kept", ignore_errors=True)
+    good = ended.code == 1 and not wrong and "frames failed" in ended.err
+    yield Row("a disk that is full after two frames", "exit 1, whole frames, listed", _did(ended), wrong, good)
+
+
+def names(bench: Bench) -> Iterator[Row]:
+    """Names do nothing to the terminal, whatever the encoding."""
+    out = bench.new("names")
+    wicked = "\x1b[31m\u202e\nframe 9 (9:9) written"
+    ended = run(render(bench.scene, out / f"{wicked}.####.exr"))
+    raw = any(character in ended.out + ended.err for character in "\x1b\u202e")
+    lines = sum(line.startswith("frame 9") for line in ended.out.splitlines())
+    good = ended.code == 0 and not raw and not lines
+    yield Row("a name with escapes, a mark, a line break", "escaped", f"{_did(ended)}, {lines} forged lines", 0, good)
+    plain = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
+    ended = run(render(bench.scene, out / "größe" / "a.####.exr"), changes=plain)
+    made = len(list((out / "größe").glob("*.exr"))) if (out / "größe").exists() else 0
+    good = (ended.code == 0 and made == FRAMES) or (ended.code == 2 and ended.one_line)
+    yield Row("a name beyond ASCII, UTF-8 off", "written, or one line", _did(ended), 0, good)
+
+
+def two_at_once(bench: Bench) -> Iterator[Row]:
+    """Two renders into one folder share the frames."""
+    out = bench.new("two")
+    processes = [start(render(bench.scene, out / "a.####.exr")) for _ in range(2)]
+    ended = [finish(process) for process in processes]
+    written = sum(each.out.count(" written ") for each in ended)
+    missing = lost(out, bench.reference)
+    good = [each.code for each in ended] == [0, 0] and not missing and written == FRAMES and not leftovers(out)
+    yield Row("two renders into one folder", f"{FRAMES} frames rendered once", f"{written} rendered", missing, good)
+
+
+def kernel_caches(bench: Bench) -> Iterator[Row]:
+    """A cache that is damaged or cannot be used costs no frame."""
+    wp.init()
+    whole = Path(wp.config.kernel_cache_dir)
+    temporary = bench.new("tmp")
+
+    def rendered(name: str, must: str, cache: Path, **changes: str | None) -> Row:
+        out = bench.new("cached")
+        started = time.monotonic()
+        ended = run(
+            render(bench.scene, out / "a.####.exr"),
+            changes={"WARP_CACHE_PATH": str(cache), "TMPDIR": str(temporary), **changes},
+        )
+        missing = lost(out, bench.reference)
+        did = f"{_did(ended)}, {time.monotonic() - started:.0f} s"
+        return Row(name, must, did, missing, ended.code == 0 and not missing)
+
+    (bench.folder / "file").write_text("")
+    yield rendered("the kernel cache lies below a file", "a cache of its own", bench.folder / "file" / "cache")
+    copy = bench.folder / "cache" / whole.name
+    for name, how in (("truncated", lambda data: data[: len(data) // 2]), ("empty", lambda data: b"")):
+        shutil.rmtree(copy.parent, ignore_errors=True)
+        shutil.copytree(temporary / f"tpdwarp-kernels-{os.getuid()}" / whole.name, copy)
+        for path in copy.glob("wp_*/*.o"):
+            path.write_bytes(how(path.read_bytes()))
+        yield rendered(f"all objects in the cache are {name}", "compiled anew", copy.parent)
+
+
+def pipes(bench: Bench) -> Iterator[Row]:
+    """What is no file is refused, not waited for."""
+    pipe = bench.new("pipe") / "scene.usda"
+    os.mkfifo(pipe)
+    ended = finish(start(render(pipe, bench.folder / "pipe" / "a.####.exr")), timeout=60)
+    yield Row("the stage is a pipe", "exit 2, one line", _did(ended), 0, ended.code == 2 and ended.one_line)
+
+
+CASES: tuple[Callable[[Bench], Iterator[Row]], ...] = (
+    outputs_over_inputs,
+    damaged_frames,
+    stale_frames,
+    closed_streams,
+    names,
+    stage_written_over,
+    folder_gone,
+    full_disk,
+    two_at_once,
+    pipes,
+    kernel_caches,
+)
+
+
+def _wait_for(path: Path) -> None:
+    deadline = time.monotonic() + 120
+    while not path.exists() and time.monotonic() < deadline:
+        time.sleep(0.005)
+
+
+def _did(ended) -> str:
+    said = ended.err.strip().splitlines()
+    return f"code {ended.code}" + (f": {said[-1]}" if said else "")
+
+
+def _short(argument: object) -> str:
+    text = str(argument)
+    return text if "://" in text else os.path.basename(text)

@@ -1,0 +1,97 @@
+"""Renders that are ended by a signal at a random moment, and resumed."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import signal
+import statistics
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from scripts.fault_injection.program import finish, leftovers, lost, pixels, render, run, start
+from scripts.fault_injection.table import Row
+
+ASKED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+# Signals are heard between steps of Python; what is native in between takes less than that.
+PROMPT_SECONDS = 2.0
+
+
+def kill_at_random(
+    scene: Path,
+    reference: Mapping[str, dict[str, np.ndarray]],
+    folder: Path,
+    count: int,
+    seed: int,
+    span: float,
+    tell: Callable[[str], None],
+) -> list[Row]:
+    """Ends ``count`` renders, each going on where the last stopped.
+
+    Args:
+        scene: The stage.
+        reference: Frames of a render that was left alone.
+        folder: Where to work.
+        count: How many.
+        seed: Of moments and signals.
+        span: Seconds over which the moments are spread.
+        tell: Is given a line for each.
+    """
+    moments = random.Random(seed)
+    codes: dict[str, Counter[int]] = {number.name: Counter() for number in (*ASKED, signal.SIGKILL)}
+    waits: list[float] = []
+    torn = left = crashed = 0
+    out = folder / "kills"
+    extras = ["--debug-layer", out / "a.debug.usdc", "--stats", out / "a.jsonl", "--skip-existing-frames"]
+    arguments = render(scene, out / "a.####.exr", *extras)
+    shutil.rmtree(out, ignore_errors=True)
+    for index in range(count):
+        number = moments.choice((*ASKED, signal.SIGKILL))
+        process = start(arguments)
+        time.sleep(moments.uniform(0, span))
+        over = process.poll() is not None
+        process.send_signal(number)
+        ended = finish(process)
+        crashed += ended.crashed
+        if not over:
+            codes[number.name][ended.code] += 1
+            if number in ASKED:
+                waits.append(ended.seconds)
+        if out.exists():
+            torn += sum(planes is None for planes in pixels(out).values())
+            left += len(leftovers(out)) if number in ASKED and not over else 0
+            if over:
+                shutil.rmtree(out)
+        tell(
+            f"{index + 1}/{count} {number.name} {'after its end' if over else ''} code {ended.code} {ended.err.strip()}"
+        )
+    last = run(arguments)
+    missing = lost(out, reference)
+    rows = []
+    for name, counted in codes.items():
+        wanted = 128 + signal.Signals[name].value
+        # A render whose last frame is just done may be quicker than the signal.
+        good = all(code in (wanted, 0) for code in counted)
+        did = ", ".join(f"{code}: {times}" for code, times in sorted(counted.items())) or "not drawn"
+        rows.append(Row(f"{name} at random moments", f"exit {wanted}", did, 0, good))
+    prompt = sorted(waits)
+    did = f"median {statistics.median(prompt):.2f} s, slowest {prompt[-1]:.2f} s" if prompt else "none"
+    rows.append(
+        Row("… until it has ended", f"within {PROMPT_SECONDS:g} s", did, 0, not prompt or prompt[-1] < PROMPT_SECONDS)
+    )
+    rows.append(Row("… crashes and hangs", "none", str(crashed), 0, crashed == 0))
+    rows.append(Row("… hidden files left (not after KILL)", "none", str(left), 0, left == 0))
+    rows.append(
+        Row(
+            "… resumed after the last",
+            "the pixels of an undisturbed render",
+            f"code {last.code}, {torn} torn, {len(leftovers(out))} hidden files",
+            missing,
+            last.code == 0 and not missing and not torn and not leftovers(out),
+        )
+    )
+    return rows

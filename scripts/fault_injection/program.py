@@ -1,0 +1,131 @@
+"""Runs of the program that faults are injected into, each in a process of its own and bounded in time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tpdwarp.errors import InputError
+from tpdwarp.io.images import read_image
+
+ROOT = Path(__file__).parent.parent.parent
+# Nothing here takes a minute on an idle core; a hang is a finding, not the end of the script.
+TIMEOUT = 300.0
+FRAMES = 6
+SMALL = ("-w", "32", "--samples", "1", "--photons", "4096", "--threads", "2", "-f", f"1:{FRAMES}")
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a run ended.
+
+    Attributes:
+        code: Exit code, as a shell reports it: 128 + the number of a signal that ended it.
+        out, err: What it printed.
+        seconds: How long it took from the fault, or in all.
+    """
+
+    code: int
+    out: str
+    err: str
+    seconds: float
+
+    @property
+    def crashed(self) -> bool:
+        """Whether it ended by an abort, a bus error or a segmentation fault, or had to be killed for hanging."""
+        return self.code in (134, 135, 139, HANGS)
+
+    @property
+    def one_line(self) -> bool:
+        """Whether it said exactly one error, in a line of bounded length, beside warnings."""
+        errors = [line for line in self.err.splitlines() if not line.startswith("warning: ")]
+        return len(errors) == 1 and errors[0].startswith("error: ") and len(errors[0]) <= LONGEST_LINE
+
+
+# What a library says is cut to 240 characters; names of files and prims stand in front.
+LONGEST_LINE = 600
+HANGS = -1
+
+
+def start(arguments: list[object], changes: Mapping[str, str | None] | None = None, prefix: tuple[str, ...] = ()):
+    """Starts ``tpdwarp`` with ``arguments``, behind a command line that it is handed to.
+
+    Args:
+        arguments: Its arguments.
+        changes: Changes of the environment; None removes a variable.
+        prefix: Command line in front, for instance of ``unshare``.
+    """
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **(changes or {})}
+    return subprocess.Popen(
+        [*prefix, sys.executable, "-m", "tpdwarp", *map(str, arguments)],
+        env={name: value for name, value in environment.items() if value is not None},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        # What a shell starts in the background has it ignored, and hands that on.
+        preexec_fn=_hear_interrupts,
+    )
+
+
+def finish(process: subprocess.Popen[bytes], timeout: float = TIMEOUT) -> Ended:
+    """Waits for a run; one that hangs is killed."""
+    started = time.monotonic()
+    try:
+        out, err = process.communicate(timeout=timeout)
+        code = process.returncode
+    except subprocess.TimeoutExpired:
+        process.kill()
+        out, err = process.communicate()
+        code = HANGS
+    code = 128 - code if code < HANGS else code
+    return Ended(code, out.decode("utf-8", "replace"), err.decode("utf-8", "replace"), time.monotonic() - started)
+
+
+def run(arguments: list[object], **options) -> Ended:
+    """Runs ``tpdwarp`` to its end."""
+    return finish(start(arguments, **options))
+
+
+def render(scene: object, out: object, *more: object) -> list[object]:
+    """Arguments that render a few small frames."""
+    return ["render", scene, out, *SMALL, "--progress", "plain", *more]
+
+
+def pixels(folder: Path) -> dict[str, dict[str, np.ndarray] | None]:
+    """Channels of all frames in ``folder``, by name; None where one cannot be read whole."""
+    found: dict[str, dict[str, np.ndarray] | None] = {}
+    for path in sorted(folder.glob("*.exr")):
+        try:
+            found[path.name] = read_image(path)[0]
+        except InputError:
+            found[path.name] = None
+    return found
+
+
+def lost(folder: Path, reference: Mapping[str, dict[str, np.ndarray]]) -> int:
+    """How many frames of ``reference`` are missing in ``folder``, torn, or differ in a pixel."""
+    found = pixels(folder)
+    return sum(not same(found.get(name), planes) for name, planes in reference.items())
+
+
+def same(planes: Mapping[str, np.ndarray] | None, others: Mapping[str, np.ndarray]) -> bool:
+    """Whether all channels agree bit by bit."""
+    return planes is not None and all(np.array_equal(planes.get(name), values) for name, values in others.items())
+
+
+def leftovers(folder: Path) -> list[str]:
+    """Hidden files, which are temporaries and claims."""
+    return sorted(path.name for path in folder.iterdir() if path.name.startswith("."))
+
+
+def _hear_interrupts() -> None:
+    import signal
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)

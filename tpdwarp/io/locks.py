@@ -1,0 +1,66 @@
+"""Locks between processes, held on files and freed by the system when their holder ends."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+
+try:
+    import fcntl
+except ImportError:  # Elsewhere than on POSIX systems
+    fcntl = None  # type: ignore[assignment]
+
+_HELD = (errno.EAGAIN, errno.EACCES, errno.EWOULDBLOCK)
+
+
+class FileLock:
+    """A lock on a file of its own, which exists only while somebody holds it, or after a holder was killed.
+
+    Args:
+        path: The file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = os.fspath(path)
+        self._descriptor: int | None = None
+
+    def acquire(self) -> bool:
+        """Takes the lock; False where another process, or another lock of this one, holds it.
+
+        True where the file system has no locks or the file cannot be made: who cannot lock must not wait.
+        """
+        if fcntl is None:
+            return True
+        while True:
+            try:
+                descriptor = os.open(self.path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+            except OSError:
+                return True
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                os.close(descriptor)
+                return error.errno not in _HELD
+            except BaseException:
+                os.close(descriptor)
+                raise
+            # Between opening and locking, its holder may have removed the file, and another made a new one.
+            if self._is_at_its_path(descriptor):
+                self._descriptor = descriptor
+                return True
+            os.close(descriptor)
+
+    def release(self) -> None:
+        """Frees the lock and removes its file; does nothing where it is not held."""
+        if self._descriptor is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(self.path)
+            os.close(self._descriptor)
+            self._descriptor = None
+
+    def _is_at_its_path(self, descriptor: int) -> bool:
+        try:
+            return os.path.samestat(os.fstat(descriptor), os.lstat(self.path))
+        except OSError:
+            return False

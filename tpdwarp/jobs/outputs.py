@@ -1,0 +1,41 @@
+"""What a sequence writes: looked at before anything is rendered."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from tpdwarp.io.files import sweep_temporaries
+from tpdwarp.io.outputs import FilePath, check_outputs
+from tpdwarp.jobs.claims import sweep_claims
+from tpdwarp.jobs.stage_files import StageFiles
+from tpdwarp.usd.write.debug_layer import view_path
+
+if TYPE_CHECKING:
+    from tpdwarp.usd.read.stage import StageScene
+
+
+def prepare_outputs(
+    source: StageScene, files: StageFiles, stats: FilePath | None, layer: FilePath | None, frames: Sequence[str] = ()
+) -> None:
+    """Makes sure that outputs destroy nothing, and removes what killed renders have left beside them.
+
+    Args:
+        source: The stage.
+        files: What it is made of.
+        stats: The statistics file, if one is wanted.
+        layer: The debug layer, likewise.
+        frames: The files of the frames.
+
+    Raises:
+        InputError: An output cannot be written, is one of the stage's files, or is two outputs.
+    """
+    layers = {} if layer is None else {"the debug layer": layer, "its view layer": view_path(layer)}
+    outputs = {"--stats": stats, **layers}
+    inputs = {"is read by the scene": files.paths, "is the scene itself": [source.file]}
+    check_outputs(outputs, inputs, frames)
+    written = (os.fspath(path) for path in (*frames[:1], *outputs.values()) if path is not None)
+    for folder in {os.path.dirname(path) or os.curdir for path in written}:
+        sweep_temporaries(folder)
+        sweep_claims(folder)

@@ -1,0 +1,274 @@
+"""Warp's cache of compiled kernels: shared by processes, mended where it is damaged, replaced where it cannot be used.
+
+Objects are machine code that is run as it is, and a truncated one ends the process or, worse, does not. Beside each
+compiled module lie the hashes of its files; a module that differs from them is compiled anew.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import glob
+import json
+import os
+import re
+import shutil
+import stat
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+from tpdwarp.errors import logger, shortened
+from tpdwarp.io.digests import file_digest
+from tpdwarp.io.files import host_name, is_running
+from tpdwarp.io.locks import FileLock
+from tpdwarp.stopping import pause
+
+# Precompiled headers and the objects of all kernels take 40 MB; LLVM ends the process when a disk is full.
+ROOM_BYTES = 64 << 20
+# Another process that compiles is waited for so long: all kernels take 15 to 100 s on a machine of two busy cores.
+LONGEST_WAIT_SECONDS = 300.0
+POLL_SECONDS = 0.05
+# A process needs its next kernel within that time of the last, so that it is not overtaken by one that would have to
+# compile the headers first (2 s).
+KEPT_SECONDS = 1.5
+
+_SUMS = "tpdwarp.sums.json"
+_BUILD = re.compile(r"wp_.+_p([0-9]+)_t[0-9]+")
+
+
+class KernelCache:
+    """The cache that this process uses; one a process, as Warp has one."""
+
+    def __init__(self) -> None:
+        self._token = _CompilerToken()
+        self._swept: set[str] = set()
+
+    def start_warp(self, quietly: Callable[[], AbstractContextManager[None]]) -> None:
+        """Starts Warp; with a cache in the temporary folder where its own cannot be made.
+
+        Args:
+            quietly: Makes what is entered while Warp starts, to keep it from printing.
+        """
+        try:
+            with quietly():
+                wp.init()
+        except OSError as error:
+            self._fall_back(str(error.filename or "the kernel cache"), error.strerror or str(error), started=False)
+            with quietly():
+                wp.init()
+        folder = wp.config.kernel_cache_dir
+        if folder not in self._swept:
+            self._swept.add(folder)
+            self._sweep(folder)
+
+    def load(self, module: wp.Module, device: Any, block_dim: int) -> None:
+        """Loads a module of kernels, compiled by this process or another.
+
+        Raises:
+            Exception: It cannot be compiled anywhere.
+        """
+        loaded = module.execs.get((device.context, block_dim))
+        if loaded is not None and loaded.module_hash == module.get_module_hash(block_dim):
+            return
+        folder = self._folder(module, block_dim)
+        if os.path.isdir(folder) and not _is_sound(folder):
+            self._discard(folder, "is damaged")
+        was_cached = os.path.isdir(folder)
+        try:
+            self._load(module, device, block_dim)
+        except Exception as error:
+            said = shortened(str(error))
+            logger.debug("kernel cache", exc_info=error)
+            if was_cached:
+                self._discard(folder, f"cannot be loaded ({said})")
+            elif isinstance(error, OSError):
+                self._fall_back(wp.config.kernel_cache_dir, error.strerror or said)
+            else:
+                raise
+            # What failed once is remembered, and not tried again.
+            module.mark_modified()
+            self._load(module, device, block_dim)
+
+    def _load(self, module: wp.Module, device: Any, block_dim: int) -> None:
+        if not os.path.isdir(self._folder(module, block_dim)):
+            reason = _no_room(wp.config.kernel_cache_dir)
+            if reason:
+                self._fall_back(wp.config.kernel_cache_dir, reason)
+        folder = self._folder(module, block_dim)
+        with self._token.turn(wp.config.kernel_cache_dir, folder), _own_headers():
+            compiles = not os.path.isdir(folder)
+            try:
+                module.load(device, block_dim)
+            except BaseException:
+                for left in glob.glob(f"{glob.escape(folder)}_p{os.getpid()}_t*"):
+                    shutil.rmtree(left, ignore_errors=True)
+                raise
+            if compiles:
+                _note_sums(folder)
+
+    def _folder(self, module: wp.Module, block_dim: int) -> str:
+        return os.path.join(wp.config.kernel_cache_dir, module.get_module_identifier(block_dim))
+
+    def _discard(self, folder: str, what: str) -> None:
+        """Removes what is damaged, or leaves the cache where that cannot be done."""
+        shutil.rmtree(folder, ignore_errors=True)
+        if os.path.isdir(folder):
+            self._fall_back(wp.config.kernel_cache_dir, f"{os.path.basename(folder)} {what}")
+        else:
+            logger.warning(f"{folder}: {what} and is compiled anew")
+
+    def _fall_back(self, folder: str, reason: str, started: bool = True) -> None:
+        own = own_folder()
+        if started and os.path.dirname(wp.config.kernel_cache_dir) == own:
+            raise OSError(f"kernels cannot be compiled: {folder}: {reason} (set WARP_CACHE_PATH)")
+        logger.warning(f"{folder}: cannot keep compiled kernels ({reason}); they are kept in {own}")
+        wp.config.kernel_cache_dir = own
+        if started:
+            # Gives the version of Warp a folder of its own, as its start does.
+            wp.config.kernel_cache_dir = os.path.join(own, wp.config.version)
+            os.makedirs(wp.config.kernel_cache_dir, exist_ok=True)
+
+    def _sweep(self, folder: str) -> None:
+        """Removes what processes that were killed while compiling have left behind."""
+        lock = FileLock(os.path.join(folder, _CompilerToken.NAME))
+        # Who compiles on another host sharing the cache holds it: processes there cannot be looked for.
+        if lock.acquire():
+            try:
+                with contextlib.suppress(OSError), os.scandir(folder) as entries:
+                    for entry in entries:
+                        found = _BUILD.fullmatch(entry.name)
+                        if found and not is_running(int(found[1])):
+                            shutil.rmtree(entry.path, ignore_errors=True)
+            finally:
+                lock.release()
+        for left in glob.glob(os.path.join(glob.escape(tempfile.gettempdir()), f"tpdwarp-headers-{host_name()}-*")):
+            number = left.rsplit("-", 1)[-1]
+            if number.isdigit() and not is_running(int(number)):
+                shutil.rmtree(left, ignore_errors=True)
+
+
+class _CompilerToken:
+    """Held by the one process that compiles into a cache, until it has needed no kernel for a while."""
+
+    NAME = ".tpdwarp.compiling"
+
+    def __init__(self) -> None:
+        self._lock: FileLock | None = None
+        self._guard = threading.Lock()
+        self._released_at = 0.0
+        atexit.register(self._release)
+
+    @contextlib.contextmanager
+    def turn(self, cache: str, folder: str) -> Iterator[None]:
+        """While entered, either ``folder`` is there, or nobody else compiles (or has for far too long)."""
+        deadline = time.monotonic() + LONGEST_WAIT_SECONDS
+        while not os.path.isdir(folder) and not self._take(cache) and time.monotonic() < deadline:
+            pause(POLL_SECONDS)
+        try:
+            yield
+        finally:
+            with self._guard:
+                if self._lock is not None:
+                    self._released_at = time.monotonic() + KEPT_SECONDS
+                    timer = threading.Timer(KEPT_SECONDS, self._release_if_idle)
+                    timer.daemon = True
+                    timer.start()
+
+    def _take(self, cache: str) -> bool:
+        with self._guard:
+            # Not given back while this process compiles.
+            self._released_at = float("inf")
+            if self._lock is not None and os.path.dirname(self._lock.path) == cache:
+                return True
+            lock = FileLock(os.path.join(cache, self.NAME))
+            if not lock.acquire():
+                return False
+            self._lock = lock
+            return True
+
+    def _release_if_idle(self) -> None:
+        with self._guard:
+            if time.monotonic() < self._released_at:
+                return
+        self._release()
+
+    def _release(self) -> None:
+        with self._guard:
+            if self._lock is not None:
+                self._lock.release()
+                self._lock = None
+
+
+def own_folder() -> str:
+    """A folder of this user's alone in the temporary folder, for kernels.
+
+    Kernels are code that is run: a folder that somebody else could have made or may write to is not taken.
+    """
+    folder = os.path.join(tempfile.gettempdir(), f"tpdwarp-kernels-{os.getuid()}")
+    with contextlib.suppress(OSError):
+        os.mkdir(folder, 0o700)
+    with contextlib.suppress(OSError):
+        status = os.lstat(folder)
+        if stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022:
+            return folder
+    folder = tempfile.mkdtemp(prefix="tpdwarp-kernels-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+def _no_room(folder: str) -> str:
+    """Why kernels cannot be compiled into ``folder``; empty where they can."""
+    try:
+        os.makedirs(folder, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            os.posix_fallocate(probe.fileno(), 0, ROOM_BYTES)
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""
+
+
+def _note_sums(folder: str) -> None:
+    sums = {path.name: file_digest(str(path)) for path in sorted(Path(folder).iterdir()) if path.is_file()}
+    # Without them the module is taken as it is.
+    with contextlib.suppress(OSError):
+        temporary = Path(folder) / f".{os.getpid()}.{_SUMS}"
+        temporary.write_text(json.dumps(sums))
+        os.replace(temporary, Path(folder) / _SUMS)
+
+
+def _is_sound(folder: str) -> bool:
+    """Whether the files of a compiled module are those that were compiled, as far as that is known."""
+    try:
+        sums = json.loads((Path(folder) / _SUMS).read_text())
+        return all(file_digest(os.path.join(folder, name)) == digest for name, digest in sums.items())
+    except FileNotFoundError:
+        # Of another version, or without hashes.
+        return not (Path(folder) / _SUMS).exists()
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+@contextlib.contextmanager
+def _own_headers() -> Iterator[None]:
+    """Has Warp make its precompiled headers in a folder that says whose they are, so that they can be swept."""
+    before = tempfile.tempdir
+    folder = os.path.join(tempfile.gettempdir(), f"tpdwarp-headers-{host_name()}-{os.getpid()}")
+    made = not os.path.isdir(folder)
+    try:
+        os.makedirs(folder, mode=0o700, exist_ok=True)
+        tempfile.tempdir = folder
+    except OSError:
+        made = False
+    if made:
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    try:
+        yield
+    finally:
+        tempfile.tempdir = before
