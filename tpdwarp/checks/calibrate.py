@@ -13,9 +13,9 @@ from typing import Any
 import tpdwarp
 from tpdwarp.checks.findings import CheckResult
 from tpdwarp.checks.limits import FlipLimits, GroupLimits, Limits, limits_beside, write_limits
+from tpdwarp.checks.prediction_limit import prediction_limit, student_inverse
 from tpdwarp.checks.render import Recipe, recipe_of, render_like
 from tpdwarp.checks.run import check
-from tpdwarp.checks.student import prediction_limit
 from tpdwarp.errors import InputError
 from tpdwarp.io.files import check_writable
 from tpdwarp.jobs.progress import Progress, progress_of
@@ -70,8 +70,9 @@ def calibrate(
         The limits written.
 
     Raises:
-        InputError: The arguments cannot be used, or a frame cannot be rendered again.
+        InputError: The arguments cannot be used, a frame cannot be rendered again, or SciPy is not installed.
     """
+    student_inverse()
     if seeds < FEWEST_SEEDS:
         raise InputError(f"--seeds must be {FEWEST_SEEDS} or more, not {seeds}")
     if not 0 < false_alarms < 0.5:
