@@ -1,5 +1,7 @@
 """Whole studies of a small stage."""
 
+import sys
+
 import pytest
 
 from tests.small_stage import write_stage
@@ -126,6 +128,13 @@ def test_an_output_that_cannot_be_is_refused_before_anything_is_rendered(stage, 
     monkeypatch.setattr(run, "open_scene", lambda *_, **__: pytest.fail("opened"))
     with pytest.raises(InputError, match="is a folder"):
         small(stage, tmp_path, report=tmp_path)
+
+
+def test_without_matplotlib_a_report_is_refused_before_anything_is_rendered(stage, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setattr(run, "open_scene", lambda *_, **__: pytest.fail("opened"))
+    with pytest.raises(InputError, match=r"needs Matplotlib \(pip install 'tpdwarp\[study\]'\)"):
+        small(stage, tmp_path, report=tmp_path / "study.html")
 
 
 def test_a_fixed_shutter_and_swept_exposures_exclude_each_other(stage, tmp_path):

@@ -16,6 +16,7 @@ from tpdwarp.settings import Settings
 from tpdwarp.studies.cases import Case, Sweep
 from tpdwarp.studies.files import write_csv, write_json
 from tpdwarp.studies.measures import errors_of
+from tpdwarp.studies.plot import matplotlib_module
 from tpdwarp.studies.progress import StudyProgress, study_progress_of
 from tpdwarp.studies.report import write_report
 from tpdwarp.studies.result import ExposureResult, Measured, StudyResult
@@ -59,13 +60,16 @@ def study(
         **settings: Fields of :class:`tpdwarp.settings.Settings` that all cases share.
 
     Raises:
-        InputError: The input or the settings cannot be used, or an output cannot be written where it is asked for.
+        InputError: The input or the settings cannot be used, an output cannot be written where it is asked for, or
+            a report is asked for and Matplotlib is not installed.
         FrameError: The truth cannot be rendered, or an output cannot be written after all.
     """
     started = time.perf_counter()
     for path in (csv, json, report):
         if path is not None:
             check_writable(path)
+    if report is not None:
+        matplotlib_module()
     base = chosen_settings({"image_width": DEFAULT_WIDTH, **settings})
     if base.shutter is not None and any(exposure is not None for exposure in sweep.exposures):
         raise InputError("--shutter fixes the exposure (leave one out)")
