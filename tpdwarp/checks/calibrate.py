@@ -10,7 +10,6 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-import tpdwarp
 from tpdwarp.checks.findings import CheckResult
 from tpdwarp.checks.limits import FlipLimits, GroupLimits, Limits, limits_beside, write_limits
 from tpdwarp.checks.prediction_limit import prediction_limit, student_inverse
@@ -19,6 +18,7 @@ from tpdwarp.checks.run import check
 from tpdwarp.errors import InputError
 from tpdwarp.io.files import check_writable
 from tpdwarp.jobs.progress import Progress, progress_of
+from tpdwarp.version import VERSION
 
 FilePath = str | os.PathLike[str]
 
@@ -91,7 +91,7 @@ def calibrate(
         f"{seeds} other seeds of {Path(scene).name}, {len(recipe.frames)} frames, "
         f"at most {false_alarms:g} false alarms a check"
     )
-    record = {"note": note, "program": f"tpdwarp {tpdwarp.__version__}", "seeds": seeds, "false_alarms": false_alarms}
+    record = {"note": note, "program": f"tpdwarp {VERSION}", "seeds": seeds, "false_alarms": false_alarms}
     found = replace(found, calibration=record)
     write_limits(target, found, "Limits of tpdwarp check, found by calibration; numbers may be changed by hand.")
     return found

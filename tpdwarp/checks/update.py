@@ -13,10 +13,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-import tpdwarp
 from tpdwarp.checks.findings import CheckResult
 from tpdwarp.errors import InputError
 from tpdwarp.io.files import complete_or_absent
+from tpdwarp.version import VERSION
 
 RECORD_FILE = "tpdwarp-check.history.jsonl"
 _UNFIT = ("not finite", "unreadable", "duplicate frame", "repeated ids")
@@ -64,7 +64,7 @@ def update_baseline(result: CheckResult, reason: str) -> bool:
         "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "who": _who(),
         "reason": " ".join(reason.split()),
-        "program": f"tpdwarp {tpdwarp.__version__}",
+        "program": f"tpdwarp {VERSION}",
         "frames_path": result.frames_path,
         "changes": [
             {"frame": frame.name, "findings": [f"{finding.kind}: {finding}" for finding in frame.findings]}

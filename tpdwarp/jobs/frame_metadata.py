@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import tpdwarp
 from tpdwarp.io.float32 import single
 from tpdwarp.rendering.error_target import ErrorTarget
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
+from tpdwarp.version import VERSION
 
 if TYPE_CHECKING:
     from tpdwarp.rendering.frame import Frame
@@ -43,10 +43,10 @@ def frame_metadata(
     """
     energy = made.energy
     metadata: dict[str, Any] = {
-        "Software": f"tpdwarp {tpdwarp.__version__}",
+        "Software": f"tpdwarp {VERSION}",
         "framesPerSecond": source.frames_per_second,
         **_camera_attributes(made.camera),
-        "tpdwarp:version": tpdwarp.__version__,
+        "tpdwarp:version": VERSION,
         "tpdwarp:scene": source.file,
         "tpdwarp:settings": json.dumps(settings.as_dict(), sort_keys=True),
         "tpdwarp:seed": settings.seed,

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-import tpdwarp
 from tpdwarp.io.files import check_writable, complete_or_absent
 from tpdwarp.studies.solutions import Solution
+from tpdwarp.version import VERSION
 
 # What only parses, prints, compares or studies does not change a frame.
 _ASIDE = ("cli", "studies", "checks", "html")
@@ -70,8 +70,8 @@ class Store:
 
 def program_hash() -> str:
     """Hash of the parts of the program that make frames."""
-    root = Path(tpdwarp.__file__).parent
-    digest = hashlib.sha256(tpdwarp.__version__.encode())
+    root = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256(VERSION.encode())
     for path in sorted(root.rglob("*.py")):
         if path.relative_to(root).parts[0] not in _ASIDE:
             digest.update(path.relative_to(root).as_posix().encode())
