@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
@@ -18,6 +17,8 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.errors import InputError
+from tpdwarp.stopping import raise_if_asked
+from tpdwarp.workers import Chunks, Workers
 
 CHUNKS_PER_THREAD = 16
 SMALLEST_CHUNK = 512
@@ -29,8 +30,14 @@ wp.config.enable_backward = False
 @contextmanager
 def _without_native_stderr() -> Iterator[None]:
     """Drops what native code prints to stderr: Warp's warns wherever there is no GPU driver, asked for or not."""
-    sys.stderr.flush()
-    kept = os.dup(2)
+    if sys.stderr is not None:
+        sys.stderr.flush()
+    try:
+        kept = os.dup(2)
+    except OSError:
+        # There is no stderr, so nothing has to be dropped.
+        yield
+        return
     elsewhere = os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(elsewhere, 2)
@@ -61,15 +68,24 @@ class Launcher:
             raise InputError(f"--device: there is no {device!r} here (try cpu)") from error
         count = threads or len(os.sched_getaffinity(0))
         self.threads = 1 if self.device.is_cuda else count
-        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._workers = Workers(self.threads) if self.threads > 1 else None
 
     def __call__(
         self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], smallest_chunk: int = SMALLEST_CHUNK
     ) -> None:
-        """Launches ``kernel`` over ``count`` items; ``base`` is put in front of ``inputs``."""
+        """Launches ``kernel`` over ``count`` items; ``base`` is put in front of ``inputs``.
+
+        However this ends, by an interruption too, no thread runs the kernel afterwards, so that arrays and meshes may
+        be freed.
+
+        Raises:
+            Stopped: A signal asked the process to end.
+            FrameTimeout: The frame's time limit has passed.
+        """
+        raise_if_asked()
         if count <= 0:
             return
-        if self._pool is None:
+        if self.device.is_cuda:
             wp.launch(kernel, dim=count, inputs=[0, *inputs], device=self.device)
             return
         # Loaded once, as a launch on the CPU would (one thread a block), or each thread compiles it again.
@@ -79,7 +95,14 @@ class Launcher:
         def run(base: int) -> None:
             wp.launch(kernel, dim=min(chunk, count - base), inputs=[base, *inputs], device=self.device)
 
-        list(self._pool.map(run, range(0, count, chunk)))
+        bases = range(0, count, chunk)
+        if self._workers is not None:
+            Chunks(run, bases).on(self._workers)
+            return
+        # One thread takes chunks as well, for an interruption is heard between them only.
+        for base in bases:
+            raise_if_asked()
+            run(base)
 
     def array(self, values: np.ndarray, dtype: Any) -> wp.array:
         """A device copy (a view on the CPU) of ``values``."""

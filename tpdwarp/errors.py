@@ -6,6 +6,15 @@ import logging
 
 logger = logging.getLogger("tpdwarp")
 
+# Libraries quote whole files and stacks of calls; what they mean stands in front.
+LONGEST_QUOTE = 240
+
+
+def shortened(text: str) -> str:
+    """What a library says, in one line of at most 240 characters."""
+    line = " ".join(text[: 20 * LONGEST_QUOTE].split())
+    return line if len(line) <= LONGEST_QUOTE else line[: LONGEST_QUOTE - 2] + " …"
+
 
 class InputError(Exception):
     """Input that cannot be used (exit code 2). ``str()`` is ``FILE: /Prim/Path: what is wrong (and what to do)``.
@@ -30,14 +39,18 @@ class WarnOnce:
 
     Args:
         file: The file every message names.
+        silent: Whether messages are kept and not reported.
     """
 
-    def __init__(self, file: str) -> None:
-        self.file = str(file)
+    def __init__(self, file: str, silent: bool = False) -> None:
+        self.file, self._silent = str(file), silent
         self.messages: list[str] = []
+        self._known: set[str] = set()
 
     def __call__(self, prim: str, message: str) -> None:
         line = ": ".join(part for part in (self.file, str(prim), " ".join(message.split())) if part)
-        if line not in self.messages:
+        if line not in self._known:
+            self._known.add(line)
             self.messages.append(line)
-            logger.warning(line)
+            if not self._silent:
+                logger.warning(line)

@@ -11,6 +11,7 @@ import tpdwarp
 from tests.small_stage import write_stage
 from tpdwarp.cli import main
 from tpdwarp.errors import InputError
+from tpdwarp.io.images import read_image
 from tpdwarp.jobs import sequence
 
 ROOT = Path(tpdwarp.__file__).parent.parent
@@ -119,8 +120,8 @@ def test_an_interruption_is_code_130_in_one_line(break_info, capsys):
     assert capsys.readouterr().err == "error: interrupted\n"
 
 
-@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_render_leaves_complete_frames_only(tmp_path, signal_number):
+@pytest.mark.parametrize(("signal_number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_an_interrupted_render_leaves_complete_frames_only(tmp_path, signal_number, code):
     stage = write_stage(tmp_path / "stage.usda")
     out = tmp_path / "out"
     arguments = ["render", stage, out / "a.##.exr", "-w", 8, "--debug-layer", out / "a.usdc", "--stats", out / "a.json"]
@@ -132,9 +133,63 @@ def test_an_interrupted_render_leaves_complete_frames_only(tmp_path, signal_numb
             break
     process.send_signal(signal_number)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, (lines, err)
-    assert err == "error: interrupted\n"
+    assert process.returncode == code, (lines, err)
+    assert err == "error: interrupted (the same command with --skip-existing-frames goes on)\n"
     assert os.listdir(out) == ["a.01.exr"]
+
+
+SIGNALLED_WHILE_IMPORTING = """
+import os, pathlib, signal, sys, tempfile
+folder = tempfile.mkdtemp()
+# Stands for pxr, whose loader swallows what is raised while a module of it is imported.
+pathlib.Path(folder, "swallowing.py").write_text('''
+import os, signal
+try:
+    os.kill(os.getpid(), signal.SIGTERM)
+    for _ in range(10**5): pass
+except BaseException:
+    pass
+''')
+sys.path.insert(0, folder)
+from tpdwarp.cli import main
+import tpdwarp.cli.info as info
+
+def run(options):
+    import swallowing
+    return 0
+
+info.run = run
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_signal_during_an_import_is_heard_after_it():
+    process = start(["info", "none.usda"], "-c", SIGNALLED_WHILE_IMPORTING)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (143, "", "error: interrupted\n")
+
+
+@pytest.mark.parametrize("closed", ["1>&-", "2>&-", "0<&- 1>&- 2>&-"])
+def test_a_render_without_standard_streams_writes_its_frames(tmp_path, closed):
+    stage = write_stage(tmp_path / "stage.usda")
+    command = f'exec "$@" {closed}'
+    program = [sys.executable, "-m", "tpdwarp", "render", stage, tmp_path / "a.##.exr", "-w", 8, "--photons", 64]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        ["bash", "-c", command, "bash", *map(str, program)], env=environment, capture_output=True, timeout=100
+    )
+    assert done.returncode == 0 and done.stderr == b""
+    assert sorted(path.name for path in tmp_path.glob("*.exr")) == ["a.01.exr", "a.02.exr", "a.03.exr"]
+    read_image(tmp_path / "a.03.exr")
+
+
+def test_a_full_log_costs_no_frame(tmp_path):
+    stage = write_stage(tmp_path / "stage.usda")
+    with open("/dev/full", "w") as full:
+        arguments = ["-m", "tpdwarp", "render", stage, tmp_path / "a.##.exr", "-w", 8, "--photons", 64]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        subprocess.run([sys.executable, *map(str, arguments)], env=environment, stdout=full, stderr=full, timeout=100)
+    assert len(list(tmp_path.glob("*.exr"))) == 3
 
 
 def test_a_reader_that_leaves_early_is_no_traceback(tmp_path):

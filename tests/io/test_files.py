@@ -2,12 +2,15 @@
 
 import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+import tpdwarp
 from tpdwarp.errors import FrameError, InputError
-from tpdwarp.io.files import check_writable, complete_or_absent
+from tpdwarp.io.files import check_name, check_writable, complete_or_absent, sweep_temporaries
 
 
 def listing(folder: Path) -> list[str]:
@@ -64,13 +67,67 @@ def test_permissions_are_those_of_an_ordinary_new_file(tmp_path: Path) -> None:
     assert stat.S_IMODE(os.stat(tmp_path / "a").st_mode) == stat.S_IMODE(os.stat(ordinary).st_mode)
 
 
-def test_symbolic_link_is_followed_not_replaced(tmp_path: Path) -> None:
-    (tmp_path / "store").mkdir()
+def test_a_symbolic_link_is_replaced_and_what_it_names_left_alone(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere.txt"
+    elsewhere.write_bytes(b"precious")
     link = tmp_path / "a.exr"
-    link.symlink_to(tmp_path / "store" / "real.exr")
+    link.symlink_to(elsewhere)
+    check_writable(link)
     with complete_or_absent(link) as temporary:
         Path(temporary).write_bytes(b"whole")
-    assert link.is_symlink() and (tmp_path / "store" / "real.exr").read_bytes() == b"whole"
+    assert elsewhere.read_bytes() == b"precious"
+    assert not link.is_symlink() and link.read_bytes() == b"whole"
+
+
+def test_linked_folders_are_followed(tmp_path: Path) -> None:
+    (tmp_path / "store").mkdir()
+    (tmp_path / "out").symlink_to(tmp_path / "store")
+    check_writable(tmp_path / "out" / "a.exr")
+    with complete_or_absent(tmp_path / "out" / "a.exr") as temporary:
+        Path(temporary).write_bytes(b"whole")
+    assert (tmp_path / "store" / "a.exr").read_bytes() == b"whole"
+
+
+@pytest.mark.parametrize("url", ["s3://bucket/a.exr", "https://host/a.####.exr", "file:///tmp/a.exr"])
+def test_urls_are_refused_and_make_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="is a URL"):
+        check_writable(url)
+    assert listing(tmp_path) == []
+
+
+def test_names_that_libraries_take_for_others_are_refused() -> None:
+    check_name("größe/波.exr")
+    with pytest.raises(InputError, match="no name in UTF-8"):
+        check_name(os.fsdecode(b"gr\xf6\xdfe.exr"))
+    script = "from tpdwarp.io.files import check_name; import sys; check_name('a.exr'); check_name(sys.argv[1])"
+    environment = {**os.environ, "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
+    done = subprocess.run(
+        [sys.executable, "-c", script, "größe.exr"], env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert "PYTHONUTF8=1" in done.stderr
+
+
+def test_temporaries_of_killed_processes_are_swept_and_those_of_others_left(tmp_path: Path) -> None:
+    script = (
+        "import os, sys\nfrom tpdwarp.io.files import complete_or_absent\n"
+        "block = complete_or_absent(sys.argv[1])\nopen(block.__enter__(), 'w').close()\nprint('made', flush=True)\n"
+        "sys.stdin.read() if len(sys.argv) > 2 else os.kill(os.getpid(), 9)"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(Path(tpdwarp.__file__).parent.parent)}
+    subprocess.run([sys.executable, "-c", script, tmp_path / "killed.exr"], env=environment, timeout=60)
+    living = subprocess.Popen(
+        [sys.executable, "-c", script, tmp_path / "living.exr", "stay"],
+        env=environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    assert living.stdout.readline() == b"made\n"
+    (tmp_path / ".mine.tmp.exr").write_bytes(b"")
+    assert len(listing(tmp_path)) == 3
+    assert sweep_temporaries(tmp_path) == 1
+    assert [name.split(".")[1] for name in listing(tmp_path)] == ["living", "mine"]
+    living.communicate()
 
 
 def test_longest_legal_name_can_be_written(tmp_path: Path) -> None:

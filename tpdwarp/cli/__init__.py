@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
 import traceback
 from collections.abc import Sequence
-from types import FrameType
 
-from tpdwarp.cli.outcome import DONE, FAILED, INTERRUPTED, REFUSED, debugging
+from tpdwarp.cli.outcome import DONE, FAILED, REFUSED, SIGNALLED, debugging
 from tpdwarp.cli.parser import build_parser
-from tpdwarp.errors import InputError
+from tpdwarp.cli.streams import mend_streams
+from tpdwarp.errors import InputError, shortened
+from tpdwarp.io.terminal import say
+from tpdwarp.stopping import Stopped, raise_if_asked, signals_stop
 
 # One module in this package each, in the order in which --help lists them.
 COMMANDS = ("render", "photons", "info", "check", "study")
@@ -25,43 +28,47 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit code: 0 done; 1 a frame failed, or something unexpected happened; 2 wrong usage or unusable input;
-        130 interrupted.
+        130, 143 or 129 interrupted by SIGINT, SIGTERM or SIGHUP.
     """
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
+    mend_streams()
     try:
-        before = signal.signal(signal.SIGTERM, _interrupt)
-    except ValueError:
-        # Only the main thread may; elsewhere the caller's handler stays.
-        before = None
+        # Behind the process's own command line only the interpreter's end follows, whose code must be this one.
+        with signals_stop(for_good=arguments is None):
+            return _run(arguments)
+    except KeyboardInterrupt as error:
+        return _interrupted(error)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    resumable = ""
     try:
         options = build_parser(COMMANDS).parse_args(arguments)
-        return options.run(options)
+        resumable = getattr(options, "resumable", "")
+        code = options.run(options)
+        raise_if_asked()
+        return code
     except SystemExit as finished:
         return int(finished.code or DONE)
     except InputError as error:
         return _say(error, str(error), REFUSED)
     except KeyboardInterrupt as error:
-        return _say(error, "interrupted", INTERRUPTED)
+        return _interrupted(error, resumable)
     except BrokenPipeError:
         # The reader of our output has left; what Python would flush at exit has nowhere to go either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except Exception as error:
-        return _say(error, f"internal: {type(error).__name__}: {error}", FAILED)
-    finally:
-        if before is not None:
-            signal.signal(signal.SIGTERM, before)
+        return _say(error, f"internal: {type(error).__name__}: {shortened(str(error))}", FAILED)
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    # Farms stop jobs with this signal: unwinding as for Ctrl-C leaves nothing half written.
-    raise KeyboardInterrupt
+def _interrupted(error: KeyboardInterrupt, resumable: str = "") -> int:
+    number = error.number if isinstance(error, Stopped) else signal.SIGINT
+    return _say(error, f"interrupted{resumable}", SIGNALLED + number)
 
 
 def _say(error: BaseException, line: str, code: int) -> int:
     if debugging():
         traceback.print_exception(error)
-    print("error: " + " ".join(line.split()), file=sys.stderr)
+    with contextlib.suppress(BrokenPipeError):
+        say("error: " + " ".join(line.split()), sys.stderr)
     return code

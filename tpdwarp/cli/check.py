@@ -10,13 +10,14 @@ import tempfile
 from tpdwarp.cli.outcome import DONE, FAILED
 from tpdwarp.cli.report import warnings_shown
 from tpdwarp.errors import InputError
+from tpdwarp.io.terminal import say
 from tpdwarp.jobs.progress import KINDS, OccasionalProgress, Progress, progress_of
 
 SUMMARY = "compare frames and debug layers with a baseline"
 EPILOG = (
     "FRAMES and BASELINE are folders, images, or names with #### where the frame number goes. What may differ is said\n"
     "by tpdwarp-check.toml beside the baseline.\n"
-    "Exit code: 0 the same within limits, 1 different, 2 could not compare, 130 interrupted."
+    "Exit code: 0 the same within limits, 1 different, 2 could not compare, 130 or 143 interrupted."
 )
 
 
@@ -87,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
             raise InputError("--write-limits needs BASELINE only, and compares nothing")
         from tpdwarp.checks.limits import write_default_limits
 
-        print(f"{write_default_limits(options.baseline, options.limits)} written", flush=True)
+        say(f"{write_default_limits(options.baseline, options.limits)} written", sys.stdout)
         return DONE
     with warnings_shown(shown), tempfile.TemporaryDirectory(prefix="tpdwarp-check-") as temporary:
         return _check(options, options.frames or temporary, shown)
@@ -115,7 +116,7 @@ def _check(options: argparse.Namespace, frames: str, shown: Progress) -> int:
             progress=shown,
             **machine,
         )
-        print(f"{options.limits or limits_beside(options.baseline)} written", flush=True)
+        say(f"{options.limits or limits_beside(options.baseline)} written", sys.stdout)
         return DONE
     result = check(
         frames,
@@ -130,10 +131,10 @@ def _check(options: argparse.Namespace, frames: str, shown: Progress) -> int:
         progress=shown,
         new=options.update,
     )
-    print("\n".join(table_lines(result, _wants_color(options.color), options.verbose)), flush=True)
+    say("\n".join(table_lines(result, _wants_color(options.color), options.verbose)), sys.stdout)
     if options.update:
         updated = update_baseline(result, options.reason)
-        print(f"{options.baseline} {'replaced' if updated else 'needs no update'}", flush=True)
+        say(f"{options.baseline} {'replaced' if updated else 'needs no update'}", sys.stdout)
         return DONE
     return DONE if result.ok else FAILED
 

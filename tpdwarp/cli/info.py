@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator
 from typing import Any
 
 from tpdwarp.cli.options import EXPOSURE, PICTURE, SettingOption, declare_frames, declare_settings, settings_given
 from tpdwarp.cli.outcome import DONE
 from tpdwarp.cli.report import warnings_shown
+from tpdwarp.io.terminal import printable, say
 from tpdwarp.jobs.progress import Progress
 
 SUMMARY = "say what a USD stage holds and what it requires of the tracer"
 EPILOG = (
     "Requirements are listed for each run of frames that share them: the differentials photons carry, the\n"
     "interactions they meet, and what moves while the shutter is open.\n"
-    "Exit code: 0 done, 2 wrong usage or unusable input, 130 interrupted."
+    "Exit code: 0 done, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
 _PICTURE_ONLY = ("samples", "aovs")
 
@@ -43,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
         holdings = info(
             options.scene, frames=options.frames, default_time=options.default_time, **settings_given(options)
         )
-    print(json.dumps(holdings, indent=1) if options.json else "\n".join(_lines(holdings, "")), flush=True)
+    say(json.dumps(holdings, indent=1) if options.json else "\n".join(_lines(holdings, "")), sys.stdout)
     return DONE
 
 
@@ -70,4 +72,4 @@ def _text(value: Any) -> str:
         return " ".join(map(_text, value)) or "none"
     if isinstance(value, float):
         return f"{value:.9g}"
-    return "none" if value in (None, "") else str(value)
+    return "none" if value in (None, "") else printable(str(value))

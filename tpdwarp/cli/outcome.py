@@ -7,7 +7,8 @@ import os
 DONE = 0
 FAILED = 1
 REFUSED = 2
-INTERRUPTED = 130
+# What shells report of a process that a signal ended: 130 after SIGINT, 143 after SIGTERM, 129 after SIGHUP.
+SIGNALLED = 128
 
 
 def debugging() -> bool:

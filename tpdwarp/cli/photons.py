@@ -11,7 +11,7 @@ from tpdwarp.jobs.progress import progress_of
 SUMMARY = "trace photons and write them to a USD debug layer"
 EPILOG = (
     "Beside shot.debug.usdc appears shot.view.usda, which shows the photons in the scene.\n"
-    "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 interrupted."
+    "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
 _PICTURE_ONLY = ("image_width", "samples", "aovs")
 

@@ -11,7 +11,7 @@ from tpdwarp.jobs.progress import progress_of
 SUMMARY = "render frames of a USD stage to image files"
 EPILOG = (
     "OUT holds #### where the frame number goes (zero-padded; ###.## for fractions), as in out/wave.####.exr.\n"
-    "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 interrupted."
+    "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
 
 
@@ -28,6 +28,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--curves", type=int, metavar="N", help="At most so many photons a frame in it. [all]")
     declare_reports(parser)
     declare_tracing(parser, PICTURE)
+    parser.set_defaults(resumable=" (the same command with --skip-existing-frames goes on)")
 
 
 def run(options: argparse.Namespace) -> int:

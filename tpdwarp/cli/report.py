@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from tpdwarp.cli.outcome import DONE, FAILED, debugging
 from tpdwarp.errors import logger
 from tpdwarp.io.frame_names import frame_text
+from tpdwarp.io.terminal import printable, say
 from tpdwarp.jobs.progress import Progress
 
 if TYPE_CHECKING:
@@ -43,19 +44,21 @@ def report(result: SequenceResult, quiet: bool) -> int:
         The exit code.
     """
     for frame, reason in result.failed.items():
-        print(f"error: frame {frame_text(frame)}: {reason}", file=sys.stderr)
+        say(f"error: frame {frame_text(frame)}: {reason}", sys.stderr)
     for problem in result.problems:
-        print(f"error: {problem}", file=sys.stderr)
+        say(f"error: {problem}", sys.stderr)
     if result.failed:
         frames = ",".join(map(frame_text, result.failed))
-        print(f"error: {len(result.failed)} of {len(result.outcomes)} frames failed: {frames}", file=sys.stderr)
+        say(f"error: {len(result.failed)} of {len(result.outcomes)} frames failed: {frames}", sys.stderr)
     if not quiet:
         if result.target is not None:
             chosen = f"{result.target.photons} photons, {result.target.segments} segments"
-            print(f"{chosen} for an error of {result.target.wanted:g} (expected {result.target.expected:.3g})")
+            say(
+                f"{chosen} for an error of {result.target.wanted:g} (expected {result.target.expected:.3g})", sys.stdout
+            )
         skipped = f", {len(result.skipped)} skipped" if result.skipped else ""
         done = f"{len(result.written)} of {len(result.outcomes)} frames done"
-        print(f"{done}{skipped}, {result.seconds:.1f} s", flush=True)
+        say(f"{done}{skipped}, {result.seconds:.1f} s", sys.stdout)
     return DONE if result.ok else FAILED
 
 
@@ -65,7 +68,7 @@ class _Printer(logging.Handler):
         self._shown = shown
 
     def emit(self, record: logging.LogRecord) -> None:
-        lines = [f"{record.levelname.lower()}: {' '.join(record.getMessage().split())}"]
+        lines = [f"{record.levelname.lower()}: {printable(' '.join(record.getMessage().split()))}"]
         if record.exc_info:
             lines.append(logging.Formatter().formatException(record.exc_info))
         self._shown.message("\n".join(lines))

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from typing import Any
 
 from tpdwarp.cli.options import MACHINE, METHOD, PICTURE, declare_settings, names, segments, settings_given
 from tpdwarp.cli.outcome import DONE, FAILED
 from tpdwarp.cli.report import warnings_shown
+from tpdwarp.io.terminal import say
 
 SUMMARY = "measure error against time over methods and settings"
 EPILOG = (
     "Everything rendered is kept, so that a study that was cut short goes on where it stopped.\n"
-    "Exit code: 0 done, 1 a case failed, 2 wrong usage or unusable input, 130 interrupted."
+    "Exit code: 0 done, 1 a case failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
 _KINDS = ("auto", "bar", "plain", "none")
 _SWEPT = ("photons", "segments", "kernel", "estimator", "tdpm_neighbours", "tdpm_between")
@@ -105,5 +107,5 @@ def run(options: argparse.Namespace) -> int:
             report=options.report,
             **settings_given(options),
         )
-    print("\n".join(table_lines(result)))
+    say("\n".join(table_lines(result)), sys.stdout)
     return FAILED if result.failed else DONE

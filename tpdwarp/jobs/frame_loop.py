@@ -8,10 +8,11 @@ from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tpdwarp.errors import FrameError, InputError, logger
+from tpdwarp.errors import FrameError, InputError, logger, shortened
 from tpdwarp.io.frame_names import frame_text
 from tpdwarp.jobs.progress import Progress
 from tpdwarp.jobs.results import FrameOutcome
+from tpdwarp.stopping import raise_if_asked
 
 if TYPE_CHECKING:
     from tpdwarp.usd.write.debug_layer import DebugLayerWriter
@@ -72,6 +73,7 @@ def _work_through(
     refusal: InputError | None = None
     refused = 0
     for frame in frames:
+        raise_if_asked()
         shown.begin(frame)
         started = time.perf_counter()
         try:
@@ -97,5 +99,5 @@ def reason_of(error: Exception) -> str:
     elif isinstance(error, OSError):
         text = ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
     else:
-        text = f"internal: {type(error).__name__}: {error}"
+        text = f"internal: {type(error).__name__}: {shortened(str(error))}"
     return " ".join(text.split())

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from tpdwarp.errors import InputError
 from tpdwarp.io.frame_names import frame_text
+from tpdwarp.io.terminal import printable, printable_lines, say
 
 if TYPE_CHECKING:
     from tpdwarp.jobs.results import FrameOutcome
@@ -33,7 +34,7 @@ class Progress:
 
     def message(self, line: str) -> None:
         """Prints a line for people to read."""
-        print(line, file=sys.stderr, flush=True)
+        say(line, sys.stderr)
 
 
 class PlainProgress(Progress):
@@ -52,10 +53,10 @@ class PlainProgress(Progress):
 
     def end(self, outcome: FrameOutcome) -> None:
         self._done += 1
-        what = f"{outcome.status} {outcome.path}".strip()
-        note = f": {outcome.reason}" if outcome.reason else f", {outcome.total_seconds:.2f} s"
+        what = f"{outcome.status} {printable(outcome.path)}".strip()
+        note = f": {printable(outcome.reason)}" if outcome.reason else f", {outcome.total_seconds:.2f} s"
         line = f"frame {frame_text(outcome.frame)} ({self._done}/{self._count}) {what}{note}"
-        print(line, file=self._stream, flush=True)
+        say(line, self._stream)
 
 
 class AlfProgress(Progress):
@@ -78,7 +79,7 @@ class AlfProgress(Progress):
         self._show()
 
     def _show(self) -> None:
-        print(f"ALF_PROGRESS {100 * self._done // max(1, self._count)}%", file=self._stream, flush=True)
+        say(f"ALF_PROGRESS {100 * self._done // max(1, self._count)}%", self._stream)
 
 
 class OccasionalProgress(Progress):
@@ -109,7 +110,7 @@ class OccasionalProgress(Progress):
             left = gone / self._done * (self._count - self._done)
             failed = f", {self._failed} failed" if self._failed else ""
             line = f"{self._done}/{self._count} frames{failed}, {clock(gone)} gone, {clock(left)} left"
-            print(line, file=self._stream, flush=True)
+            say(line, self._stream)
 
 
 class BarProgress(Progress):
@@ -149,7 +150,7 @@ class BarProgress(Progress):
     def message(self, line: str) -> None:
         if self._line:
             self._stream.write("\r\x1b[K")
-        self._stream.write(f"{line}\n{self._line}")
+        self._stream.write(f"{printable_lines(line)}\n{self._line}")
         self._stream.flush()
 
     def _draw(self, what: str) -> None:

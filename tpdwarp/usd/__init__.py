@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tpdwarp.usd.read.stage import StageScene
 
 __all__ = ["StageScene"]
+
+# A crate that is truncated while it is read through a memory map ends the process; read by calls, it is an error.
+os.environ.setdefault("USDC_USE_PREAD", "1")
 
 
 def __getattr__(name: str) -> Any:

@@ -8,7 +8,10 @@ from contextlib import contextmanager
 
 from pxr import Tf, UsdUtils
 
-from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.errors import InputError, WarnOnce, shortened
+
+# Patterns are looked for in so much of what USD says.
+MOST_QUOTED = 1 << 14
 
 
 @contextmanager
@@ -54,8 +57,10 @@ def _first_error(error: Tf.ErrorException) -> str:
 
 
 def _without_innards(text: str) -> str:
-    """USD's text without addresses in memory, which differ on every run, and without its grammar's rules."""
+    """USD's text in one line, without addresses in memory, which differ on every run, and its grammar's rules."""
+    # A parser quotes the line it stumbles over, which may be a whole file.
+    text = text[:MOST_QUOTED]
     text = re.sub(r"\s*\((instantiating|recomposing) stage on .*$", "", text)
     text = re.sub(r"(?:,|@)@?anon:0x[0-9a-f]+[^@]*@", "", text)
     text = re.sub(r"parse error matching \S*pxrInternal.*?(?= at ')", "parse error", text, flags=re.DOTALL)
-    return re.sub(r"\b0x[0-9a-f]{6,}\b|\bpxrInternal\w*::", "", text)
+    return shortened(re.sub(r"\b0x[0-9a-f]{6,}\b|\bpxrInternal\w*::", "", text))

@@ -9,7 +9,7 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom
 
-from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.errors import InputError, WarnOnce, shortened
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.cameras import Camera
@@ -24,6 +24,7 @@ from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.transforms import Transforms, union
+from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
 
 DEFAULT_WIDTH = 960
 MOST_PIXELS = 2**30
@@ -229,6 +230,22 @@ class StageScene:
                 "render_settings": self._request.path,
                 "warnings": list(self.warnings.messages),
             }
+
+    def used_files(self) -> list[str]:
+        """Files that the stage reads now or may read for some frame; see :func:`used_files.used_files`."""
+        return used_files(self._stage)
+
+    def used_layers(self) -> dict[str, Sdf.Layer]:
+        """The layers on disk that are open, by their files."""
+        return used_layers(self._stage)
+
+    def content_digest(self, files: list[str]) -> str:
+        """Hash of what ``files`` and the stage's layers in memory hold."""
+        return content_digest(self._stage, files)
+
+    def composition_errors(self) -> list[str]:
+        """What could not be composed (layers that are missing or damaged, …), one line each."""
+        return [shortened(str(error)) for error in self._stage.GetCompositionErrors()]
 
     @property
     def _animation(self) -> tuple[float, float]:
