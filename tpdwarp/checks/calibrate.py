@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from tpdwarp.checks.findings import CheckResult
+from tpdwarp.checks.inputs import inputs_of
 from tpdwarp.checks.limits import FlipLimits, GroupLimits, Limits, limits_beside, write_limits
 from tpdwarp.checks.prediction_limit import prediction_limit, student_inverse
 from tpdwarp.checks.render import Recipe, recipe_of, render_like
 from tpdwarp.checks.run import check
 from tpdwarp.errors import InputError
-from tpdwarp.io.files import check_writable
+from tpdwarp.io.outputs import check_outputs
 from tpdwarp.jobs.progress import Progress, progress_of
 from tpdwarp.version import VERSION
 
@@ -78,7 +79,7 @@ def calibrate(
     if not 0 < false_alarms < 0.5:
         raise InputError(f"--false-alarms must lie between 0 and 0.5, not {false_alarms}")
     target = Path(limits) if limits is not None else limits_beside(baseline)
-    check_writable(target)
+    check_outputs({"--limits": target}, inputs_of(baseline=baseline, scene=scene))
     recipe = replace(recipe_of(baseline), layer="")
     shown = progress_of(progress)
     with tempfile.TemporaryDirectory(prefix="tpdwarp-calibrate-") as folder:
