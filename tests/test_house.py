@@ -22,7 +22,8 @@ ROOT = Path(__file__).resolve().parents[1]
 # other.
 ORDER = (
     ("errors", "version"),
-    ("presets",),
+    ("presets", "stopping"),
+    ("workers",),
     ("settings", "io", "device"),
     ("scene",),
     ("photons", "usd"),

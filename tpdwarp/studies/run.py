@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tpdwarp.errors import FrameError, InputError
-from tpdwarp.io.files import check_writable
+from tpdwarp.io.outputs import check_outputs
 from tpdwarp.jobs.frame_loop import reason_of
 from tpdwarp.jobs.sequence import Frames, chosen_settings, frames_asked, open_scene, shutter_of
 from tpdwarp.scene.description import Shutter
@@ -65,9 +65,8 @@ def study(
         FrameError: The truth cannot be rendered, or an output cannot be written after all.
     """
     started = time.perf_counter()
-    for path in (csv, json, report):
-        if path is not None:
-            check_writable(path)
+    outputs = {"--csv": csv, "--json": json, "--report": report}
+    check_outputs(outputs, {})
     if report is not None:
         matplotlib_module()
     base = chosen_settings({"image_width": DEFAULT_WIDTH, **settings})
@@ -75,6 +74,7 @@ def study(
         raise InputError("--shutter fixes the exposure (leave one out)")
     cases = sweep.cases(base)
     source = open_scene(scene, base, default_time=False)
+    check_outputs(outputs, {"is part of the scene": source.used_files()})
     source.require_camera()
     chosen = frames_asked(frames, False) or (float(round(0.5 * (source.start + source.end))),)
     shown = study_progress_of(progress)
