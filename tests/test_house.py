@@ -62,7 +62,8 @@ def name_of(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imported(path: Path) -> Iterator[tuple[str, bool]]:
+@cache
+def imported(path: Path) -> list[tuple[str, bool]]:
     """Names of all modules that a file imports, and whether it does so within a function."""
 
     def visit(node: ast.AST, within: bool) -> Iterator[tuple[str, bool]]:
@@ -75,7 +76,7 @@ def imported(path: Path) -> Iterator[tuple[str, bool]]:
                 yield from ((argument.value, within) for argument in child.args if isinstance(argument, ast.Constant))
             yield from visit(child, within or isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda))
 
-    yield from visit(ast.parse(path.read_text(encoding="utf-8")), False)
+    return list(visit(ast.parse(path.read_text(encoding="utf-8")), False))
 
 
 def names_from(node: ast.ImportFrom, path: Path) -> list[str]:
