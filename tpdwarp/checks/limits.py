@@ -331,8 +331,6 @@ def _toml(value: Any) -> str:
         entries = [_toml(entry) for entry in value]
         line = f"[{', '.join(entries)}]"
         return line if len(line) <= 80 else "[\n" + "".join(f"    {entry},\n" for entry in entries) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
