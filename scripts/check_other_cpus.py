@@ -1,6 +1,6 @@
 """Shows that one baseline serves other processors: the shipped scenes, rendered as these would, raise no alarm.
 
-    python scripts/check_other_cpus.py [--width 192] [--seeds 6] [--scenes wave,mirror] [--keep DIR]
+    python scripts/check_other_cpus.py [--width 192] [--seeds 6] [--scenes wave,mirror] [--builds sse2] [--keep DIR]
 
 Processors differ in how they round: whether a product and a sum are fused, how wide sums are cut up, which variant of
 a library's sine is taken. One machine can do it in all these ways: Warp compiles its kernels for a named processor
@@ -57,23 +57,25 @@ class Build:
     """How another processor would compute.
 
     Attributes:
+        title: What it stands for.
         flags: For Warp's compiler.
         environment: For NumPy, OpenBLAS and the C library.
     """
 
+    title: str
     flags: str
     environment: dict[str, str]
 
 
 def builds() -> dict[str, Build]:
-    """Builds by what they stand for."""
+    """Builds by name."""
     without_avx = _without(*_AVX512, "AVX2", "FMA", "AVX", core="Nehalem")
     x86 = {
-        "Haswell: AVX2, FMA": Build("-target-cpu haswell", _without(*_AVX512, core="Haswell")),
-        "Sandy Bridge: AVX, no FMA": Build("-target-cpu sandybridge", without_avx),
-        "any x86-64: SSE2, no FMA": Build("", without_avx),
+        "haswell": Build("Haswell: AVX2, FMA", "-target-cpu haswell", _without(*_AVX512, core="Haswell")),
+        "sandybridge": Build("Sandy Bridge: AVX, no FMA", "-target-cpu sandybridge", without_avx),
+        "sse2": Build("any x86-64: SSE2, no FMA", "", without_avx),
     }
-    others = {"products and sums fused": Build("-march=native -ffp-contract=fast", {})}
+    others = {"fused": Build("products and sums fused", "-march=native -ffp-contract=fast", {})}
     return (x86 if _X86 else {}) | others
 
 
@@ -136,32 +138,39 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--width", type=int, default=192, help="Width of the frames in pixels. [192]")
     parser.add_argument("--photons", type=int, default=16384, help="Photons a frame. [16384]")
-    parser.add_argument("--seeds", type=int, default=6, help="Seeds to calibrate by. [6]")
+    parser.add_argument("--seeds", type=int, default=6, help="Seeds to calibrate by; 0 for none. [6]")
     parser.add_argument("--scenes", default=",".join(NAMES), help=f"Which. [{','.join(NAMES)}]")
+    parser.add_argument("--builds", help=f"Which, of {', '.join(builds())}. [all]")
     parser.add_argument("--keep", type=Path, help="Folder for the frames and reports. [temporary]")
     options = parser.parse_args()
     wrong = 0
+    wanted = options.builds.split(",") if options.builds else builds()
+    chosen = {name: build for name, build in builds().items() if name in wanted}
     with workplace(options.keep) as folder:
         print(f"{'':42} alarms, warnings at limits")
         print(f"{'scene':8} {'as rendered by':30}   default calibrated     RMSE  largest   energy  photons")
         for name in options.scenes.split(","):
             scene, baseline = SCENES / f"{name}.usdc", folder / name / "baseline"
             render(scene, baseline, options.width, options.photons)
-            calibrated = calibrate(scene, baseline, seeds=options.seeds, limits=folder / name / "calibrated.toml")
-            for number, (title, build) in enumerate(builds().items()):
+            limits = [Limits()]
+            if options.seeds:
+                file = folder / name / "calibrated.toml"
+                limits.append(calibrate(scene, baseline, seeds=options.seeds, limits=file))
+            for number, build in enumerate(chosen.values()):
                 frames = folder / name / f"build {number}"
                 render(scene, frames, options.width, options.photons, build)
-                report = frames.with_suffix(".html") if options.keep else None
-                results = (
-                    tpdwarp.check(frames, baseline, limits=Limits(), report=report),
-                    tpdwarp.check(frames, baseline, limits=calibrated),
-                )
+                reports = [frames.with_suffix(".html") if options.keep else None, None]
+                results = [
+                    tpdwarp.check(frames, baseline, limits=allowed, report=report)
+                    for allowed, report in zip(limits, reports, strict=False)
+                ]
                 failures, warnings = ([complaints(result, kind) for result in results] for kind in ("fail", "warn"))
                 counts = [f"{len(failed)}, {len(warned)}" for failed, warned in zip(failures, warnings, strict=True)]
+                counts += ["-"] * (2 - len(counts))
                 sizes = " ".join(f"{largest(results[0], measure):8.1e}" for measure in ("rmse", "hard", "energy"))
                 layer = "same" if same_photons(results[0]) else "differ"
-                print(f"{name:8} {title:30} {counts[0]:>9} {counts[1]:>10} {sizes} {layer:>8}", flush=True)
-                for line in [*failures[0], *warnings[0], *failures[1], *warnings[1]]:
+                print(f"{name:8} {build.title:30} {counts[0]:>9} {counts[1]:>10} {sizes} {layer:>8}", flush=True)
+                for line in [line for found in (*failures, *warnings) for line in found]:
                     print(f"    {line}", flush=True)
                 wrong += any(failures)
     return 1 if wrong else 0

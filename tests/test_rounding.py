@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scripts.benchmarks.rounding import QUANTITIES, ROOT, SCENES, documented, errors
+from tests.rounding import QUANTITIES, ROOT, SCENES, documented, errors
 
 STATED = documented(ROOT / "docs" / "rounding.md")
 # Medians move with the rounding of every operation, the worst of a hundred photons with those of a few of them.

@@ -16,6 +16,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from tpdwarp.version import VERSION
+
 if TYPE_CHECKING:
     from tpdwarp.checks.findings import CheckResult
     from tpdwarp.checks.run import check
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from tpdwarp.studies.run import study
     from tpdwarp.studies.truth import TruthSettings
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 __all__ = [
     "CheckResult",

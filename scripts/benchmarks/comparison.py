@@ -20,15 +20,15 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from accuracy import PIXELS, ROWS, WaveInMemory
+from accuracy import PIXELS, ROWS, wave_over_floor
 
-from tests.test_accuracy import PIXELS as ROD_PIXELS
-from tests.test_accuracy import rod
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
+from usd_scenes.in_memory import rod_and_truth
 from usd_scenes.oracle import Wave, irradiance_average
+from usd_scenes.oracle.caustic_rod import PIXELS as ROD_PIXELS
 
 INSTANT_PHOTONS = (256, 1024, 4096, 16_384, 65_536)
 # Settings, and instants with the photons of each. Without lattices noise falls with the number of instants, of which
@@ -79,8 +79,8 @@ def scenes() -> Iterator[Scene]:
     for name, wavelength in (("soft wave", 1.3), ("wave with folds", 0.65)):
         wave = Wave(wavelength=wavelength, speed=wavelength / 8.0)
         columns = irradiance_average(np.linspace(-1.0, 1.0, PIXELS + 1), wave, 0.0, 1.0, times=256)
-        yield Scene(name, WaveInMemory(wave), np.broadcast_to(columns, (ROWS, PIXELS)), PIXELS, ROWS)
-    source, truth = rod()
+        yield Scene(name, wave_over_floor(wave), np.broadcast_to(columns, (ROWS, PIXELS)), PIXELS, ROWS)
+    source, truth = rod_and_truth()
     yield Scene("cylinder", source, truth, 2 * ROD_PIXELS, 2 * ROD_PIXELS, 2)
 
 

@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import re
+import sys
 from pathlib import Path
 
-from sheets import DOCS, publish
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-FIGURES = {
-    1: "fig1_sea_bottom",
-    6: "fig6_exposures",
-    7: "fig7_between",
-    8: "fig8_cylinder",
-    9: "fig9_time_differentials",
-}
+from usd_scenes.drawing.sheets import DOCS, publish
+
+FOLDER = Path(__file__).resolve().parent
+# Modules of this folder by the number of their figure.
+FIGURES = {int(re.match(r"fig(\d+)_", path.name)[1]): path.stem for path in sorted(FOLDER.glob("fig*_*.py"))}
 
 
 def main() -> None:

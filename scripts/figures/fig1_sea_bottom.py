@@ -6,11 +6,15 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
 from renders import finer_sea, shot, truth
-from sheets import Figure, Tile, grey, publish
+
+from usd_scenes.drawing.sheets import Figure, Tile, grey, publish
 
 WIDTH = 256
 EXPOSURE = 1.0

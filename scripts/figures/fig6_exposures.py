@@ -6,10 +6,15 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
 from renders import shipped, shot
-from sheets import Figure, Tile, grey, publish
 
 from tpdwarp.presets import PRESETS
+from usd_scenes.drawing.sheets import Figure, Tile, grey, publish
 
 PHOTONS = 1000
 WIDTH = 224

@@ -6,13 +6,16 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
 from renders import Shot, folding_wave, shipped, shot, truth
-from sheets import Figure, Tile, grey, publish
 
 from tpdwarp.presets import PRESETS
+from usd_scenes.drawing.sheets import Figure, Tile, grey, publish
 
 WIDTH = 160
 PHOTONS = 1000

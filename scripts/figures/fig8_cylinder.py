@@ -6,11 +6,17 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
 from renders import Shot, shipped, shot, truth
-from sheets import Figure, Tile, grey, publish
 
 from tpdwarp.presets import PRESETS
+from usd_scenes.drawing.sheets import Figure, Tile, grey, publish
 
 WIDTH = 240
 EXPOSURE = 2.0

@@ -6,18 +6,22 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
-from lines import draw_lines, project
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
 from renders import FRAME, MEASURING_CAMERA, shipped, shot
-from sheets import Figure, Tile, grey, publish
 
 from tpdwarp.io.images import encode_srgb
 from tpdwarp.jobs.sequence import open_scene
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.debug_layer import DebugLayerReader
+from usd_scenes.drawing.lines import draw_lines, project
+from usd_scenes.drawing.sheets import Figure, Tile, grey, publish
 
 WIDTH = 448
 EXPOSURE = 1.0

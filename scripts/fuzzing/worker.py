@@ -6,9 +6,9 @@ import json
 import sys
 from pathlib import Path
 
-from scripts.fuzzing.cases import make_case
-from scripts.fuzzing.judge import clean, judge
 from tpdwarp.usd.read import stage
+from usd_scenes.hostile.cases import make_case
+from usd_scenes.hostile.judge import clean, judge
 
 
 def main(first: int, last: int, folder: Path, binary: bool) -> None:

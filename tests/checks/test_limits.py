@@ -93,3 +93,26 @@ def test_what_is_no_limit_is_refused_with_the_files_name(tmp_path, text, complai
     (tmp_path / "a.toml").write_text(text)
     with pytest.raises(InputError, match=rf"a\.toml: .*{complaint}"):
         read_limits(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("[flip]\nwidth = 0\n", "[flip] width must be a whole number above 0, not 0"),
+        ("[flip]\nwidth = inf\n", "[flip] width must be a whole number above 0, not inf"),
+        ("[flip]\npercentile = 101\n", "[flip] percentile must be a number from 0 to 100, not 101"),
+        ("[flip]\nmaximum_luminance = 0.0\n", "[flip] maximum_luminance must be a number above 0, not 0.0"),
+        ("[all]\nrmse = " + 2000 * "[" + 2000 * "]", "is nested too deeply"),
+        ("[all]\nrmse = " + 200 * "[" + 200 * "]", "[all] rmse must be a number, 0 or more, not [["),
+        ("[all]\nrmse = " + 5000 * "9", "is no TOML"),
+        ("[all]\nrmse = " + 4000 * "9", "[all] rmse must be a number, 0 or more, not 99"),
+        ("[all]\nrmse = 0x" + 5000 * "f", "[all] rmse must be a number, 0 or more, not that"),
+        ("[calibration]\nmade = 2020-01-01\n", "[calibration] made must be text or a number"),
+    ],
+)
+def test_limits_that_would_end_a_check_half_way_are_refused_in_a_short_line(tmp_path, text, complaint):
+    file = tmp_path / "a.toml"
+    file.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_limits(file)
+    assert str(refused.value).startswith(f"{file}: {complaint}") and len(str(refused.value)) < 500

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pxr import Gf, Sdf
 
 import tpdwarp
 from tests.checks.images import write_sequence
@@ -11,6 +12,7 @@ from tests.small_stage import write_stage
 from tpdwarp.checks.limits import PhotonLimits
 from tpdwarp.checks.photons import photon_findings
 from tpdwarp.checks.run import check
+from tpdwarp.cli import main
 from tpdwarp.photons.record import PhotonRecord
 
 SIDE = 10
@@ -131,3 +133,51 @@ def test_a_layer_that_only_the_baseline_has_is_missing(tmp_path):
         ("photons s.debug.usdc", "missing frame")
     ]
     assert check(baseline, frames).failed[0].findings[0].kind == "extra frame"
+
+
+@pytest.fixture(scope="module")
+def layers(tmp_path_factory):
+    """A stage's debug layer, of two frames."""
+    folder = tmp_path_factory.mktemp("layers")
+    stage = write_stage(folder / "s.usda", frames=2)
+    tpdwarp.write_photons(stage, folder / "good" / "w.debug.usda", photons=40)
+    return folder / "good"
+
+
+ODD = {
+    "a receiver beyond those that are named": ("tpd:receiver", "int[]", lambda count: [7] * count, "tpd:receiver"),
+    "words in place of flux": ("tpd:flux", "string[]", lambda count: ["bright"] * count, "tpd:flux"),
+    "flux of two channels": ("tpd:flux", "float2[]", lambda count: [Gf.Vec2f(1)] * count, "tpd:flux"),
+    "one word in place of bounces": ("tpd:bounces", "string", lambda count: "two", "tpd:bounces"),
+    "half of the bounces": ("tpd:bounces", "int[]", lambda count: [1] * (count // 2), "tpd:bounces"),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_one_odd_layer_is_its_own_failure_and_reports_are_written(layers, tmp_path, name):
+    primvar, of_type, values, where = ODD[name]
+    odd = tmp_path / "a" / "w.debug.usda"
+    odd.parent.mkdir()
+    layer = Sdf.Layer.CreateNew(str(odd))
+    layer.TransferContent(Sdf.Layer.FindOrOpen(str(layers / "w.debug.usda")))
+    path = Sdf.Path(f"/TPD/Photons.primvars:{primvar}")
+    count = len(layer.QueryTimeSample(Sdf.Path("/TPD/Photons.points"), 1))
+    prim = layer.GetPrimAtPath(path.GetPrimPath())
+    del prim.properties[path.name]
+    Sdf.AttributeSpec(prim, path.name, Sdf.ValueTypeNames.Find(of_type)).default = values(count)
+    layer.Save()
+    outputs = {kind: tmp_path / f"r.{kind}" for kind in ("report", "junit", "json")}
+    result = check(odd.parent, layers, **outputs)
+    assert {finding.kind for frame in result.failed for finding in frame.failures} == {"unreadable"}
+    assert all(where in str(frame.failures[0]) for frame in result.failed) and len(result.failed) == 2
+    assert all(path.stat().st_size for path in outputs.values())
+    assert main(["check", str(odd.parent), str(layers)]) == 1
+
+
+def test_what_nobody_thought_of_in_a_layer_is_that_frames_failure(layers, monkeypatch):
+    def broken(*arguments):
+        raise IndexError("out of range")
+
+    monkeypatch.setattr("tpdwarp.checks.photons.photon_findings", broken)
+    result = check(layers, layers)
+    assert {frame.failures[0].kind for frame in result.frames} == {"not compared"} and len(result.frames) == 2

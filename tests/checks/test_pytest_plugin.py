@@ -38,7 +38,7 @@ def run(pytester):
 
 
 def test_the_package_tells_pytest_of_the_plug_in():
-    project = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
     assert project["entry-points"]["pytest11"] == {"tpdwarp": "tpdwarp.checks.pytest_plugin"}
 
 

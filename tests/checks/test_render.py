@@ -1,5 +1,6 @@
 """A stage is rendered again as its baseline was; limits are found from other seeds."""
 
+import json
 import shutil
 
 import pytest
@@ -9,10 +10,11 @@ from tests.checks.images import write_sequence
 from tests.small_stage import write_stage
 from tpdwarp.checks.calibrate import calibrate
 from tpdwarp.checks.limits import Limits, read_limits
-from tpdwarp.checks.render import recipe_of
+from tpdwarp.checks.render import MOST, recipe_of
 from tpdwarp.checks.run import check
 from tpdwarp.cli import main
 from tpdwarp.errors import InputError
+from tpdwarp.presets import PRESETS
 
 SMALL = {
     "image_width": 24,
@@ -94,3 +96,39 @@ def test_calibrated_limits_let_another_seed_pass_that_the_defaults_stop(rendered
 def test_calibrating_by_too_little_is_refused(rendered, arguments):
     with pytest.raises(InputError, match="must"):
         calibrate(*rendered, **arguments)
+
+
+def test_no_output_is_written_over_the_scene_or_a_frame_to_be(rendered, tmp_path):
+    stage, baseline = rendered
+    shot = tmp_path / "shot.usda"
+    shot.write_text(f"#usda 1.0\n(\n    subLayers = [@{stage}@]\n)\n")
+    kept = {path: path.read_bytes() for path in (shot, *baseline.iterdir())}
+    for output, said in (
+        (shot, "is part of the scene"),
+        (stage, "is part of the scene"),
+        (baseline / "w.0001.exr", "is part of the baseline"),
+        (tmp_path / "a" / "w.0003.exr", "is written by --json and by frames"),
+    ):
+        with pytest.raises(InputError, match=said):
+            check(tmp_path / "a", baseline, render=shot, json=output)
+    with pytest.raises(InputError, match="is part of the baseline"):
+        check(baseline, baseline, render=shot)
+    with pytest.raises(InputError, match="is part of the baseline"):
+        calibrate(shot, baseline, limits=baseline / "w.0003.exr")
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("samples", 100_000), ("photons", 2**27), ("segments", 5000), ("image_width", 10**6)]
+)
+def test_a_baseline_that_asks_for_endless_work_is_refused(rendered, tmp_path, name, value):
+    settings = {**recipe_of(rendered[1]).settings, name: value}
+    hostile = write_sequence(tmp_path / "b", 1, **{"tpdwarp:settings": json.dumps(settings)})
+    with pytest.raises(InputError, match=f"asks for {name} "):
+        check(tmp_path / "a", hostile, render=rendered[0])
+    assert not (tmp_path / "a").exists()
+
+
+def test_every_preset_may_be_a_baseline():
+    for preset in PRESETS.values():
+        assert all(preset.get(name, 0) in ("auto", None) or preset.get(name, 0) <= most for name, most in MOST.items())

@@ -14,7 +14,8 @@ from tpdwarp.checks import run
 from tpdwarp.checks.frames import ComparedFrame
 from tpdwarp.checks.limits import GroupLimits, Limits
 from tpdwarp.checks.run import check
-from tpdwarp.errors import InputError
+from tpdwarp.cli import main
+from tpdwarp.errors import FrameError, InputError
 from tpdwarp.jobs.progress import Progress
 
 FREE = Limits(all=GroupLimits(**dict.fromkeys(vars(GroupLimits()), float("inf"))), groups={})
@@ -202,3 +203,43 @@ def test_junit_has_only_what_the_strictest_of_its_readers_allows(tmp_path, basel
         attributes, children = JENKINS[element.tag]
         assert set(element.attrib) <= attributes and {child.tag for child in element} <= children
         assert element.get("time", "0").replace(".", "", 1).isdigit()
+
+
+def test_no_report_is_written_over_what_is_compared(tmp_path, baseline):
+    frames = write_sequence(tmp_path / "a", 3)
+    limits = baseline / "tpdwarp-check.toml"
+    limits.write_text("")
+    (tmp_path / "link.html").symlink_to(baseline / "wave.0001.exr")
+    kept = {path: path.read_bytes() for folder in (frames, baseline) for path in folder.iterdir()}
+    for kind in ("report", "junit", "json"):
+        for output, said in (
+            (frames / "wave.0002.exr", "is a frame that is checked"),
+            (baseline / "wave.0003.exr", "is part of the baseline"),
+            (tmp_path / "a" / ".." / "b" / "wave.0003.exr", "is part of the baseline"),
+            (limits, "is the limits file"),
+        ):
+            with pytest.raises(InputError, match=said):
+                check(frames, baseline, **{kind: output})
+    with pytest.raises(InputError, match="is written by --report and by --json"):
+        check(frames, baseline, report=tmp_path / "r", json=tmp_path / "r")
+    assert {path: path.read_bytes() for path in kept} == kept
+
+
+def test_a_report_that_cannot_be_written_costs_no_other(tmp_path, baseline, monkeypatch):
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(run, "write_report", full)
+    with pytest.raises(FrameError, match=r"r.html: cannot be written: No space left"):
+        check(baseline, baseline, report=tmp_path / "r.html", junit=tmp_path / "r.xml", json=tmp_path / "r.json")
+    assert (tmp_path / "r.xml").exists() and (tmp_path / "r.json").exists()
+    assert main(["check", str(baseline), str(baseline), "--report", str(tmp_path / "r.html")]) == 2
+
+
+def test_the_unexpected_is_not_taken_for_a_difference(baseline, monkeypatch, capsys):
+    def broken(*arguments, **options):
+        raise IndexError("out of range")
+
+    monkeypatch.setattr("tpdwarp.checks.table.table_lines", broken)
+    assert main(["check", str(baseline), str(baseline)]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == "error: internal: IndexError: out of range"

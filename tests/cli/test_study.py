@@ -22,6 +22,8 @@ def test_a_study_prints_its_table(arguments, tmp_path, capsys):
     assert main([*arguments, *swept, *more, "--json", str(out)]) == 0
     stdout, stderr = capsys.readouterr()
     assert stderr == "" and stdout.count("truth with relative noise") == 2
+    # The sign of the rows is explained.
+    assert "\n*  " in stdout and stdout.count("\n* on the Pareto front: ") == 1
     # Two exposures, of two numbers of photons with two, one and two ways, and the preset.
     assert len(json.loads(out.read_text())["measured"]) == 2 * (2 * (2 + 1 + 2) + 1)
 

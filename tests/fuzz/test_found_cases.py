@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from scripts.fuzzing.judge import _faults_of_image
 from tests.small_stage import write_stage
 from tpdwarp.cli import main
+from usd_scenes.hostile.judge import faults_of_image
 
 QUICK = ["--photons", "64", "--samples", "1", "-w", "8", "-f", "1"]
 
@@ -168,7 +168,7 @@ def test_it_is_rendered_and_what_was_made_of_it_is_said(name, tmp_path, capfd):
     file = changed(tmp_path, change)
     out = tmp_path / "a.0001.exr"
     assert main(["render", file, str(tmp_path / "a.####.exr"), *QUICK, "--stats", str(tmp_path / "a.json")]) == 0
-    assert list(_faults_of_image(out)) == []
+    assert list(faults_of_image(out)) == []
     lines = capfd.readouterr().err.splitlines()
     assert all(line.startswith("warning: ") for line in lines)
     assert said in " ".join(lines)
@@ -200,7 +200,7 @@ def test_colours_are_not_negative_on_the_edge_of_a_triangle(tmp_path):
 
     file = changed(tmp_path, corners)
     assert main(["render", file, str(tmp_path / "a.####.exr"), *QUICK]) == 0
-    assert list(_faults_of_image(tmp_path / "a.0001.exr")) == []
+    assert list(faults_of_image(tmp_path / "a.0001.exr")) == []
 
 
 def test_light_that_a_sliver_passes_by_is_bounded_in_no_time():

@@ -8,7 +8,7 @@ import pytest
 from tpdwarp.io.images import FINGERPRINT, write_frame
 from tpdwarp.jobs.existing_frames import STATISTICS, ExistingFrames, statistics_text
 from tpdwarp.jobs.fingerprint import Fingerprint
-from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.settings import Settings
 
 SETTINGS = Settings(photons=64, exposure=0.5, aovs=("Z",))

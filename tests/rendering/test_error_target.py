@@ -84,6 +84,7 @@ def test_no_light_needs_few_photons():
     assert (choice.photons, choice.segments) == (error_target.FIRST_PHOTONS, 1) and choice.error < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("wave", "exposure"), [(Wave(), 0), (Wave(), 1), (Wave(), 3), (FOLDED, 1), (FOLDED, 2)])
 @pytest.mark.parametrize("wanted", [0.1, 0.05, 0.02])
 def test_the_true_error_is_within_a_factor_of_two_of_what_was_asked(wave, exposure, wanted):
@@ -98,6 +99,7 @@ def test_the_true_error_is_within_a_factor_of_two_of_what_was_asked(wave, exposu
     assert target.expected <= wanted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "exposure", "photons", "instants"), [("sea", 1.0, 1 << 16, 16), ("mirror", 0.0, 1 << 21, 1)]
 )
@@ -125,6 +127,7 @@ def test_shipped_scenes_err_as_wanted_in_frames_that_the_pilot_does_not_see(scen
     assert 0.5 * wanted < error(light(chosen_settings), truth) < 2 * wanted
 
 
+@pytest.mark.slow
 def test_a_turning_cylinder_errs_as_wanted_beside_brute_force_that_took_half_an_hour():
     """Both frames of scripts/benchmarks/converged, which four million photons at each of 16 instants made."""
     wanted = 0.1

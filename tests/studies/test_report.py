@@ -22,7 +22,10 @@ def pictures(text, tmp_path):
 def test_the_page_needs_nothing_from_outside(tmp_path):
     write_report(tmp_path / "a.html", three_cases())
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert not re.findall(r'(?:src|href)="(?!data:)', text) and "<script" not in text and "url(" not in text
+    # A name within the page begins with #.
+    assert not re.findall(r'(?:src|href)="(?!data:|#)|url\((?!#)', text) and "<script" not in text
+    names = re.findall(r'\bid="([^"]*)"', text)
+    assert {*re.findall(r'href="#([^"]*)"', text), *re.findall(r"url\(#([^)]*)\)", text)} == {*names}
 
 
 def test_each_case_is_shown_beside_the_map_of_its_errors(tmp_path):

@@ -1,5 +1,8 @@
 """Whole studies of a small stage."""
 
+import sys
+from pathlib import Path
+
 import pytest
 
 from tests.small_stage import write_stage
@@ -126,6 +129,26 @@ def test_an_output_that_cannot_be_is_refused_before_anything_is_rendered(stage, 
     monkeypatch.setattr(run, "open_scene", lambda *_, **__: pytest.fail("opened"))
     with pytest.raises(InputError, match="is a folder"):
         small(stage, tmp_path, report=tmp_path)
+
+
+def test_without_matplotlib_a_report_is_refused_before_anything_is_rendered(stage, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setattr(run, "open_scene", lambda *_, **__: pytest.fail("opened"))
+    with pytest.raises(InputError, match=r"needs Matplotlib \(pip install 'tpdwarp\[study\]'\)"):
+        small(stage, tmp_path, report=tmp_path / "study.html")
+
+
+def test_no_output_is_written_over_the_scene(stage, tmp_path):
+    shot = tmp_path / "shot.usda"
+    shot.write_text(f"#usda 1.0\n(\n    startTimeCode = 1\n    endTimeCode = 3\n    subLayers = [@{stage}@]\n)\n")
+    kept = {path: path.read_bytes() for path in (shot, Path(stage))}
+    for kind in ("csv", "json", "report"):
+        for output in kept:
+            with pytest.raises(InputError, match="is part of the scene"):
+                small(shot, tmp_path, **{kind: output})
+    with pytest.raises(InputError, match="is written by --csv and by --json"):
+        small(shot, tmp_path, csv=tmp_path / "a", json=tmp_path / "a")
+    assert {path: path.read_bytes() for path in kept} == kept
 
 
 def test_a_fixed_shutter_and_swept_exposures_exclude_each_other(stage, tmp_path):

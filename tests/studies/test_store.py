@@ -42,6 +42,28 @@ def test_a_solution_cut_short_is_rendered_again(tmp_path):
     assert store.load(path) is None
 
 
+def test_whatever_is_damaged_is_rendered_again_with_a_word_or_comes_back_as_it_was(tmp_path, caplog):
+    store, kept = Store(tmp_path, "scene"), solution(1.0, 0.2)
+    path = store.path({})
+    store.save(path, kept)
+    whole = path.read_bytes()
+    assert store.load(path) is not None and caplog.text == ""
+    damaged = 0
+    # Every seventh byte meets headers, checksums and data.
+    for place in range(0, len(whole), 7):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+        caplog.clear()
+        found = store.load(path)
+        if found is None:
+            assert f"{path}: is damaged and made anew" in caplog.text
+            damaged += 1
+        else:
+            # Names and dates of an archive's members may be anything.
+            np.testing.assert_array_equal(found.caustic, kept.caustic)
+            np.testing.assert_array_equal(found.beauty, kept.beauty)
+    assert damaged > 0.5 * len(whole) / 7
+
+
 def test_a_folder_that_cannot_be_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError):

@@ -10,15 +10,16 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-import tpdwarp
 from tpdwarp.checks.findings import CheckResult
+from tpdwarp.checks.inputs import inputs_of
 from tpdwarp.checks.limits import FlipLimits, GroupLimits, Limits, limits_beside, write_limits
+from tpdwarp.checks.prediction_limit import prediction_limit, student_inverse
 from tpdwarp.checks.render import Recipe, recipe_of, render_like
 from tpdwarp.checks.run import check
-from tpdwarp.checks.student import prediction_limit
 from tpdwarp.errors import InputError
-from tpdwarp.io.files import check_writable
+from tpdwarp.io.outputs import check_outputs
 from tpdwarp.jobs.progress import Progress, progress_of
+from tpdwarp.version import VERSION
 
 FilePath = str | os.PathLike[str]
 
@@ -70,14 +71,15 @@ def calibrate(
         The limits written.
 
     Raises:
-        InputError: The arguments cannot be used, or a frame cannot be rendered again.
+        InputError: The arguments cannot be used, a frame cannot be rendered again, or SciPy is not installed.
     """
+    student_inverse()
     if seeds < FEWEST_SEEDS:
         raise InputError(f"--seeds must be {FEWEST_SEEDS} or more, not {seeds}")
     if not 0 < false_alarms < 0.5:
         raise InputError(f"--false-alarms must lie between 0 and 0.5, not {false_alarms}")
     target = Path(limits) if limits is not None else limits_beside(baseline)
-    check_writable(target)
+    check_outputs({"--limits": target}, inputs_of(baseline=baseline, scene=scene))
     recipe = replace(recipe_of(baseline), layer="")
     shown = progress_of(progress)
     with tempfile.TemporaryDirectory(prefix="tpdwarp-calibrate-") as folder:
@@ -90,7 +92,7 @@ def calibrate(
         f"{seeds} other seeds of {Path(scene).name}, {len(recipe.frames)} frames, "
         f"at most {false_alarms:g} false alarms a check"
     )
-    record = {"note": note, "program": f"tpdwarp {tpdwarp.__version__}", "seeds": seeds, "false_alarms": false_alarms}
+    record = {"note": note, "program": f"tpdwarp {VERSION}", "seeds": seeds, "false_alarms": false_alarms}
     found = replace(found, calibration=record)
     write_limits(target, found, "Limits of tpdwarp check, found by calibration; numbers may be changed by hand.")
     return found

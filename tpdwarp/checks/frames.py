@@ -17,7 +17,7 @@ from tpdwarp.checks.measures import judge, measure
 from tpdwarp.checks.metadata import metadata_findings
 from tpdwarp.checks.pictures import group_pictures
 from tpdwarp.checks.sequences import Pair
-from tpdwarp.errors import FrameError, InputError
+from tpdwarp.errors import InputError, shortened
 from tpdwarp.html.pictures import shrunk
 from tpdwarp.io.images import StoredImage, decode_srgb, read_stored
 
@@ -114,13 +114,21 @@ def compare_frame(pair: Pair, limits: Limits, picture_width: int = 0) -> Compare
 
 
 def compare_surely(pair: Pair, limits: Limits, picture_width: int = 0) -> ComparedFrame:
-    """Like :func:`compare_frame`; whatever else goes wrong with a frame is that frame's failure as well."""
+    """Like :func:`compare_frame`; whatever else goes wrong with a frame is that frame's failure as well.
+
+    Files come from anywhere, and one odd file must not cost the report of all the others.
+    """
     try:
         return compare_frame(pair, limits, picture_width)
-    except (FrameError, MemoryError, OSError, ValueError) as error:
-        finding = Finding("fail", "not compared", f"{type(error).__name__}: {error}")
+    except Exception as error:
+        finding = not_compared(error)
         paths = [files[0] if files else "" for files in (pair.files, pair.baselines)]
         return ComparedFrame(FrameComparison(pair.name, pair.frame, paths[0], paths[1], (finding,)))
+
+
+def not_compared(error: Exception) -> Finding:
+    """The failure of a frame whose comparison ended in an error."""
+    return Finding("fail", "not compared", shortened(f"{type(error).__name__}: {error}"))
 
 
 def same_bytes(path: str, other: str) -> bool:

@@ -8,16 +8,16 @@ import os
 from dataclasses import asdict
 from typing import Any
 
-import tpdwarp
 from tpdwarp.checks.findings import CheckResult, FrameComparison
 from tpdwarp.io.files import complete_or_absent
+from tpdwarp.version import VERSION
 
 
 def as_json(result: CheckResult) -> dict[str, Any]:
     """A result as plain JSON values. Infinity, which JSON does not know, is null."""
     statuses = [frame.status for frame in result.frames]
     return {
-        "program": f"tpdwarp {tpdwarp.__version__}",
+        "program": f"tpdwarp {VERSION}",
         "frames_path": result.frames_path,
         "baseline_path": result.baseline_path,
         "ok": result.ok,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from tpdwarp.errors import InputError
+from tpdwarp.errors import InputError, shortened
 from tpdwarp.io.files import check_writable, complete_or_absent
 
 LIMITS_FILE = "tpdwarp-check.toml"
@@ -144,6 +145,16 @@ square; energy, of the sum. flip_mean and flip_high are FLIP's mean and percenti
     "metadata": "Attributes that must agree; names may hold *.",
 }
 
+# Numbers that 0 or infinity would make meaningless: the least, the largest, and these in words. No image is wider than
+# OpenEXR's windows, whose bounds are 32-bit integers.
+_POSITIVE = (sys.float_info.min, sys.float_info.max, "a number above 0")
+_RANGES = {
+    ("flip", "width"): (1, 2**31 - 1, "a whole number above 0"),
+    ("flip", "percentile"): (0, 100, "a number from 0 to 100"),
+    ("flip", "maximum_luminance"): _POSITIVE,
+    ("flip", "median_luminance"): _POSITIVE,
+}
+
 BEAUTY = "beauty"
 # FLIP grows with the 0.7th power of small differences: rounding to half alone gives 0.003.
 _BEAUTY_DEFAULTS = {"flip_mean": 6e-3, "flip_high": 0.03}
@@ -192,8 +203,11 @@ def read_limits(path: str | os.PathLike[str]) -> Limits:
             tables = tomllib.load(stream)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=file) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"is no TOML: {error}", file=file) from error
+    except RecursionError as error:
+        raise InputError("is nested too deeply for limits", file=file) from error
+    except ValueError as error:
+        # Beside what is no TOML: what is no UTF-8, and numbers of thousands of digits.
+        raise InputError(f"is no TOML: {shortened(str(error))}", file=file) from error
     kinds = {"all": GroupLimits, "flip": FlipLimits, "sequence": SequenceLimits}
     kinds |= {"metadata": MetadataLimits, "photons": PhotonLimits}
     for name, table in tables.items():
@@ -207,6 +221,9 @@ def read_limits(path: str | os.PathLike[str]) -> Limits:
             raise InputError(f"[groups] holds tables, as in [groups.{name}]", file=file)
         checked = _table(GroupLimits, table, f"groups.{name}", file)
         groups.setdefault(name, {}).update({key: getattr(checked, key) for key in table})
+    for name, value in tables.get("calibration", {}).items():
+        if not isinstance(value, str) and not _is_number(value):
+            raise InputError(f"[calibration] {name} must be text or a number, not {_shown(value)}", file=file)
     read = {name: _table(kind, tables.get(name, {}), name, file) for name, kind in kinds.items()}
     return Limits(groups=groups, calibration=tables.get("calibration", {}), **read)
 
@@ -278,12 +295,32 @@ def _table(kind: type, table: Mapping[str, Any], name: str, file: str) -> Any:
             usable = isinstance(value, list) and all(isinstance(entry, str) for entry in value)
             wanted = "a list of names"
         else:
-            usable = isinstance(value, int | float) and not isinstance(value, bool) and value >= 0
-            wanted = "a number, 0 or more"
+            low, high, wanted = _RANGES.get((name, key), (0, math.inf, "a number, 0 or more"))
+            usable = _is_number(value) and low <= value <= high
         if not usable:
-            raise InputError(f"[{name}] {key} must be {wanted}, not {value!r}", file=file)
+            raise InputError(f"[{name}] {key} must be {wanted}, not {_shown(value)}", file=file)
         values[key] = tuple(value) if isinstance(default, tuple) else type(default)(value)
     return kind(**values)
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a number, and one that fits a float."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    try:
+        float(value)
+    except OverflowError:
+        return False
+    return True
+
+
+def _shown(value: Any) -> str:
+    """A value for a message, short and in one line."""
+    try:
+        return shortened(repr(value))
+    except (ValueError, RecursionError):
+        # Integers of thousands of digits have no text in Python.
+        return "that"
 
 
 def _toml(value: Any) -> str:
@@ -294,8 +331,6 @@ def _toml(value: Any) -> str:
         entries = [_toml(entry) for entry in value]
         line = f"[{', '.join(entries)}]"
         return line if len(line) <= 80 else "[\n" + "".join(f"    {entry},\n" for entry in entries) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

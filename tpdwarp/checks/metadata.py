@@ -58,7 +58,7 @@ def _severity(name: str, limits: MetadataLimits) -> Severity | None:
 def _settings(value: Any) -> dict[str, Any] | None:
     try:
         settings = json.loads(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RecursionError):
         return None
     return settings if isinstance(settings, dict) else None
 
@@ -68,7 +68,7 @@ def _equal(mine: Any, theirs: Any, relative: float) -> bool:
         return mine is theirs
     try:
         numbers = np.asarray(mine, np.float64), np.asarray(theirs, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return bool(np.all(mine == theirs))
     if isinstance(mine, str) or isinstance(theirs, str):
         return mine == theirs

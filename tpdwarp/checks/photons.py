@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tpdwarp.checks.findings import Finding, FrameComparison
+from tpdwarp.checks.frames import not_compared
 from tpdwarp.checks.limits import Limits, PhotonLimits
 from tpdwarp.checks.measures import relative_difference
 from tpdwarp.checks.metadata import metadata_findings
@@ -52,18 +53,23 @@ def compare_layers(path: str, baseline: str, limits: Limits) -> Iterator[FrameCo
             finding = Finding("fail" if rule == "fail" else "warn", kind, message)
             yield FrameComparison(label, None, path, baseline, (finding,))
         return
+    about: list[Finding] = []
+    frames: list[float] = []
     try:
         mine, theirs = DebugLayerReader(path), DebugLayerReader(baseline)
+        about += metadata_findings(_metadata(mine), _metadata(theirs), limits.metadata)
+        if mine.up_axis_and_unit != theirs.up_axis_and_unit:
+            message = f"up axis and unit are {mine.up_axis_and_unit}, the baseline's {theirs.up_axis_and_unit}"
+            about.append(Finding("fail", "metadata", message))
+        frames += sorted({*mine.frames, *theirs.frames})
     except InputError as error:
-        yield FrameComparison(label, None, path, baseline, (Finding("fail", "unreadable", str(error)),))
-        return
-    about = list(metadata_findings(_metadata(mine), _metadata(theirs), limits.metadata))
-    if mine.up_axis_and_unit != theirs.up_axis_and_unit:
-        message = f"up axis and unit are {mine.up_axis_and_unit}, the baseline's {theirs.up_axis_and_unit}"
-        about.append(Finding("fail", "metadata", message))
+        about.append(Finding("fail", "unreadable", str(error)))
+    except Exception as error:
+        # A layer may hold anything; the other layers and all images are compared all the same.
+        about.append(not_compared(error))
     if about:
         yield FrameComparison(label, None, path, baseline, tuple(about))
-    for frame in sorted({*mine.frames, *theirs.frames}):
+    for frame in frames:
         started = time.perf_counter()
         identical = False
         if frame not in theirs.frames:
@@ -81,6 +87,8 @@ def compare_layers(path: str, baseline: str, limits: Limits) -> Iterator[FrameCo
                 )
             except InputError as error:
                 findings = [Finding("fail", "unreadable", str(error))]
+            except Exception as error:
+                findings = [not_compared(error)]
         yield FrameComparison(
             f"photons {frame:.12g}",
             frame,

@@ -61,9 +61,9 @@ def assert_frames_match(
         InputError: They cannot be compared.
     """
     __tracebackhide__ = True
-    import tpdwarp
+    from tpdwarp.checks.run import check
 
-    result = tpdwarp.check(frames, baseline, limits=limits, report=report)
+    result = check(frames, baseline, limits=limits, report=report)
     if not result.ok:
         pytest.fail(_message(result), pytrace=False)
     return result
@@ -85,14 +85,15 @@ def tpdwarp_frames(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[.
         **settings: Any,
     ) -> CheckResult:
         __tracebackhide__ = True
-        import tpdwarp
+        from tpdwarp.checks.run import check
         from tpdwarp.checks.update import update_baseline
+        from tpdwarp.jobs.sequence import render
 
         beside = request.path.parent
         module = beside / request.config.getini("tpdwarp_baselines") / request.path.stem
         expected = beside / baseline if baseline else module / _file_name(request.node.name)
         frames = tmp_path / f"{_file_name(expected.name)}-frames"
-        rendered = tpdwarp.render(beside / scene, frames / f"{name}.####.exr", **settings)
+        rendered = render(beside / scene, frames / f"{name}.####.exr", **settings)
         if not rendered.ok:
             reasons = [f"frame {frame:g}: {reason}" for frame, reason in rendered.failed.items()]
             pytest.fail("\n".join(["frames could not be rendered", *reasons, *rendered.problems]), pytrace=False)
@@ -102,9 +103,10 @@ def tpdwarp_frames(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[.
         update = request.config.getoption("--tpdwarp-update")
         if not update and not expected.is_dir():
             pytest.fail(f'{expected}: there is no baseline (run with --tpdwarp-update --tpdwarp-reason "why")', False)
-        result = tpdwarp.check(frames, expected, limits=limits, report=report, new=update)
+        result = check(frames, expected, limits=limits, report=report, new=update)
         if update:
-            update_baseline(result, request.config.getoption("--tpdwarp-reason"))
+            # All frames that the test asks for are there, so that others are no longer asked for.
+            update_baseline(result, request.config.getoption("--tpdwarp-reason"), drop_missing=True)
         elif not result.ok:
             pytest.fail(_message(result), pytrace=False)
         return result

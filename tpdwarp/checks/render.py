@@ -12,12 +12,18 @@ from typing import Any
 
 from tpdwarp.checks.sequences import LAYER_EXTENSIONS, FrameFile, files_of
 from tpdwarp.errors import InputError, logger
+from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import EXTENSIONS, read_stored
 from tpdwarp.jobs.progress import Progress
 from tpdwarp.jobs.sequence import render
 from tpdwarp.settings import Settings
 
 FilePath = str | os.PathLike[str]
+
+# A baseline may come from anywhere, and what its files ask for is rendered unseen. Each bound is some ten times what
+# the slowest preset or the largest screen needs.
+MOST = {"samples": 4096, "photons": 2**26, "segments": 1024, "accumulation_times": 4096, "image_width": 16384}
+MOST |= {"tdpm_neighbours": 10_000, "tdpm_between": 4096, "smoothing": 100, "exposure": 1000}
 
 
 @dataclass(frozen=True)
@@ -36,12 +42,19 @@ class Recipe:
     name: str
     layer: str
 
+    def outputs(self, folder: FilePath) -> list[Path]:
+        """Files of the frames that rendering into ``folder`` writes, and of the debug layer."""
+        names = FrameNames(Path(folder) / self.name)
+        layer = [Path(folder) / self.layer] if self.layer else []
+        return [*(Path(names.path(frame)) for frame in self.frames), *layer]
+
 
 def recipe_of(baseline: FilePath) -> Recipe:
     """Reads from a baseline's frames how they were rendered.
 
     Raises:
-        InputError: It does not exist, holds no numbered frames of one series, or they do not say.
+        InputError: It does not exist, holds no numbered frames of one series, or they do not say; or they ask for more
+            work than is done without being asked for by a person.
     """
     place = os.fspath(baseline)
     images = [file for file in files_of(baseline, EXTENSIONS) if file.frame is not None]
@@ -50,7 +63,8 @@ def recipe_of(baseline: FilePath) -> Recipe:
     metadata = read_stored(images[0].path).metadata
     try:
         recorded = json.loads(metadata["tpdwarp:settings"])
-    except (KeyError, TypeError, ValueError):
+        recorded = dict(recorded)
+    except (KeyError, TypeError, ValueError, RecursionError):
         raise InputError("does not say how it was rendered (tpdwarp:settings)", file=images[0].path) from None
     known = {field.name for field in fields(Settings)}
     settings = {
@@ -58,6 +72,11 @@ def recipe_of(baseline: FilePath) -> Recipe:
         for name, value in recorded.items()
         if name in known and name not in ("threads", "device")
     }
+    for name, most in MOST.items():
+        asked = settings.get(name)
+        if isinstance(asked, int | float) and not asked <= most:
+            message = f"asks for {name} {asked:.6g}, more than {most} (check frames made with tpdwarp render instead)"
+            raise InputError(message, file=images[0].path)
     layers = files_of(baseline, LAYER_EXTENSIONS) if Path(baseline).is_dir() else ()
     debug = [Path(file.path).name for file in layers if not file.path.endswith(".view.usda")]
     frames = tuple(file.frame for file in images if file.frame is not None)

@@ -6,7 +6,7 @@ import math
 import os
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +14,7 @@ from pathlib import Path
 from tpdwarp.checks.findings import CheckResult, FrameComparison
 from tpdwarp.checks.flicker import Reduced, with_flicker
 from tpdwarp.checks.frames import ComparedFrame, compare_surely
+from tpdwarp.checks.inputs import inputs_of
 from tpdwarp.checks.json_file import write_json
 from tpdwarp.checks.junit import write_junit
 from tpdwarp.checks.limits import Limits, limits_beside, read_limits
@@ -21,12 +22,14 @@ from tpdwarp.checks.photons import compare_layers, layer_pairs
 from tpdwarp.checks.picture_store import PictureStore
 from tpdwarp.checks.report import write_report
 from tpdwarp.checks.sequences import Pair, image_pairs
-from tpdwarp.errors import InputError
-from tpdwarp.io.files import check_writable
+from tpdwarp.checks.update import finish_interrupted_update
+from tpdwarp.errors import FrameError, InputError
+from tpdwarp.io.outputs import check_outputs
 from tpdwarp.jobs.progress import Progress, progress_of
 from tpdwarp.jobs.results import FrameOutcome
 
 FilePath = str | os.PathLike[str]
+Writer = Callable[[FilePath, CheckResult], None]
 
 # Pictures in a report: so wide in short sequences, and smaller the longer they are, that a page stays one to open.
 WIDEST_PICTURE, NARROWEST_PICTURE, WIDE_COUNT = 480, 160, 60
@@ -70,17 +73,21 @@ def check(
     started = time.perf_counter()
     if threads < 0:
         raise InputError(f"--threads must be 0 or more, not {threads}")
-    for output in (report, junit, json):
-        if output is not None:
-            check_writable(output)
+    finish_interrupted_update(baseline)
     allowed, limits_file = _limits(limits, baseline)
+    outputs = {"--report": report, "--junit": junit, "--json": json}
     shown = progress_of(progress)
     if render is not None:
         # Here and not above, for comparing alone need not wait for the renderer to load.
         from tpdwarp.checks.render import recipe_of, render_like
 
+        recipe = recipe_of(baseline)
+        inputs = inputs_of(baseline=baseline, scene=render, limits=limits_file or None)
+        check_outputs(outputs, inputs, recipe.outputs(frames))
         machine = {"threads": threads} | ({"device": device} if device else {})
-        render_like(render, recipe_of(baseline), frames, shown, **machine)
+        render_like(render, recipe, frames, shown, **machine)
+    else:
+        check_outputs(outputs, inputs_of(frames=frames, baseline=baseline, limits=limits_file or None))
     pairs, layers = _paired(os.fspath(frames), os.fspath(baseline), new=new)
     shown.start(len(pairs) + len(layers))
     workers = threads or len(os.sched_getaffinity(0))
@@ -118,13 +125,27 @@ def check(
         time.perf_counter() - started,
         "" if report is None else os.fspath(report),
     )
-    if report is not None:
-        write_report(report, result)
-    if junit is not None:
-        write_junit(junit, result)
-    if json is not None:
-        write_json(json, result)
+    _write_all(result, ((report, write_report), (junit, write_junit), (json, write_json)))
     return result
+
+
+def _write_all(result: CheckResult, outputs: Iterable[tuple[FilePath | None, Writer]]) -> None:
+    """Writes every report, also behind one that cannot be written.
+
+    Raises:
+        FrameError: One or more could not be written.
+    """
+    problems = []
+    for path, write in outputs:
+        if path is not None:
+            try:
+                write(path, result)
+            except FrameError as error:
+                problems.append(str(error))
+            except OSError as error:
+                problems.append(f"{os.fspath(path)}: cannot be written: {error.strerror}")
+    if problems:
+        raise FrameError("; ".join(problems))
 
 
 def picture_width(count: int) -> int:

@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import getpass
 import json
 import os
+import re
 import secrets
 import shutil
 import socket
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import tpdwarp
-from tpdwarp.checks.findings import CheckResult
-from tpdwarp.errors import InputError
+from tpdwarp.checks.findings import CheckResult, FrameComparison
+from tpdwarp.errors import InputError, logger
 from tpdwarp.io.files import complete_or_absent
+from tpdwarp.version import VERSION
+
+FilePath = str | os.PathLike[str]
 
 RECORD_FILE = "tpdwarp-check.history.jsonl"
+# A line of an error takes no more.
+_MOST_NAMED = 6
 _UNFIT = ("not finite", "unreadable", "duplicate frame", "repeated ids")
 
 
@@ -32,23 +39,23 @@ def check_reason(reason: str) -> None:
         raise InputError("--update needs --reason (a line for the baseline's record)")
 
 
-def update_baseline(result: CheckResult, reason: str) -> bool:
+def update_baseline(result: CheckResult, reason: str, drop_missing: bool = False) -> bool:
     """Makes the frames that were checked the baseline, where anything differs.
 
     A folder is replaced as a whole: a complete new one is made beside it, files that are no frames taken along, and
-    takes its name. Frames that the new sequence does not have are gone from the new baseline. A line is added to
-    ``tpdwarp-check.history.jsonl`` in the baseline's folder.
+    takes its name. A line is added to ``tpdwarp-check.history.jsonl`` in the baseline's folder.
 
     Args:
         result: What a check found.
         reason: Why, for the record.
+        drop_missing: Whether frames of the baseline that the new sequence lacks may be gone from the new baseline.
 
     Returns:
         Whether anything was replaced.
 
     Raises:
-        InputError: No reason is given, a new frame is no fit baseline (unreadable, not finite, or there twice), or the
-            baseline cannot be replaced.
+        InputError: No reason is given, a new frame is no fit baseline (unreadable, not finite, or there twice), frames
+            are missing and may not be, or the baseline cannot be replaced.
     """
     check_reason(reason)
     changed = [frame for frame in result.frames if frame.findings or not frame.identical]
@@ -59,12 +66,17 @@ def update_baseline(result: CheckResult, reason: str) -> bool:
             if frame.path and finding.kind in _UNFIT and not finding.of_baseline:
                 message = f"frame {frame.name} is no fit baseline: {finding} (nothing was replaced)"
                 raise InputError(message, file=frame.path)
+    missing = [frame.name for frame in result.frames if _is_missing(frame)]
+    if missing and not drop_missing:
+        listed = ", ".join(missing[:_MOST_NAMED]) + (", …" if len(missing) > _MOST_NAMED else "")
+        message = f"lacks {len(missing)} of {len(result.frames)} frames of the baseline: {listed}"
+        raise InputError(f"{message} (--drop-missing removes them; nothing was replaced)", file=result.frames_path)
     baseline = Path(result.baseline_path)
     entry = {
         "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "who": _who(),
         "reason": " ".join(reason.split()),
-        "program": f"tpdwarp {tpdwarp.__version__}",
+        "program": f"tpdwarp {VERSION}",
         "frames_path": result.frames_path,
         "changes": [
             {"frame": frame.name, "findings": [f"{finding.kind}: {finding}" for finding in frame.findings]}
@@ -85,6 +97,29 @@ def update_baseline(result: CheckResult, reason: str) -> bool:
     return True
 
 
+def finish_interrupted_update(baseline: FilePath) -> None:
+    """Mends what an update left behind that was killed: the old baseline gets its name back, and copies are removed.
+
+    Folders of an update that is still under way are locked, and left alone.
+
+    Args:
+        baseline: The folder's name, whether it is there or not.
+    """
+    place = Path(os.path.realpath(baseline))
+    pattern = re.compile(rf"\.{re.escape(place.name)}\.[0-9a-f]{{8}}\.(new|old)")
+    with contextlib.suppress(OSError):
+        left = [entry for entry in place.parent.iterdir() if pattern.fullmatch(entry.name)]
+        for folder in sorted(left, key=lambda entry: entry.suffix, reverse=True):
+            with _locked(folder) as ours:
+                if not ours:
+                    continue
+                if folder.suffix == ".old" and not place.exists():
+                    os.rename(folder, place)
+                    logger.warning("%s: an update was interrupted; the baseline is the old one again", place)
+                else:
+                    shutil.rmtree(folder, ignore_errors=True)
+
+
 def _replace_folder(baseline: Path, result: CheckResult, entry: dict[str, Any]) -> None:
     baseline = Path(os.path.realpath(baseline))
     token = secrets.token_hex(4)
@@ -92,27 +127,58 @@ def _replace_folder(baseline: Path, result: CheckResult, entry: dict[str, Any]) 
     replaced = {Path(os.path.realpath(frame.baseline)) for frame in result.frames if frame.baseline}
     try:
         new.mkdir(parents=True)
-        for kept in baseline.rglob("*") if baseline.is_dir() else ():
-            if kept.is_file() and Path(os.path.realpath(kept)) not in replaced:
-                target = new / kept.relative_to(baseline)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(kept, target)
-        for frame in {frame.path: frame for frame in result.frames if frame.path}.values():
-            # A frame keeps the name it had in the baseline, so that version control sees a change and not a new file.
-            name = Path(frame.baseline).name if _same_kind(frame.path, frame.baseline) else Path(frame.path).name
-            shutil.copyfile(frame.path, new / name)
-        _append(new / RECORD_FILE, entry)
+        with _locked(new), _locked(baseline):
+            for kept in baseline.rglob("*") if baseline.is_dir() else ():
+                if kept.is_file() and Path(os.path.realpath(kept)) not in replaced:
+                    target = new / kept.relative_to(baseline)
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copy2(kept, target)
+            for frame in {frame.path: frame for frame in result.frames if frame.path}.values():
+                # A frame keeps its name in the baseline, so that version control sees a change and not a new file.
+                name = Path(frame.baseline if _same_kind(frame.path, frame.baseline) else frame.path).name
+                shutil.copyfile(frame.path, new / name)
+            _append(new / RECORD_FILE, entry)
+            _exchange(baseline, new, old)
+    finally:
+        # Neither has a use any more, unless the old folder could not get its name back: it is then all there is.
+        shutil.rmtree(new, ignore_errors=True)
+        if baseline.exists():
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def _exchange(baseline: Path, new: Path, old: Path) -> None:
+    """Gives ``new`` the name of ``baseline``, whose folder becomes ``old``; whatever happens, one of them has it."""
+    try:
         if baseline.exists():
             os.rename(baseline, old)
-        try:
-            os.rename(new, baseline)
-        except OSError:
-            if old.exists():
-                os.rename(old, baseline)
-            raise
-        shutil.rmtree(old, ignore_errors=True)
+        os.rename(new, baseline)
     finally:
-        shutil.rmtree(new, ignore_errors=True)
+        # Signals and errors come between the two as well.
+        if not baseline.exists() and old.exists():
+            os.rename(old, baseline)
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[bool]:
+    """Holds a lock on a folder, which goes with the process; gives whether it was to be had."""
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError:
+        yield False
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        ours = True
+    except OSError:
+        ours = False
+    try:
+        yield ours
+    finally:
+        os.close(handle)
+
+
+def _is_missing(frame: FrameComparison) -> bool:
+    return not frame.path or any(finding.kind == "missing frame" for finding in frame.findings)
 
 
 def _same_kind(path: str, baseline: str) -> bool:

@@ -9,7 +9,7 @@ import tempfile
 
 from tpdwarp.cli.outcome import DONE, FAILED
 from tpdwarp.cli.report import warnings_shown
-from tpdwarp.errors import InputError
+from tpdwarp.errors import FrameError, InputError, shortened
 from tpdwarp.io.terminal import say
 from tpdwarp.jobs.progress import KINDS, OccasionalProgress, Progress, progress_of
 
@@ -49,6 +49,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     update = parser.add_argument_group("updating")
     update.add_argument(
         "--update", action="store_true", help="Show what differs, then make FRAMES the baseline, in one step. Exits 0."
+    )
+    update.add_argument(
+        "--drop-missing", action="store_true", help="Let --update remove frames from BASELINE that FRAMES lacks."
     )
     update.add_argument("--reason", metavar="TEXT", default="", help="Why, for the record; --update needs it.")
     rendering = parser.add_argument_group("rendering")
@@ -90,8 +93,16 @@ def run(options: argparse.Namespace) -> int:
 
         say(f"{write_default_limits(options.baseline, options.limits)} written", sys.stdout)
         return DONE
-    with warnings_shown(shown), tempfile.TemporaryDirectory(prefix="tpdwarp-check-") as temporary:
-        return _check(options, options.frames or temporary, shown)
+    try:
+        with warnings_shown(shown), tempfile.TemporaryDirectory(prefix="tpdwarp-check-") as temporary:
+            return _check(options, options.frames or temporary, shown)
+    except (InputError, BrokenPipeError):
+        raise
+    except FrameError as error:
+        raise InputError(str(error)) from error
+    except Exception as error:
+        # The exit code must not say that frames differ.
+        raise InputError(f"internal: {type(error).__name__}: {shortened(str(error))}") from error
 
 
 def _check(options: argparse.Namespace, frames: str, shown: Progress) -> int:
@@ -133,7 +144,7 @@ def _check(options: argparse.Namespace, frames: str, shown: Progress) -> int:
     )
     say("\n".join(table_lines(result, _wants_color(options.color), options.verbose)), sys.stdout)
     if options.update:
-        updated = update_baseline(result, options.reason)
+        updated = update_baseline(result, options.reason, drop_missing=options.drop_missing)
         say(f"{options.baseline} {'replaced' if updated else 'needs no update'}", sys.stdout)
         return DONE
     return DONE if result.ok else FAILED

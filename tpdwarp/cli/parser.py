@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
-import tpdwarp
 from tpdwarp.errors import InputError
+from tpdwarp.version import VERSION
 
 _FRAME_OPTIONS = ("-f", "--frames")
 
@@ -48,7 +48,7 @@ def build_parser(commands: Sequence[str]) -> _Root:
         commands: Modules of :mod:`tpdwarp.cli`, each with ``SUMMARY``, ``declare(parser)`` and ``run(options)``.
     """
     root = _Root(prog="tpdwarp", description="Renders USD animations with motion-blurred caustics.")
-    root.add_argument("--version", action="version", version=f"tpdwarp {tpdwarp.__version__}")
+    root.add_argument("--version", action="version", version=f"tpdwarp {VERSION}")
     choices = root.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=Parser)
     for name in commands:
         module = import_module(f"tpdwarp.cli.{name}")

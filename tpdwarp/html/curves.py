@@ -1,4 +1,10 @@
-"""Curves as SVG, with axes, a legend and words for those who do not see them."""
+"""Curves as SVG, with axes, a legend and words for those who do not see them.
+
+They are written by hand, and not by Matplotlib as a study's plots are, for two reasons. ``check`` runs in every
+project's CI, where Matplotlib and what it needs would be 100 MB more to install. And these curves are controls of their
+page: they take its colours in light and dark, have a cursor at the frame that is shown, and a click on them shows
+another.
+"""
 
 from __future__ import annotations
 
@@ -16,18 +22,16 @@ def curve_figure(
     title: str,
     places: Sequence[float],
     curves: Mapping[str, Sequence[float | None]],
-    axis: str = "frame",
     limit: float | None = None,
 ) -> str:
-    """A figure with curves over a common axis, as HTML.
+    """A figure with curves over frames, as HTML.
 
     Curves differ in dashes as well as in colour. A lone value is a dot; None interrupts a curve.
 
     Args:
         title: What is shown, with its unit.
-        places: Abscissae, rising.
+        places: Frame numbers, rising.
         curves: Values by name, one a place; at most four curves.
-        axis: Name of the abscissa.
         limit: A level to mark, and its negative where values go below 0; or None.
     """
     values = [value for curve in curves.values() for value in curve if value is not None and math.isfinite(value)]
@@ -50,7 +54,7 @@ def curve_figure(
     marks += [f'<text x="{_LEFT - 6}" y="{y(v) + 4:.1f}" text-anchor="end">{v:.3g}</text>' for v in (low, high)]
     ends = ((first, "start"), (last, "end")) if last > first else ((first, "middle"),)
     marks += [f'<text x="{x(v):.1f}" y="{_HEIGHT - 8}" text-anchor="{side}">{v:.6g}</text>' for v, side in ends]
-    marks.append(f'<text x="{_WIDTH / 2}" y="{_HEIGHT - 8}" text-anchor="middle">{escape(axis)}</text>')
+    marks.append(f'<text x="{_WIDTH / 2}" y="{_HEIGHT - 8}" text-anchor="middle">frame</text>')
     for level in (shown_limit, -shown_limit) if shown_limit is not None else ():
         if low <= level <= high:
             at = y(level)
@@ -73,7 +77,7 @@ def curve_figure(
             '<span class="key"><svg width="26" height="10" aria-hidden="true"><line class="limit" '
             f'x1="0" x2="26" y1="5" y2="5"/></svg> limit {shown_limit:.3g}</span>'
         )
-    words = f"{title}, {axis} {first:.6g} to {last:.6g}, values from {min(values):.3g} to {max(values):.3g}"
+    words = f"{title}, frame {first:.6g} to {last:.6g}, values from {min(values):.3g} to {max(values):.3g}"
     return (
         f'<figure class="curves" data-first="{first!r}" data-last="{last!r}" data-left="{_LEFT / _WIDTH:.4f}" '
         f'data-right="{1 - _RIGHT / _WIDTH:.4f}"><figcaption>{escape(title)} {"".join(legend)}</figcaption>'

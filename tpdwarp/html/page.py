@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from importlib import resources
 from typing import Any
 
-import tpdwarp
 from tpdwarp.io.files import complete_or_absent
+from tpdwarp.version import VERSION
 
 # The browser itself then refuses whatever would leave the page.
 _POLICY = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
@@ -35,7 +35,7 @@ def write_page(
             '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f'<meta name="generator" content="tpdwarp {tpdwarp.__version__}">\n'
+            f'<meta name="generator" content="tpdwarp {VERSION}">\n'
             f"<title>{escape(title)}</title>\n<style>\n{_resource('tpdwarp.html', 'page.css')}</style>\n"
             '</head>\n<body>\n<a class="skip" href="#main">Skip to content</a>\n'
         )

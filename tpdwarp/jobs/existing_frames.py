@@ -12,7 +12,7 @@ from typing import Any
 from tpdwarp.errors import InputError, logger, shortened
 from tpdwarp.io.images import read_image, read_metadata
 from tpdwarp.jobs.fingerprint import Fingerprint
-from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.photons.energy import EnergyAccount
 
 STATISTICS = "tpdwarp:statistics"
 

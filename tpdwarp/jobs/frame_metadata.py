@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-import tpdwarp
 from tpdwarp.io.float32 import to_float32
 from tpdwarp.io.images import FINGERPRINT
 from tpdwarp.jobs.existing_frames import STATISTICS, statistics_text
@@ -18,6 +17,7 @@ from tpdwarp.rendering.frame import Frame
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
+from tpdwarp.version import VERSION
 
 
 def frame_metadata(
@@ -46,10 +46,10 @@ def frame_metadata(
     """
     energy = made.energy
     metadata: dict[str, Any] = {
-        "Software": f"tpdwarp {tpdwarp.__version__}",
+        "Software": f"tpdwarp {VERSION}",
         "framesPerSecond": source.frames_per_second,
         **_camera_attributes(made.camera),
-        "tpdwarp:version": tpdwarp.__version__,
+        "tpdwarp:version": VERSION,
         "tpdwarp:scene": source.file,
         "tpdwarp:settings": json.dumps(settings.as_dict(), sort_keys=True),
         FINGERPRINT: fingerprint.text(frame),

@@ -10,9 +10,9 @@ from dataclasses import asdict
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
-import tpdwarp
 from tpdwarp.io.files import complete_or_absent
 from tpdwarp.settings import Settings
+from tpdwarp.version import VERSION
 
 if TYPE_CHECKING:
     from tpdwarp.jobs.results import FrameOutcome, SequenceResult
@@ -22,7 +22,7 @@ _LIBRARIES = ("warp-lang", "numpy", "usd-core", "OpenImageIO")
 
 def versions() -> dict[str, str]:
     """Versions of the program, of Python and of the libraries, by their package names."""
-    found = {"tpdwarp": tpdwarp.__version__, "python": platform.python_version()}
+    found = {"tpdwarp": VERSION, "python": platform.python_version()}
     for name in _LIBRARIES:
         try:
             found[name] = metadata.version(name)

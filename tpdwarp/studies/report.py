@@ -76,6 +76,7 @@ def _exposure(part: ExposureResult) -> list[str]:
         f"<p>The truth is an accumulation whose two halves tell a relative noise of {noise:.2g}; "
         "errors near that are not to be told from none.</p>",
         log_plot(lines, ends, "CPU seconds a frame", "relative RMSE", noise or None),
+        "<p>Rows in bold are on the Pareto front: no other case is both faster and closer to the truth.</p>",
         *_table(part, front),
         *_pictures(part, front),
     ]

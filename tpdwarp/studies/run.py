@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tpdwarp.errors import FrameError, InputError
-from tpdwarp.io.files import check_writable
+from tpdwarp.io.outputs import check_outputs
 from tpdwarp.jobs.frame_loop import reason_of
 from tpdwarp.jobs.sequence import Frames, chosen_settings, frames_asked, open_scene, shutter_of
 from tpdwarp.scene.description import Shutter
@@ -16,6 +16,7 @@ from tpdwarp.settings import Settings
 from tpdwarp.studies.cases import Case, Sweep
 from tpdwarp.studies.files import write_csv, write_json
 from tpdwarp.studies.measures import errors_of
+from tpdwarp.studies.plot import matplotlib_module
 from tpdwarp.studies.progress import StudyProgress, study_progress_of
 from tpdwarp.studies.report import write_report
 from tpdwarp.studies.result import ExposureResult, Measured, StudyResult
@@ -59,18 +60,21 @@ def study(
         **settings: Fields of :class:`tpdwarp.settings.Settings` that all cases share.
 
     Raises:
-        InputError: The input or the settings cannot be used, or an output cannot be written where it is asked for.
+        InputError: The input or the settings cannot be used, an output cannot be written where it is asked for, or
+            a report is asked for and Matplotlib is not installed.
         FrameError: The truth cannot be rendered, or an output cannot be written after all.
     """
     started = time.perf_counter()
-    for path in (csv, json, report):
-        if path is not None:
-            check_writable(path)
+    outputs = {"--csv": csv, "--json": json, "--report": report}
+    check_outputs(outputs, {})
+    if report is not None:
+        matplotlib_module()
     base = chosen_settings({"image_width": DEFAULT_WIDTH, **settings})
     if base.shutter is not None and any(exposure is not None for exposure in sweep.exposures):
         raise InputError("--shutter fixes the exposure (leave one out)")
     cases = sweep.cases(base)
     source = open_scene(scene, base, default_time=False)
+    check_outputs(outputs, {"is part of the scene": source.used_files()})
     source.require_camera()
     chosen = frames_asked(frames, False) or (float(round(0.5 * (source.start + source.end))),)
     shown = study_progress_of(progress)

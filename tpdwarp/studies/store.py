@@ -5,15 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import tpdwarp
+from tpdwarp.errors import logger, shortened
 from tpdwarp.io.files import check_writable, complete_or_absent
 from tpdwarp.studies.solutions import Solution
+from tpdwarp.version import VERSION
 
 # What only parses, prints, compares or studies does not change a frame.
 _ASIDE = ("cli", "studies", "checks", "html")
@@ -46,12 +46,16 @@ class Store:
         return self.folder / f"{hashlib.sha256(text.encode()).hexdigest()[:32]}.npz"
 
     def load(self, path: Path) -> Solution | None:
-        """The solution at ``path``; None where there is none that can be read."""
+        """The solution at ``path``; None where there is none, or none that can be read, of which the log is told."""
+        if not path.exists():
+            return None
         try:
             with np.load(path) as stored:
                 notes = json.loads(str(stored["notes"]))
                 return Solution(stored["caustic"], stored["beauty"], **notes)
-        except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        except Exception as error:
+            # Damaged archives raise nearly anything (zlib.error, RuntimeError, MemoryError), and one cure is for all.
+            logger.warning("%s: is damaged and made anew (%s)", path, shortened(f"{type(error).__name__}: {error}"))
             return None
 
     def save(self, path: Path, solution: Solution) -> None:
@@ -70,8 +74,8 @@ class Store:
 
 def program_hash() -> str:
     """Hash of the parts of the program that make frames."""
-    root = Path(tpdwarp.__file__).parent
-    digest = hashlib.sha256(tpdwarp.__version__.encode())
+    root = Path(__file__).resolve().parents[1]
+    digest = hashlib.sha256(VERSION.encode())
     for path in sorted(root.rglob("*.py")):
         if path.relative_to(root).parts[0] not in _ASIDE:
             digest.update(path.relative_to(root).as_posix().encode())

@@ -8,10 +8,13 @@ STAGES = ("read", "build", "plan", "trace", "footprints", "view", "gather")
 
 
 def table_lines(result: StudyResult) -> list[str]:
-    """The study in lines: a table an exposure, best first, ``*`` where a case is on the Pareto front."""
+    """The study in lines: a table an exposure, best first, with ``*`` where a case is on the Pareto front."""
     lines = []
     for part in result.exposures:
         lines += _lines(part)
+    if any(part.measured for part in result.exposures):
+        lines.append("* on the Pareto front: no other case is both faster and closer to the truth.")
+        lines.append("Times are CPU seconds a frame of all threads; CPU s leaves out plan, done once an animation.")
     lines += [f"failed: {label}: {reason}" for label, reason in result.failed.items()]
     if result.left:
         lines.append(f"time was up before {len(result.left)} more (run again to go on): {result.left[0]} …")

@@ -61,7 +61,8 @@ class DebugLayerReader:
             frame: One of :attr:`frames`.
 
         Raises:
-            InputError: A column is missing, or not one value a photon.
+                InputError: A column is missing, is of another type, or has not one value a photon; or a receiver is not
+                known.
         """
         positions = self._placed(self._points, self._array(self._points.GetPointsAttr(), frame, "points", 3), frame)
         count = len(positions)
@@ -78,6 +79,9 @@ class DebugLayerReader:
         normals = np.cross(columns["tpd:DuX"], columns["tpd:DvX"])
         lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
         paths = self._primvars.GetPrimvar("tpd:receivers").Get() or ()
+        if np.any(receivers >= len(paths)) or np.any(receivers < -1):
+            message = f"frame {frame:g} names receivers beyond the {len(paths)} of tpd:receivers"
+            raise InputError(message, file=self.path, prim=f"{_POINTS}.tpd:receiver")
         return PhotonRecord(
             ids=ids.astype(np.int64),
             positions=positions,
@@ -125,5 +129,9 @@ class DebugLayerReader:
         value = attribute.Get(frame) if attribute else None
         if value is None:
             raise InputError(f"has no value at frame {frame:g}", file=self.path, prim=f"{prim}.{name}")
-        values = np.array(value, dtype=np.float64 if width else np.int64)
-        return values.reshape(-1, width) if width else values
+        try:
+            values = np.array(value, dtype=np.float64 if width else np.int64)
+            return values.reshape(-1, width) if width else values.reshape(-1)
+        except (TypeError, ValueError, OverflowError) as error:
+            wanted = f"vectors of {width} numbers" if width else "whole numbers"
+            raise InputError(f"is no array of {wanted}", file=self.path, prim=f"{prim}.{name}") from error

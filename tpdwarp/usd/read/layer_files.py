@@ -5,7 +5,11 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from pxr import Usd
+from pxr import Tf, Usd
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.diagnostics import usd_diagnostics
+from tpdwarp.usd.read.used_files import used_files
 
 
 def content_hash(file: str) -> str:
@@ -22,3 +26,12 @@ def content_hash(file: str) -> str:
         elif not layer.anonymous:
             digests.append(hashlib.sha256(layer.ExportToString().encode()).hexdigest())
     return hashlib.sha256("\n".join(sorted(digests)).encode()).hexdigest()
+
+
+def files_of_stage(file: str) -> list[str]:
+    """All files that the stage at ``file`` reads, in silence; the file alone where it cannot be opened as a stage."""
+    try:
+        with usd_diagnostics(WarnOnce("", silent=True)):
+            return used_files(Usd.Stage.Open(file))
+    except (Tf.ErrorException, InputError):
+        return [file]

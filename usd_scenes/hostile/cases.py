@@ -10,8 +10,8 @@ from random import Random
 
 from pxr import Sdf, Tf
 
-from scripts.fuzzing.mutations import mutate_bytes, mutate_layer, mutate_text
-from scripts.fuzzing.stages import HANDMADE, SCENES, SHIPPED
+from usd_scenes.hostile.mutations import mutate_bytes, mutate_layer, mutate_text
+from usd_scenes.hostile.stages import HANDMADE, SCENES, SHIPPED
 
 _QUICK = ["--photons", "200", "--samples", "1", "--progress", "plain"]
 _SETTINGS = [

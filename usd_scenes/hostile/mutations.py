@@ -9,7 +9,7 @@ from typing import Any
 
 from pxr import Sdf, Tf
 
-from scripts.fuzzing.values import INTEGERS, NUMBERS, TEXTS, TYPES, hostile
+from usd_scenes.hostile.values import INTEGERS, NUMBERS, TEXTS, TYPES, hostile
 
 TIMES = (1.0, 1.5, 2.0, 3.0, 0.0, -1.0, 1e-9, 2.9999999, 4.0, 1e3, -1e6, 1e6, 1e12, 1e30, -1e300)
 PRIM_TYPES = (

@@ -18,8 +18,8 @@ import numpy as np
 import OpenImageIO as oiio
 from pxr import Sdf, Tf
 
-from scripts.fuzzing.cases import Case
 from tpdwarp.cli import main
+from usd_scenes.hostile.cases import Case
 
 BALANCE = 1e-4
 """Part of the flux sent that rounding may lose."""
@@ -129,12 +129,12 @@ def _faults_of_files(case: Case) -> Iterator[str]:
         if not found:
             yield f"a success that left no {pattern}"
         for path in found:
-            yield from _faults_of_image(path) if path.suffix == ".exr" else _faults_of_layer(path)
+            yield from faults_of_image(path) if path.suffix == ".exr" else _faults_of_layer(path)
     if case.statistics is not None:
         yield from _faults_of_statistics(json.loads(case.statistics.read_text()))
 
 
-def _faults_of_image(path: Path) -> Iterator[str]:
+def faults_of_image(path: Path) -> Iterator[str]:
     image = oiio.ImageBuf(str(path))
     pixels = image.get_pixels(oiio.FLOAT)
     names = image.spec().channelnames

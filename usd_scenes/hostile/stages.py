@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-SCENES = Path(__file__).resolve().parents[2] / "usd_scenes"
+SCENES = Path(__file__).resolve().parents[1]
 
 _HEAD = """#usda 1.0
 (

@@ -1,0 +1,1 @@
+"""Drawing the figures of the documentation: sheets of captioned tiles, and lines over a picture."""

@@ -1,0 +1,1 @@
+"""Mutated stages (:mod:`.cases`), and a judge of what the program makes of them (:mod:`.judge`)."""
