@@ -207,3 +207,8 @@ def test_a_stage_is_a_scene_source(small):
     small.mesh()
     scene: SceneSource = small.open()
     assert scene.file == small.file and scene.at(Shutter(1, 1, 2)).shutter == Shutter(1, 1, 2)
+
+
+def test_bytes_that_are_not_utf8_are_refused_in_one_line(tmp_path):
+    (tmp_path / "latin.usda").write_bytes(b'#usda 1.0\ndef Mesh "\xe9t\xe9" { \xad }\n')
+    assert "UTF-8" in refused(tmp_path / "latin.usda")

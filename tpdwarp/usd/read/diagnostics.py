@@ -10,14 +10,27 @@ from pxr import Tf, UsdUtils
 
 from tpdwarp.errors import InputError, WarnOnce
 
+_NAMED = re.compile(r"@[^@]*@|<[^>]*>|'[^']*'|\"[^\"]*\"")
+
 
 @contextmanager
 def usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
     """While entered, USD's warnings go to ``warnings``, its errors become :class:`InputError`, and those name the file.
 
+    Warnings are said on leaving, a line a kind.
+
     Raises:
-        InputError: USD posted an error; the message is its first one, in one line.
+        InputError: USD posted an error (the message is its first one, in one line), or a name or a text is not UTF-8.
     """
+    try:
+        with warnings.together(), _usd_diagnostics(warnings):
+            yield
+    except UnicodeDecodeError as error:
+        raise InputError("holds bytes that are not UTF-8 (save its names and texts as UTF-8)", warnings.file) from error
+
+
+@contextmanager
+def _usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
@@ -31,7 +44,12 @@ def usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
         collected = delegate.TakeUncoalescedDiagnostics()
         del delegate
         for diagnostic in collected:
-            warnings("", _without_innards(diagnostic.commentary))
+            try:
+                text = _without_innards(diagnostic.commentary)
+            except UnicodeDecodeError:
+                text = "USD warns of something whose text is not UTF-8"
+            # What differs from one missing file to the next is between @, < or quotes.
+            warnings("", text, kind=_NAMED.sub("", text))
 
 
 @contextmanager
