@@ -71,7 +71,6 @@ def study(
         raise InputError("--shutter fixes the exposure (leave one out)")
     cases = sweep.cases(base)
     source = open_scene(scene, base, default_time=False)
-    source.require_camera()
     chosen = frames_asked(frames, False) or (float(round(0.5 * (source.start + source.end))),)
     shown = study_progress_of(progress)
     store = Store(cache or default_folder(), content_hash(source.file))

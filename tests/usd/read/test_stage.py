@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdSkel, UsdVol
+from pxr import Gf, Usd, UsdGeom, UsdSkel, UsdVol
 
 from tests.usd.stages import SQUARE, SmallStage
 from tpdwarp.errors import InputError
@@ -60,19 +60,6 @@ def test_a_stage_without_a_visible_mesh_of_the_purposes_is_refused(small):
     mesh.MakeInvisible()
     small.stage.Save()
     assert "no visible mesh" in refused(small.file)
-
-
-def test_a_stage_without_a_usable_light_is_refused(small):
-    small.mesh()
-    for change in (
-        lambda: small.light.GetIntensityAttr().Set(0.0),
-        lambda: (small.light.GetIntensityAttr().Set(1.0), small.light.MakeInvisible()),
-        lambda: small.stage.RemovePrim("/Light"),
-        lambda: UsdLux.DomeLight.Define(small.stage, "/Dome"),
-    ):
-        change()
-        small.stage.Save()
-        assert "no usable light" in refused(small.file)
 
 
 def test_a_light_that_is_lit_later_is_usable(small):
