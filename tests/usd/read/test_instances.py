@@ -142,16 +142,39 @@ def test_still_instances_are_the_same_objects_again(small):
     assert all(a is b for a, b in zip(first, second, strict=True))
 
 
-@pytest.mark.parametrize(
-    ("attribute", "value"), [("ProtoIndices", [0, 3]), ("ProtoIndices", [0, -1]), ("Positions", [(0, 0, 0)])]
-)
-def test_arrays_that_do_not_fit_are_refused(small, attribute, value):
+def test_positions_that_do_not_fit_leave_the_instancer_out(small):
     many = instancer(small)
     small.mesh("/Many/Ball")
-    getattr(many, f"Get{attribute}Attr")().Set(value)
+    small.mesh("/Floor")
+    many.GetPositionsAttr().Set([(0, 0, 0)])
     scene = small.open()
-    with pytest.raises(InputError, match=rf"/Many\.{attribute[0].lower()}{attribute[1:]}"):
-        scene.at(Shutter.still(1))
+    assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/Floor"]
+    assert len([m for m in scene.warnings.messages if "/Many.positions: " in m]) == 1
+
+
+@pytest.mark.parametrize("wrong", [3, -1])
+def test_instances_of_prototypes_that_do_not_exist_are_left_out(small, wrong):
+    many = instancer(small)
+    small.mesh("/Many/Ball")
+    many.GetProtoIndicesAttr().Set([0, wrong])
+    scene = small.open()
+    assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/Many[0]/Ball"]
+    assert len([m for m in scene.warnings.messages if "/Many.protoIndices: " in m]) == 1
+
+
+def test_an_instancer_without_prototypes_is_left_out(small):
+    instancer(small).GetPrototypesRel().SetTargets([])
+    small.mesh("/Floor")
+    scene = small.open()
+    assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/Floor"]
+    assert len([m for m in scene.warnings.messages if "/Many: has no prototypes" in m]) == 1
+
+
+def test_only_the_instance_whose_place_is_no_number_is_left_out(small):
+    many = instancer(small)
+    small.mesh("/Many/Ball")
+    many.GetPositionsAttr().Set([(float("nan"), 0, 0), (1, 0, 0)])
+    assert [m.path for m in small.open().at(Shutter.still(1)).meshes] == ["/Many[1]/Ball"]
 
 
 def test_an_instancer_counts_as_geometry_and_an_empty_one_does_not(small):

@@ -212,18 +212,21 @@ def test_display_colour_is_inherited_and_indexed(small):
     np.testing.assert_array_equal(mesh.colors, [[0, 1, 0]])
 
 
-def test_negative_display_colours_are_refused(small):
-    small.mesh().CreateDisplayColorAttr([Gf.Vec3f(-0.5, 0, 0)])
-    with pytest.raises(InputError, match=r"/Mesh\.primvars:displayColor"):
-        read(small)
+def test_display_colours_below_zero_are_clamped_and_said(small):
+    small.mesh().CreateDisplayColorAttr([Gf.Vec3f(0.5, -0.02, 0.25)])
+    mesh, warnings = read(small)
+    np.testing.assert_array_equal(mesh.colors, [[0.5, 0, 0.25]])
+    assert len(warnings) == 1 and "/Mesh.primvars:displayColor: " in warnings[0]
 
 
-def test_indices_of_primvars_out_of_range_are_refused(small):
+@pytest.mark.parametrize("what", ["indices", "numbers"])
+def test_display_colours_that_cannot_be_read_are_ignored_and_said(small, what):
     primvar = small.mesh().CreateDisplayColorPrimvar("uniform")
-    primvar.Set([Gf.Vec3f(1, 0, 0)])
-    primvar.SetIndices([3])
-    with pytest.raises(InputError, match=r"/Mesh\.primvars:displayColor:indices"):
-        read(small)
+    primvar.Set([Gf.Vec3f(1 if what == "indices" else math.nan, 0, 0)])
+    if what == "indices":
+        primvar.SetIndices([3])
+    mesh, warnings = read(small)
+    assert mesh.colors is None and len(warnings) == 1 and "/Mesh.primvars:displayColor" in warnings[0]
 
 
 def test_subsets_bind_materials_to_faces_and_keep_display_colour_elsewhere(small):
@@ -250,8 +253,10 @@ def test_a_subset_that_covers_everything_leaves_no_trace_of_the_mesh_material(sm
     assert found.triangle_materials.tolist() == [0, 0]
 
 
-def test_a_subset_of_faces_that_do_not_exist_is_refused(small):
-    mesh = small.mesh()
-    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset("part", [7])
-    with pytest.raises(InputError, match=r"/Mesh/part\.indices"):
-        read(small)
+def test_faces_of_a_subset_that_do_not_exist_are_ignored_and_said(small):
+    mesh = small.mesh(counts=(3, 3), indices=(0, 1, 2, 0, 2, 3))
+    small.preview("/Glass", opacity=0.0)
+    small.bind(UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).CreateMaterialBindSubset("part", [1, 2, -1]), "/Glass")
+    found, warnings = read(small)
+    assert [found.materials[i].interaction for i in found.triangle_materials] == [0, 1]
+    assert len(warnings) == 1 and "/Mesh/part.indices: " in warnings[0]

@@ -199,3 +199,34 @@ def test_a_stage_is_a_scene_source(small):
 def test_bytes_that_are_not_utf8_are_refused_in_one_line(tmp_path):
     (tmp_path / "latin.usda").write_bytes(b'#usda 1.0\ndef Mesh "\xe9t\xe9" { \xad }\n')
     assert "UTF-8" in refused(tmp_path / "latin.usda")
+
+
+@pytest.mark.parametrize("broken", ["points", "faces", "transform"])
+@pytest.mark.parametrize("specular", [False, True])
+def test_a_broken_mesh_is_left_out_unless_it_may_carry_the_caustic(small, broken, specular):
+    small.mesh("/Good")
+    for name in "AB":
+        mesh = small.mesh(f"/{name}")
+        if broken == "points":
+            mesh.GetPointsAttr().Set([Gf.Vec3f(float("nan"))] * 4)
+        elif broken == "faces":
+            mesh.GetFaceVertexIndicesAttr().Set([0, 1, 2, 9])
+        else:
+            mesh.AddTranslateOp().Set(Gf.Vec3d(float("inf"), 0, 0))
+        if specular:
+            small.preview("/Glass", opacity=0.0)
+            small.bind(mesh, "/Glass")
+    scene = small.open()
+    if specular:
+        with pytest.raises(InputError, match="/A"):
+            scene.at(Shutter.still(1))
+        return
+    assert [mesh.path for mesh in scene.at(Shutter.still(1)).meshes] == ["/Good"]
+    (line,) = scene.warnings.messages
+    assert "/A" in line and "and 1 more" in line and "left out" in line
+
+
+def test_a_stage_of_which_nothing_is_left_is_refused(small):
+    small.mesh(indices=(0, 1, 2, 9))
+    with pytest.raises(InputError, match=r"/Mesh\.faceVertexIndices"):
+        small.open().at(Shutter.still(1))

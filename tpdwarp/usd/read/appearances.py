@@ -40,7 +40,7 @@ def appearance_of(
         warnings: Takes what is not supported, and names the file in errors.
 
     Raises:
-        InputError: Unusable material inputs, negative display colours, subset indices out of range.
+        InputError: Unusable material inputs.
     """
     surfaces: list[Surface] = [materials.bound(prim, frame)]
     face_surfaces = np.zeros(topology.face_count, dtype=np.int32)
@@ -52,11 +52,8 @@ def appearance_of(
         subsets_vary |= subset.GetIndicesAttr().ValueMightBeTimeVarying()
         faces = indices_at(subset.GetIndicesAttr(), frame)
         if len(faces) and (faces.min() < 0 or faces.max() >= topology.face_count):
-            raise InputError(
-                f"names a face outside the {topology.face_count} faces of the mesh (correct the subset)",
-                warnings.file,
-                f"{subset.GetPath()}.indices",
-            )
+            warnings(f"{subset.GetPath()}.indices", "names faces that the mesh does not have, which are ignored")
+            faces = faces[(faces >= 0) & (faces < topology.face_count)]
         surface = materials.bound(subset.GetPrim(), frame)
         if surface not in surfaces:
             surfaces.append(surface)
@@ -92,15 +89,16 @@ def _display_colors(
         return None, None, False
     path = str(primvar.GetAttr().GetPath())
     curve = flattened(primvar, warnings.file)
-    colors = curve.at(frame)
+    try:
+        colors = curve.at(frame)
+    except InputError as error:
+        warnings(error.prim, f"{error.message}; until then the colours are ignored", "colours are ignored")
+        return None, None, curve.varies
     if colors is None or len(colors) == 0:
         return None, None, curve.varies
     if colors.min() < 0 or colors.max() > BRIGHTEST:
-        raise InputError(
-            f"holds a colour from {colors.min():g} to {colors.max():g} (author values of 0 to {BRIGHTEST:g})",
-            warnings.file,
-            path,
-        )
+        warnings(path, f"holds colours outside 0 … {BRIGHTEST:g}, which are clamped")
+        colors = np.clip(colors, 0.0, BRIGHTEST)
     interpolation = str(primvar.GetInterpolation())
     indices = topology.elements(interpolation, len(colors), point_count)
     if indices is None:

@@ -58,25 +58,26 @@ class Instancer:
         )
 
     def instances(self, frame: float) -> list[tuple[int, Prototype]]:
-        """Index and prototype of each instance that is not masked at a time code.
-
-        Raises:
-            InputError: A prototype index out of range.
-        """
+        """Index and prototype of each instance that is not masked at a time code."""
+        if not self.prototypes:
+            self._warnings(self.path, "has no prototypes and is left out")
+            return []
         if not self.instancer.GetProtoIndicesAttr().HasValue():
             self._warnings(self.path, "has no protoIndices and is left out")
             return []
         chosen = indices_at(self.instancer.GetProtoIndicesAttr(), frame)
-        if len(chosen) and (chosen.min() < 0 or chosen.max() >= len(self.prototypes)):
-            raise InputError(
-                f"names a prototype outside the {len(self.prototypes)} targets of prototypes (correct the indices)",
-                self._warnings.file,
-                f"{self.path}.protoIndices",
+        known = (chosen >= 0) & (chosen < len(self.prototypes))
+        if not known.all():
+            self._warnings(
+                f"{self.path}.protoIndices", "names prototypes that do not exist; those instances are left out"
             )
         mask = np.array(self.instancer.ComputeMaskAtTime(frame), dtype=bool)
         if len(mask) == 0:
             mask = np.ones(len(chosen), dtype=bool)
-        return [(i, self.prototypes[chosen[i]]) for i in np.flatnonzero(mask)]
+        if len(mask) != len(chosen):
+            self._warnings(self.path, "has ids or masks that do not fit its protoIndices and is left out")
+            return []
+        return [(i, self.prototypes[chosen[i]]) for i in np.flatnonzero(mask & known)]
 
     def matrix(self, index: int, time: float, frame: float) -> np.ndarray:
         """Matrix of one instance to the instancer's own space, shape [4, 4], without its prototype's own transform.
@@ -89,7 +90,7 @@ class Instancer:
             while len(self._matrices) >= MATRICES_KEPT:
                 del self._matrices[next(iter(self._matrices))]
             self._matrices[key] = self._compute(time, frame)
-        return self._matrices[key][index]
+        return usable(self._matrices[key][index], time, f"{self.path}[{index}]", self._warnings.file)
 
     def _compute(self, time: float, frame: float) -> np.ndarray:
         exclude, ignore = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
@@ -102,8 +103,6 @@ class Instancer:
                 self._warnings.file,
                 f"{self.path}.positions",
             )
-        for index in np.flatnonzero(~np.isfinite(matrices).all(axis=(1, 2))):
-            usable(matrices[index], time, f"{self.path}[{index}]")
         if time != frame:
             self._warn_held(time, frame)
         return matrices

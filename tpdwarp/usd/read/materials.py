@@ -95,6 +95,15 @@ class Materials:
             self._still[path] = surface
         return surface
 
+    def may_be_specular(self, prim: Usd.Prim, frame: float) -> bool:
+        """Whether any part of a mesh reflects or refracts at a time code, or might if its material could be read."""
+        subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+        try:
+            surfaces = [self.bound(part, frame) for part in (prim, *(subset.GetPrim() for subset in subsets))]
+        except InputError:
+            return True
+        return any(surface.material.interaction != Interaction.DIFFUSE for surface in surfaces)
+
     def _surface(self, material: UsdShade.Material, frame: float) -> Surface:
         path = str(material.GetPath())
         universal, materialx = (material.ComputeSurfaceSource(context)[0] for context in ("", "mtlx"))

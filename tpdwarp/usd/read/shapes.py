@@ -152,7 +152,11 @@ class Shape:
         points: Callable[[float], np.ndarray],
         point_count: int,
     ) -> tuple[Callable[[float], np.ndarray] | None, Callable[[Topology], np.ndarray] | None]:
-        """Authored normals; zero ones are replaced by the normals of their triangles, appended after the others."""
+        """Authored normals; zero ones are replaced by the normals of their triangles, appended after the others.
+
+        Normals that point to the back of the faces they belong to are turned round: the winding says which side is
+        the front, and a surface is shaded on the side that is seen.
+        """
         moving = connected and self._normals.connected(first, last)
         held = self._normals.at(middle if connected or base is None else base)
         fitting = None if held is None else topology.elements(self._normals_interpolation, len(held), point_count)
@@ -162,12 +166,13 @@ class Shape:
                 f"does not fit its interpolation ({self._normals_interpolation}) and is ignored",
             )
             return None, None
+        sides = self._sides(held, fitting, area_vectors(points(middle), topology.triangles))
         zero = ~np.any(held, axis=1)
         faceless = np.flatnonzero(zero[fitting].any(axis=1))
         count = len(held)
 
         def normals(time: float) -> np.ndarray:
-            authored = unit(self._normals.at(time) if moving else held)
+            authored = sides * unit(self._normals.at(time) if moving else held)
             if len(faceless) == 0:
                 return authored
             return np.concatenate([authored, unit(area_vectors(points(time), topology.triangles[faceless]))])
@@ -181,6 +186,27 @@ class Shape:
             return np.where(zero[indices], own[:, None], indices)
 
         return normals, elements
+
+    def _sides(self, normals: np.ndarray, corners: np.ndarray, areas: np.ndarray) -> np.ndarray:
+        """−1 for each normal that points to the back of its faces on the whole, else 1, shape [k, 1].
+
+        Args:
+            normals: Authored normals, shape [k, 3].
+            corners: Normal of each triangle corner, shape [m, 3].
+            areas: Vector areas of the triangles, shape [m, 3].
+        """
+        along = np.einsum("mk,mck->mc", areas, unit(normals)[corners])
+        sizes = np.repeat(np.linalg.norm(areas, axis=1), 3)
+        summed, size = (
+            np.bincount(corners.ravel(), weights=part.ravel(), minlength=len(normals)) for part in (along, sizes)
+        )
+        # One normal for a closed body, or one that lies in its face, points to no side: its sum is rounding.
+        against = summed < -1e-6 * size
+        if against.any():
+            self.warnings(
+                self._normals_attribute, "holds normals against the faces' winding, which are turned to their front"
+            )
+        return np.where(against, -1.0, 1.0)[:, None]
 
     def _topology(self, time: float, point_count: int) -> Topology:
         if self._last is not None and not self._faces_vary:

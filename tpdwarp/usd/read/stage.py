@@ -120,7 +120,7 @@ class StageScene:
         """
         with usd_diagnostics(self.warnings):
             self._warn_outside(shutter)
-            meshes = tuple(mesh for placed in self._placed(shutter.frame) if (mesh := placed.over(shutter)) is not None)
+            meshes = self._meshes_over(shutter)
             lights = tuple(found for light in self._lights if (found := light.over(shutter)) is not None)
             width, height = self._resolution()
             aspect = width * self._request.pixel_aspect / height
@@ -128,6 +128,31 @@ class StageScene:
             if self._camera_light:
                 lights = (camera_light(camera),)
             return SceneAtShutter(shutter, meshes, lights, camera)
+
+    def _meshes_over(self, shutter: Shutter) -> tuple[MeshAtShutter, ...]:
+        """The meshes over ``shutter``, without those that cannot be used.
+
+        Raises:
+            InputError: One that may carry the caustic cannot be used, or none of those there are.
+        """
+        meshes: list[MeshAtShutter] = []
+        refused: InputError | None = None
+        for placed in self._placed(shutter.frame):
+            try:
+                mesh = placed.over(shutter)
+            except InputError as error:
+                if self._materials.may_be_specular(placed.prim, shutter.frame):
+                    raise
+                refused = refused or error
+                # Of one kind are those whose attribute of the same name is to blame.
+                kind = f"left out for {error.prim.rsplit('/', 1)[-1].partition('.')[2]}"
+                self.warnings(error.prim, f"{error.message}; until then the mesh is left out", kind)
+                continue
+            if mesh is not None:
+                meshes.append(mesh)
+        if refused is not None and not meshes:
+            raise refused
+        return tuple(meshes)
 
     def frames(self) -> tuple[float, ...]:
         """The frames of the stage's range; its first alone where nothing changes.
