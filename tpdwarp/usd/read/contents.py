@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.usd.read.instances import Instancer, Prototype
+from tpdwarp.usd.read.primitives import is_primitive
 from tpdwarp.usd.read.transforms import Transforms
 
 # Prototypes are often abstract (class prims), which an ordinary traversal passes over.
@@ -22,7 +23,7 @@ class Contents:
     """The prims that matter, in stage order.
 
     Attributes:
-        meshes: Meshes of an included purpose, native instances included.
+        meshes: Meshes and primitives of an included purpose, native instances included.
         instancers: Point instancers of an included purpose that are not nested in another's prototype.
         lights: Distant and sphere lights.
         cameras: Cameras.
@@ -57,7 +58,7 @@ class Walker:
             elif prim.IsA(UsdLux.DistantLight) or prim.IsA(UsdLux.SphereLight):
                 contents.lights.append(prim)
             elif self._included(prim):
-                if prim.IsA(UsdGeom.Mesh):
+                if is_drawn(prim):
                     contents.meshes.append(prim)
                 elif prim.IsA(UsdGeom.PointInstancer):
                     contents.instancers.append(self._instancer(prim))
@@ -101,7 +102,7 @@ class Walker:
                 self._warnings(str(prim.GetPath()), "a light in a prototype is left out")
             elif not self._included(prim):
                 continue
-            elif prim.IsA(UsdGeom.Mesh):
+            elif is_drawn(prim):
                 prototype.meshes.append(prim)
             elif prim.IsA(UsdGeom.PointInstancer):
                 prototype.instancers.append(self._instancer(prim))
@@ -120,8 +121,13 @@ class Walker:
                 self._warnings(path, "skinning is not evaluated: the mesh is rendered as it is authored (bake it)")
         elif prim.HasAPI(UsdLux.LightAPI):
             self._warnings(path, f"a {kind} is not rendered: only DistantLight and SphereLight are")
-        elif prim.IsA(UsdGeom.Boundable) and not any(prim.IsA(drawn) for drawn in DRAWN_OTHERWISE):
-            self._warnings(path, f"a {kind} is not rendered: only meshes are")
+        elif prim.IsA(UsdGeom.Boundable) and not is_drawn(prim) and not any(map(prim.IsA, DRAWN_OTHERWISE)):
+            self._warnings(path, f"a {kind} is not rendered")
+
+
+def is_drawn(prim: Usd.Prim) -> bool:
+    """Whether a prim has a shape that is rendered."""
+    return prim.IsA(UsdGeom.Mesh) or is_primitive(prim)
 
 
 def visibility_varies(prim: Usd.Prim) -> bool:

@@ -14,6 +14,7 @@ from tpdwarp.usd.read.appearances import Appearance, appearance_of
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.read.normals import transform_normals, unit
+from tpdwarp.usd.read.primitives import Primitive
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import Transforms, union, usable
@@ -58,7 +59,7 @@ class PlacedMesh:
         self,
         label: str,
         prim: Usd.Prim,
-        shape: Shape,
+        shape: Shape | Primitive,
         placement: Placement,
         animation: tuple[float, float],
         cubic: bool,

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from pxr import Gf, Usd
 
-# Beside xformOps, what points and instances move by.
+# Beside xformOps, what points, primitives and instances move by.
 MOVING = frozenset(
     {
         "points",
@@ -18,6 +18,13 @@ MOVING = frozenset(
         "orientationsf",
         "scales",
         "angularVelocities",
+        "radius",
+        "radiusBottom",
+        "radiusTop",
+        "height",
+        "size",
+        "width",
+        "length",
     }
 )
 

@@ -24,6 +24,7 @@ from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import corners_of
+from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
@@ -66,7 +67,7 @@ class StageScene:
         self._cubic = settings.motion == "cubic"
         self._transforms = Transforms(self._cubic)
         self._materials = Materials(warnings, self._request.material_purpose)
-        self._shapes: dict[str, Shape] = {}
+        self._shapes: dict[str, Shape | Primitive] = {}
         purposes = _purposes(settings, self._request)
         contents = Walker(purposes, self._transforms, warnings).walk(stage)
         self._meshes = [
@@ -319,11 +320,23 @@ class StageScene:
         original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         key = str(original.GetPath())
         if key not in self._shapes:
-            mesh = UsdGeom.Mesh(prim)
-            self._shapes[key] = Shape(mesh, self.time_codes_per_second, self._cubic, self.warnings)
+            self._shapes[key] = self._shape(prim)
         return PlacedMesh(
             label, prim, self._shapes[key], placement, self._animation, self._cubic, self._materials, self.warnings
         )
+
+    def _shape(self, prim: Usd.Prim) -> Shape | Primitive:
+        if is_primitive(prim):
+            return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
+        return Shape(UsdGeom.Mesh(prim), self.time_codes_per_second, self._cubic, self.warnings)
+
+    def _segments(self, prim: Usd.Prim) -> int:
+        """Segments of a circle of a primitive."""
+        return segments_for(self._materials.may_be_specular(prim, self.start), self._primitive_count)
+
+    @cached_property
+    def _primitive_count(self) -> int:
+        return sum(is_primitive(placed.prim) for placed in self._placed(self.start))
 
     def _placed(self, frame: float) -> Iterator[PlacedMesh]:
         yield from self._meshes
