@@ -17,12 +17,18 @@ from tpdwarp.usd.read.values import indices_at, text_at
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """Materials and colours of a mesh's triangles, as in ``MeshAtShutter``."""
+    """Materials and colours of a mesh's triangles, as in ``MeshAtShutter``.
+
+    Attributes:
+        kept: Whether each triangle is there, shape [m]; None where all are.
+        varies: Whether any of this may change with time.
+    """
 
     materials: tuple[Material, ...]
     triangle_materials: np.ndarray
     colors: np.ndarray | None
     color_indices: np.ndarray | None
+    kept: np.ndarray | None
     varies: bool
 
 
@@ -42,7 +48,7 @@ def appearance_of(
     Raises:
         InputError: Unusable material inputs.
     """
-    surfaces: list[Surface] = [materials.bound(prim, frame)]
+    numbered: dict[Surface, int] = {materials.bound(prim, frame): 0}
     face_surfaces = np.zeros(topology.face_count, dtype=np.int32)
     subsets_vary = False
     for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
@@ -54,10 +60,8 @@ def appearance_of(
         if len(faces) and (faces.min() < 0 or faces.max() >= topology.face_count):
             warnings(f"{subset.GetPath()}.indices", "names faces that the mesh does not have, which are ignored")
             faces = faces[(faces >= 0) & (faces < topology.face_count)]
-        surface = materials.bound(subset.GetPrim(), frame)
-        if surface not in surfaces:
-            surfaces.append(surface)
-        face_surfaces[faces] = surfaces.index(surface)
+        face_surfaces[faces] = numbered.setdefault(materials.bound(subset.GetPrim(), frame), len(numbered))
+    surfaces = list(numbered)
     used = np.unique(face_surfaces[topology.faces])
     renumbered = np.zeros(len(surfaces), dtype=np.int32)
     renumbered[used] = np.arange(len(used))
@@ -72,11 +76,13 @@ def appearance_of(
         colors, indices, colors_vary = _display_colors(prim, topology, point_count, frame, warnings)
     if indices is not None and not open_to_color.all():
         indices = np.where(open_to_color[triangle_materials][:, None], indices, -1).astype(np.int32)
+    absent = np.array([surface.absent for surface in surfaces], dtype=bool)
     return Appearance(
         tuple(surface.material for surface in surfaces),
         triangle_materials,
         colors,
         indices,
+        ~absent[triangle_materials] if absent.any() else None,
         subsets_vary or colors_vary or any(surface.varies for surface in surfaces),
     )
 

@@ -106,14 +106,17 @@ class PlacedMesh:
             self._whole = None
         if self._whole is None:
             appearance = self._appearance[1]
-            self._whole = replace(
-                geometry.mesh,
-                materials=appearance.materials,
-                triangle_materials=appearance.triangle_materials,
-                colors=appearance.colors,
-                color_indices=appearance.color_indices,
+            self._whole = _without_holes(
+                replace(
+                    geometry.mesh,
+                    materials=appearance.materials,
+                    triangle_materials=appearance.triangle_materials,
+                    colors=appearance.colors,
+                    color_indices=appearance.color_indices,
+                ),
+                appearance.kept,
             )
-        return self._whole
+        return self._whole if len(self._whole.triangles) else None
 
     def _evaluate(self, shutter: Shutter) -> _Geometry | None:
         frame = shutter.frame
@@ -152,6 +155,15 @@ class PlacedMesh:
 
     def _world(self, time: float, frame: float) -> np.ndarray:
         return usable(self.placement.world(time, frame), time, self.label, self._warnings.file)
+
+
+def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:
+    """The mesh without the triangles that its materials cut out."""
+    if kept is None:
+        return mesh
+    by_triangle = ("triangles", "normal_indices", "triangle_materials", "color_indices")
+    parts = {name: None if (part := getattr(mesh, name)) is None else part[kept] for name in by_triangle}
+    return replace(mesh, **parts)
 
 
 @dataclass(frozen=True, eq=False)
