@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.usd.read.instances import Instancer, Prototype
+from tpdwarp.usd.read.lights import is_light
 from tpdwarp.usd.read.primitives import is_primitive
 from tpdwarp.usd.read.transforms import Transforms
 
@@ -25,7 +26,7 @@ class Contents:
     Attributes:
         meshes: Meshes and primitives of an included purpose, native instances included.
         instancers: Point instancers of an included purpose that are not nested in another's prototype.
-        lights: Distant and sphere lights.
+        lights: Lights that are rendered.
         cameras: Cameras.
     """
 
@@ -55,7 +56,7 @@ class Walker:
         for prim in self._prims(stage.GetPseudoRoot(), Usd.PrimDefaultPredicate):
             if prim.IsA(UsdGeom.Camera):
                 contents.cameras.append(prim)
-            elif prim.IsA(UsdLux.DistantLight) or prim.IsA(UsdLux.SphereLight):
+            elif is_light(prim):
                 contents.lights.append(prim)
             elif self._included(prim):
                 if is_drawn(prim):
@@ -119,9 +120,9 @@ class Walker:
                 self._warnings(path, "the mesh is rendered, but the light it emits is not")
             if UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue():
                 self._warnings(path, "skinning is not evaluated: the mesh is rendered as it is authored (bake it)")
-        elif prim.HasAPI(UsdLux.LightAPI):
-            self._warnings(path, f"a {kind} is not rendered: only DistantLight and SphereLight are")
-        elif prim.IsA(UsdGeom.Boundable) and not is_drawn(prim) and not any(map(prim.IsA, DRAWN_OTHERWISE)):
+            return
+        drawn = is_drawn(prim) or any(map(prim.IsA, DRAWN_OTHERWISE))
+        if prim.HasAPI(UsdLux.LightAPI) or (prim.IsA(UsdGeom.Boundable) and not drawn):
             self._warnings(path, f"a {kind} is not rendered")
 
 

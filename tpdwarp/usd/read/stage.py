@@ -345,14 +345,14 @@ class StageScene:
 
     @cached_property
     def _changes(self) -> bool:
-        """Whether any mesh or light, or the camera whose light stands in for one, ever moves, appears or vanishes."""
+        """Whether any mesh or light (or the camera, whose light stands in for one) ever moves, appears or changes."""
         if self._camera_light and self._camera.moves:
             return True
         if any(mesh.varies or visibility_varies(mesh.prim) for mesh in self._placed(self.start)):
             return True
         if any(instancer.instancer.span is not None for instancer in self._instancers):
             return True
-        return any(light.varies or visibility_varies(light.prim) for light in self._lights)
+        return any(light.varies or light.power_varies or visibility_varies(light.prim) for light in self._lights)
 
     def _any_attribute_varies(self) -> bool:
         roots = [self._stage.GetPseudoRoot(), *self._stage.GetPrototypes()]
