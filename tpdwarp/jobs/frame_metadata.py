@@ -45,6 +45,7 @@ def frame_metadata(
     metadata: dict[str, Any] = {
         "Software": f"tpdwarp {tpdwarp.__version__}",
         "framesPerSecond": source.frames_per_second,
+        "PixelAspectRatio": source.pixel_aspect,
         **_camera_attributes(made.camera),
         "tpdwarp:version": tpdwarp.__version__,
         "tpdwarp:scene": source.file,

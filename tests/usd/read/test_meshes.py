@@ -104,6 +104,28 @@ def test_blur_scale_shrinks_motion_about_the_frame(small):
     np.testing.assert_allclose(found.points[:, 2], 2.25)
 
 
+@pytest.mark.parametrize(("speed", "height"), [(0.0, 1.0), (0.5, 0.0)])
+def test_velocities_say_how_points_move_on_and_not_the_next_sample(small, speed, height):
+    """UsdGeomPointBased: what ComputePointsAtTimes makes of velocities that are sampled with the points."""
+    mesh = small.moving("/Mesh", {1: CORNERS, 2: CORNERS + height * UP, 3: CORNERS + 2 * height * UP})
+    for time in (1, 2, 3):
+        mesh.GetVelocitiesAttr().Set([Gf.Vec3f(*map(float, 24 * speed * UP))] * 4, time)
+    scene = small.open()
+    for frame in (1, 2):
+        shutter = Shutter(frame, frame, frame + 1)
+        found = only(scene.at(shutter))
+        opened, middle, closed = UsdGeom.PointBased(mesh).ComputePointsAtTimes([frame, frame + 0.5, frame + 1], frame)
+        np.testing.assert_allclose(found.points, middle, atol=1e-7)
+        motions = np.zeros((4, 3)) if found.motions is None else found.motions
+        np.testing.assert_allclose(motions, np.array(closed) - np.array(opened), atol=1e-7)
+
+
+def test_velocities_that_are_not_sampled_with_the_points_do_not_count(small):
+    mesh = small.moving("/Mesh", {1: CORNERS, 2: CORNERS + UP})
+    mesh.GetVelocitiesAttr().Set([Gf.Vec3f(0)] * 4, 0)
+    np.testing.assert_allclose(only(small.open().at(Shutter(1, 1, 2))).motions, np.tile(UP, (4, 1)))
+
+
 def test_changing_topology_moves_along_velocities_of_the_frame(small):
     mesh = small.mesh(points=None)
     triangle = CORNERS[:3]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +34,13 @@ class Appearance:
 
 
 def appearance_of(
-    prim: Usd.Prim, topology: Topology, point_count: int, frame: float, materials: Materials, warnings: WarnOnce
+    prim: Usd.Prim,
+    topology: Topology,
+    point_count: int,
+    frame: float,
+    materials: Materials,
+    warnings: WarnOnce,
+    given_color: Callable[[float], np.ndarray | None],
 ) -> Appearance:
     """Materials and display colours of a mesh at a time code.
 
@@ -44,6 +51,7 @@ def appearance_of(
         frame: Time code.
         materials: Reads the bound materials.
         warnings: Takes what is not supported, and names the file in errors.
+        given_color: Gives the colour [3] of a mesh without display colours at a time code, or None.
 
     Raises:
         InputError: Unusable material inputs.
@@ -74,6 +82,10 @@ def appearance_of(
     colors_vary = False
     if open_to_color.any():
         colors, indices, colors_vary = _display_colors(prim, topology, point_count, frame, warnings)
+        if colors is None and (given := given_color(frame)) is not None:
+            colors, indices = given[None], np.zeros(topology.triangles.shape, dtype=np.int32)
+            colors_vary = True
+        _warn_of_opacity(prim, warnings)
     if indices is not None and not open_to_color.all():
         indices = np.where(open_to_color[triangle_materials][:, None], indices, -1).astype(np.int32)
     absent = np.array([surface.absent for surface in surfaces], dtype=bool)
@@ -85,6 +97,13 @@ def appearance_of(
         ~absent[triangle_materials] if absent.any() else None,
         subsets_vary or colors_vary or any(surface.varies for surface in surfaces),
     )
+
+
+def _warn_of_opacity(prim: Usd.Prim, warnings: WarnOnce) -> None:
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayOpacity")
+    if primvar and primvar.HasValue() and (value := primvar.Get(Usd.TimeCode.EarliestTime())) is not None:
+        if np.min(value, initial=1.0) < 1:
+            warnings(str(primvar.GetAttr().GetPath()), "displayOpacity is not rendered: the surface is opaque")
 
 
 def _display_colors(

@@ -10,9 +10,10 @@ from pxr import Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.usd.read.meshes import PlacedMesh, Placement
+from tpdwarp.usd.read.primvars import flattened
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms, union, usable
-from tpdwarp.usd.read.values import ROWS, indices_at, value_at
+from tpdwarp.usd.read.values import ROWS, indices_at, text_at, value_at
 
 MATRICES_KEPT = 12
 
@@ -47,6 +48,12 @@ class Instancer:
         self.path = str(instancer.GetPath())
         self._transforms, self._warnings = transforms, warnings
         self._matrices: dict[tuple[float, float], np.ndarray] = {}
+        primvar = UsdGeom.PrimvarsAPI(instancer).GetPrimvar("displayColor")
+        by_instance = primvar.HasValue() and primvar.GetInterpolation() != UsdGeom.Tokens.constant
+        self._color_curve = flattened(primvar, warnings.file) if by_instance else None
+        self._colors: tuple[float, np.ndarray | None] | None = None
+        if UsdGeom.PrimvarsAPI(instancer).GetPrimvar("displayOpacity").HasValue():
+            warnings(f"{self.path}.primvars:displayOpacity", "displayOpacity is not rendered: the surface is opaque")
         self.span = self._span()
 
     @property
@@ -91,6 +98,20 @@ class Instancer:
                 del self._matrices[next(iter(self._matrices))]
             self._matrices[key] = self._compute(time, frame)
         return usable(self._matrices[key][index], time, f"{self.path}[{index}]", self._warnings.file)
+
+    def color(self, index: int, frame: float) -> np.ndarray | None:
+        """The display colour [3] that the instancer gives one instance at a time code, or None."""
+        if self._color_curve is None:
+            return None
+        if self._colors is None or self._colors[0] != frame:
+            try:
+                found = self._color_curve.at(frame)
+            except InputError as error:
+                self._warnings(error.prim, f"{error.message}; until then the colours are ignored")
+                found = None
+            self._colors = frame, found
+        colors = self._colors[1]
+        return colors[index] if colors is not None and index < len(colors) else None
 
     def _compute(self, time: float, frame: float) -> np.ndarray:
         exclude, ignore = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
@@ -164,6 +185,26 @@ class OfInstance:
         inner = self._transforms.below(self._prim, self._root, time) @ self._transforms.own(self._root, time)
         with np.errstate(over="ignore", invalid="ignore"):
             return inner @ self._instancer.matrix(self._index, time, frame) @ self._parent.world(time, frame)
+
+    def visible(self, frame: float) -> bool:
+        """Whether the instancer is visible, and nothing from the prim up to its prototype's root is invisible.
+
+        What lies above a prototype's root concerns the prototype where it stands, and not where it is placed.
+        """
+        if not self._parent.visible(frame):
+            return False
+        prim = self._prim
+        while prim:
+            attribute = UsdGeom.Imageable(prim).GetVisibilityAttr() if prim.IsA(UsdGeom.Imageable) else None
+            if attribute and text_at(attribute, frame) == UsdGeom.Tokens.invisible:
+                return False
+            if prim == self._root:
+                return True
+            prim = prim.GetParent()
+        return True
+
+    def color(self, frame: float) -> np.ndarray | None:
+        return self._instancer.color(self._index, frame)
 
 
 class InstancedMeshes:

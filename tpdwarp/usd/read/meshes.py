@@ -29,6 +29,14 @@ class Placement(Protocol):
         """Local-to-world matrix at ``time`` for a shutter around ``frame``, shape [4, 4]."""
         ...
 
+    def visible(self, frame: float) -> bool:
+        """Whether the prim is visible there at a time code."""
+        ...
+
+    def color(self, frame: float) -> np.ndarray | None:
+        """The colour [3] that an instancer gives it at a time code; None where it gives none."""
+        ...
+
 
 class OnStage:
     """The placement of a prim that is on the stage itself (native instances included)."""
@@ -39,6 +47,12 @@ class OnStage:
 
     def world(self, time: float, frame: float) -> np.ndarray:
         return self._transforms.world(self._prim, time)
+
+    def visible(self, frame: float) -> bool:
+        return UsdGeom.Imageable(self._prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
+
+    def color(self, frame: float) -> np.ndarray | None:
+        return None
 
 
 class PlacedMesh:
@@ -70,7 +84,6 @@ class PlacedMesh:
         self._cubic, self._materials, self._warnings = cubic, materials, warnings
         self._own_span = union(shape.span, placement.span)
         self.span = union(animation, self._own_span)
-        self._imageable = UsdGeom.Imageable(prim)
         self._geometry: _Geometry | None = None
         self._appearance: tuple[Topology, Appearance] | None = None
         self._whole: MeshAtShutter | None = None
@@ -80,16 +93,13 @@ class PlacedMesh:
         """Whether its points or its place may change with time."""
         return self._own_span is not None
 
-    def visible(self, frame: float) -> bool:
-        return self._imageable.ComputeVisibility(frame) != UsdGeom.Tokens.invisible
-
     def over(self, shutter: Shutter) -> MeshAtShutter | None:
         """The mesh over ``shutter``; None where it is invisible or has no triangles.
 
         Raises:
             InputError: Points, faces, transforms or materials that cannot be used.
         """
-        if not self.visible(shutter.frame):
+        if not self.placement.visible(shutter.frame):
             return None
         if self.varies or self._geometry is None:
             self._geometry = self._evaluate(shutter)
@@ -100,7 +110,13 @@ class PlacedMesh:
         known = self._appearance
         if known is None or known[1].varies or known[0] is not geometry.topology:
             appearance = appearance_of(
-                self.prim, geometry.topology, geometry.point_count, shutter.frame, self._materials, self._warnings
+                self.prim,
+                geometry.topology,
+                geometry.point_count,
+                shutter.frame,
+                self._materials,
+                self._warnings,
+                self.placement.color,
             )
             self._appearance = geometry.topology, appearance
             self._whole = None

@@ -206,6 +206,14 @@ class StageScene:
         # Apertures are stored in single precision, whose rounding must not cost a row.
         return self._checked(width, height * (1 + 1e-6))
 
+    @property
+    def pixel_aspect(self) -> float:
+        """Width of a pixel over its height, as the image shows the camera's window."""
+        if self._request.policy == "adjustPixelAspectRatio":
+            width, height = self._resolution()
+            return self._camera.aspect(self.start) * height / width
+        return self._request.pixel_aspect
+
     def _checked(self, width: int, height: float) -> tuple[int, int]:
         if not width * max(1.0, height) <= MOST_PIXELS:
             raise InputError(
@@ -350,8 +358,9 @@ class StageScene:
             return True
         if any(mesh.varies or visibility_varies(mesh.prim) for mesh in self._placed(self.start)):
             return True
-        if any(instancer.instancer.span is not None for instancer in self._instancers):
-            return True
+        for instancer in self._instancers:
+            if instancer.instancer.span is not None or visibility_varies(instancer.instancer.instancer.GetPrim()):
+                return True
         return any(light.varies or light.power_varies or visibility_varies(light.prim) for light in self._lights)
 
     def _any_attribute_varies(self) -> bool:
