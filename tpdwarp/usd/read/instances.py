@@ -9,6 +9,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.jumps import Jump
 from tpdwarp.usd.read.meshes import PlacedMesh, Placement
 from tpdwarp.usd.read.primvars import flattened
 from tpdwarp.usd.read.samples import sample_times
@@ -185,6 +186,10 @@ class OfInstance:
         inner = self._transforms.below(self._prim, self._root, time) @ self._transforms.own(self._root, time)
         with np.errstate(over="ignore", invalid="ignore"):
             return inner @ self._instancer.matrix(self._index, time, frame) @ self._parent.world(time, frame)
+
+    def jumps(self) -> tuple[Jump, ...]:
+        of_instancer = self._transforms.jumps(self._instancer.instancer.GetPrim())
+        return (*self._transforms.jumps(self._prim), *of_instancer, *self._parent.jumps())
 
     def visible(self, frame: float) -> bool:
         """Whether the instancer is visible, and nothing from the prim up to its prototype's root is invisible.

@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, Shutter
 from tpdwarp.usd.read.appearances import Appearance, appearance_of
+from tpdwarp.usd.read.jumps import Jump, settled
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.read.normals import transform_normals, unit
@@ -27,6 +28,10 @@ class Placement(Protocol):
 
     def world(self, time: float, frame: float) -> np.ndarray:
         """Local-to-world matrix at ``time`` for a shutter around ``frame``, shape [4, 4]."""
+        ...
+
+    def jumps(self) -> tuple[Jump, ...]:
+        """Pairs of times between which it jumps."""
         ...
 
     def visible(self, frame: float) -> bool:
@@ -47,6 +52,9 @@ class OnStage:
 
     def world(self, time: float, frame: float) -> np.ndarray:
         return self._transforms.world(self._prim, time)
+
+    def jumps(self) -> tuple[Jump, ...]:
+        return self._transforms.jumps(self._prim)
 
     def visible(self, frame: float) -> bool:
         return UsdGeom.Imageable(self._prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
@@ -136,7 +144,7 @@ class PlacedMesh:
 
     def _evaluate(self, shutter: Shutter) -> _Geometry | None:
         frame = shutter.frame
-        shutter = blur_scaled(shutter, blur_scale(self.prim, frame))
+        shutter = settled(blur_scaled(shutter, blur_scale(self.prim, frame)), self.placement.jumps())
         shape = self.shape.at(shutter, self.span)
         if shape is None:
             return None
