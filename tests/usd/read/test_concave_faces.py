@@ -23,10 +23,11 @@ def polygon_area(points):
 
 @pytest.mark.parametrize("shape", [L_SHAPE, DART], ids=["L", "dart"])
 @pytest.mark.parametrize("offset", [0.0, 1e4])
+@pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("flip", [False, True])
-def test_a_concave_face_covers_its_own_area_and_no_more(shape, offset, flip):
+def test_a_concave_face_covers_its_own_area_and_no_more(shape, offset, turned, flip):
     rng = np.random.default_rng(1)
-    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0] if turned else np.eye(3)
     points = shape @ turn + offset
     points = points[::-1] if flip else points
     whole = polygon_area(points - points[0])

@@ -79,7 +79,7 @@ def _is_ear(flat: np.ndarray, left: list[int], before: int, ear: int, after: int
     others = flat[[k for k in left if k not in (before, ear, after)]]
     inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
     # Corners may share a place with the ear's, where a hole is joined to the outline.
-    apart = ~((others == a) | (others == b) | (others == c)).all(axis=-1)
+    apart = ~np.any([(others == corner).all(axis=1) for corner in (a, b, c)], axis=0)
     return not bool((inside & apart).any())
 
 
