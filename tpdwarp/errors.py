@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 logger = logging.getLogger("tpdwarp")
 
@@ -35,7 +37,10 @@ class FrameError(Exception):
 
 
 class WarnOnce:
-    """Reports each unsupported thing once, by prim, to the ``tpdwarp`` logger.
+    """Reports each kind of unsupported thing once, with its first prim and a count, to the ``tpdwarp`` logger.
+
+    Two warnings are of one kind where their text is the same, or the ``kind`` given instead. Within :meth:`together`
+    they are held back until all of them are counted; a kind that was said is not said again for prims found later.
 
     Args:
         file: The file every message names.
@@ -48,14 +53,51 @@ class WarnOnce:
 
     def __init__(self, file: str, silent: bool = False) -> None:
         self.file, self._silent = str(file), silent
-        self.messages: list[str] = []
         self.of_usd: list[str] = []
-        self._known: set[str] = set()
+        self._kinds: dict[str, _Kind] = {}
+        self._held: list[_Kind] | None = None
 
-    def __call__(self, prim: str, message: str) -> None:
-        line = ": ".join(part for part in (self.file, str(prim), " ".join(message.split())) if part)
-        if line not in self._known:
-            self._known.add(line)
-            self.messages.append(line)
-            if not self._silent:
-                logger.warning(line)
+    def __call__(self, prim: str, message: str, kind: str = "") -> None:
+        text = " ".join(message.split())
+        key = kind or text
+        known = self._kinds.get(key)
+        if known is not None:
+            known.found.add((str(prim), text))
+            return
+        found = self._kinds[key] = _Kind(str(prim), text)
+        if self._held is not None:
+            self._held.append(found)
+        elif not self._silent:
+            logger.warning(self._line(found))
+
+    @property
+    def messages(self) -> list[str]:
+        """One line for each kind found so far, in the order of their first prims."""
+        return [self._line(kind) for kind in self._kinds.values()]
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """While entered, warnings are counted, to be said on leaving; entered twice, the outermost says them."""
+        if self._held is not None:
+            yield
+            return
+        self._held = []
+        try:
+            yield
+        finally:
+            held, self._held = self._held, None
+            for kind in held if not self._silent else ():
+                logger.warning(self._line(kind))
+
+    def _line(self, kind: _Kind) -> str:
+        others = len(kind.found) - 1
+        count = f" and {others} more" if others else ""
+        named = kind.first + count if kind.first else ""
+        return ": ".join(part for part in (self.file, named, kind.text if named else kind.text + count) if part)
+
+
+class _Kind:
+    """One kind of warning: its first prim and text, and all that was found of it."""
+
+    def __init__(self, first: str, text: str) -> None:
+        self.first, self.text, self.found = first, text, {(first, text)}

@@ -21,7 +21,9 @@ from tpdwarp.scene.requirements import requirements_of
 from tpdwarp.view.camera import camera_of
 from tpdwarp.view.visibility import light_arrays, visible_points
 from usd_scenes.in_memory import (  # noqa: F401 (what scripts render as well lives there)
+    QUAD,
     SUN,
+    WHITE,
     Source,
     floor,
     looking_down,

@@ -400,3 +400,48 @@ def with_text(pixels: np.ndarray, lines: Sequence[tuple[int, int, str]], size: i
     for column, row, text in lines:
         oiio.ImageBufAlgo.render_text(image, column, row, text, size, "", (1.0, 1.0, 1.0))
     return np.array(image.get_pixels("uint8")).reshape(pixels.shape)
+
+
+def mean_color(path: str | os.PathLike[str], encoding: str = "auto") -> np.ndarray | None:
+    """Mean of an image's first subimage, shape [4]: linear R, G, B and A (1 without alpha); grey gives R = G = B.
+
+    Args:
+        path: Image file.
+        encoding: ``sRGB`` or ``raw``, or ``auto``, UsdUVTexture's rule: sRGB for three channels or more of
+            eight bits.
+
+    Returns:
+        None where the file is no image that can be read.
+    """
+    source = oiio.ImageInput.open(os.fspath(path))
+    if source is None:
+        oiio.geterror()
+        return None
+    try:
+        spec = source.spec()
+        eight_bits = spec.format == oiio.TypeDesc("uint8")
+        pixels = source.read_image(0, 0, 0, min(spec.nchannels, 4), "uint8" if eight_bits else "float")
+    finally:
+        source.close()
+    if pixels is None:
+        source.geterror()
+        return None
+    decoded = encoding == "sRGB" or (encoding == "auto" and eight_bits and spec.nchannels >= 3)
+    means = [_channel_mean(pixels[..., k], decoded and k < 3) for k in range(pixels.shape[-1])]
+    if len(means) < 3:
+        means = [means[0]] * 3 + means[1:]
+    return np.array(means if len(means) == 4 else [*means, 1.0])
+
+
+def _channel_mean(channel: np.ndarray, srgb: bool) -> float:
+    if channel.dtype == np.uint8:
+        # 256 values are decoded, however many pixels there are.
+        values = np.arange(256) / 255.0
+        weights = np.bincount(channel.ravel(), minlength=256) / channel.size
+        return float(weights @ (_decoded(values) if srgb else values))
+    values = channel[np.isfinite(channel)].astype(np.float64)
+    return float((_decoded(values) if srgb else values).mean()) if values.size else 0.0
+
+
+def _decoded(values: np.ndarray) -> np.ndarray:
+    return decode_srgb(np.repeat(values.reshape(1, -1, 1), 3, axis=2))[0, :, 0]

@@ -48,6 +48,7 @@ def frame_metadata(
     metadata: dict[str, Any] = {
         "Software": f"tpdwarp {VERSION}",
         "framesPerSecond": source.frames_per_second,
+        "PixelAspectRatio": source.pixel_aspect,
         **_camera_attributes(made.camera),
         "tpdwarp:version": VERSION,
         "tpdwarp:scene": source.file,

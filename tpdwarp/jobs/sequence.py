@@ -32,7 +32,7 @@ from tpdwarp.rendering.frame import render_frame, trace_frame
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.default_time import DefaultTimeScene
-from tpdwarp.usd.read.frame_specs import frames_between, frames_of
+from tpdwarp.usd.read.frame_specs import frames_of
 from tpdwarp.usd.read.stage import StageScene
 from tpdwarp.usd.write.debug_layer import DebugLayerWriter
 
@@ -66,7 +66,8 @@ def render(
     Args:
         scene: The stage.
         out: Image file, with ``####`` where the frame number goes (see :class:`tpdwarp.io.frame_names.FrameNames`).
-        frames: A specification such as ``1:24,30:40x2``, a frame, or several; None for the stage's whole range.
+        frames: A specification such as ``1:24,30:40x2``, a frame, or several; None for the stage's whole range
+            (its first frame where nothing changes).
         default_time: Render the default time (values that are not time samples) in place of frames.
         progress: ``auto``, ``bar``, ``plain``, ``alf``, ``none``, a :class:`tpdwarp.jobs.progress.Progress`, or None,
             which shows nothing.
@@ -97,7 +98,6 @@ def render(
         raise InputError("--curves thins a debug layer (add --debug-layer)")
     source, wanted = _open(scene, chosen, frames, default_time, strict)
     names.check(wanted)
-    source.require_camera()
     width, height = source.resolution()
     files = StageFiles(source)
     prepare_outputs(source, files, stats, debug_layer, [names.path(frame) for frame in wanted])
@@ -280,14 +280,13 @@ def _open(
     source = open_scene(scene, settings, default_time)
     if strict and source.warnings.of_usd:
         raise InputError(f"{source.warnings.of_usd[0]} (--strict)", file=source.file)
-    return source, asked or frames_between(source.start, source.end)
+    return source, asked or source.frames()
 
 
 def _settled(source: StageScene, settings: Settings) -> tuple[Settings, ErrorTarget | None]:
     """Settings without an open choice of photons, and what they were chosen for, if for anything."""
     if settings.target_error is None:
         return settings, None
-    source.require_camera()
     return settled(source, settings, spread_shutters(source, settings), *source.resolution())
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from tpdwarp.jobs.sequence import FilePath, Frames, chosen_settings, frames_asked, open_scene, shutter_of
 from tpdwarp.scene.requirements import Requirements, requirements_of
-from tpdwarp.usd.read.frame_specs import frames_between
 
 
 def info(scene: FilePath, *, frames: Frames = None, default_time: bool = False, **settings: Any) -> dict[str, Any]:
@@ -30,7 +29,7 @@ def info(scene: FilePath, *, frames: Frames = None, default_time: bool = False, 
     chosen = chosen_settings(settings)
     asked = frames_asked(frames, default_time)
     source = open_scene(scene, chosen, default_time)
-    wanted = asked or frames_between(source.start, source.end)
+    wanted = asked or source.frames()
     needed = ((frame, requirements_of(source.at(shutter_of(source, frame, chosen)))) for frame in wanted)
     requirements = _runs(needed)
     # Described last, since warnings come up while frames are read.

@@ -75,7 +75,6 @@ def study(
     cases = sweep.cases(base)
     source = open_scene(scene, base, default_time=False)
     check_outputs(outputs, {"is part of the scene": source.used_files()})
-    source.require_camera()
     chosen = frames_asked(frames, False) or (float(round(0.5 * (source.start + source.end))),)
     shown = study_progress_of(progress)
     store = Store(cache or default_folder(), content_hash(source.file))

@@ -159,12 +159,3 @@ def test_what_is_no_camera_is_refused(small, wanted, why):
     with pytest.raises(InputError, match=why) as caught:
         small.open(camera=wanted)
     assert f"{small.file}: {wanted}: " in str(caught.value)
-
-
-def test_without_a_camera_photons_can_still_be_traced(small):
-    scene = small.open()
-    assert scene.camera_path is None and scene.at(Shutter.still(1)).camera is None
-    assert scene.shutter(2, Settings()) == Shutter.still(2)
-    for ask in (scene.require_camera, scene.resolution):
-        with pytest.raises(InputError, match="no camera"):
-            ask()

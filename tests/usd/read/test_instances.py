@@ -142,16 +142,39 @@ def test_still_instances_are_the_same_objects_again(small):
     assert all(a is b for a, b in zip(first, second, strict=True))
 
 
-@pytest.mark.parametrize(
-    ("attribute", "value"), [("ProtoIndices", [0, 3]), ("ProtoIndices", [0, -1]), ("Positions", [(0, 0, 0)])]
-)
-def test_arrays_that_do_not_fit_are_refused(small, attribute, value):
+def test_positions_that_do_not_fit_leave_the_instancer_out(small):
     many = instancer(small)
     small.mesh("/Many/Ball")
-    getattr(many, f"Get{attribute}Attr")().Set(value)
+    small.mesh("/Floor")
+    many.GetPositionsAttr().Set([(0, 0, 0)])
     scene = small.open()
-    with pytest.raises(InputError, match=rf"/Many\.{attribute[0].lower()}{attribute[1:]}"):
-        scene.at(Shutter.still(1))
+    assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/Floor"]
+    assert len([m for m in scene.warnings.messages if "/Many.positions: " in m]) == 1
+
+
+@pytest.mark.parametrize("wrong", [3, -1])
+def test_instances_of_prototypes_that_do_not_exist_are_left_out(small, wrong):
+    many = instancer(small)
+    small.mesh("/Many/Ball")
+    many.GetProtoIndicesAttr().Set([0, wrong])
+    scene = small.open()
+    assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/Many[0]/Ball"]
+    assert len([m for m in scene.warnings.messages if "/Many.protoIndices: " in m]) == 1
+
+
+def test_an_instancer_without_prototypes_is_left_out(small):
+    instancer(small).GetPrototypesRel().SetTargets([])
+    small.mesh("/Floor")
+    scene = small.open()
+    assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/Floor"]
+    assert len([m for m in scene.warnings.messages if "/Many: has no prototypes" in m]) == 1
+
+
+def test_only_the_instance_whose_place_is_no_number_is_left_out(small):
+    many = instancer(small)
+    small.mesh("/Many/Ball")
+    many.GetPositionsAttr().Set([(float("nan"), 0, 0), (1, 0, 0)])
+    assert [m.path for m in small.open().at(Shutter.still(1)).meshes] == ["/Many[1]/Ball"]
 
 
 def test_an_instancer_counts_as_geometry_and_an_empty_one_does_not(small):
@@ -168,3 +191,59 @@ def test_lights_inside_prototypes_are_said(small):
     UsdLux.SphereLight.Define(small.stage, "/Many/Ball/Lamp")
     assert any("/Many/Ball/Lamp" in m for m in small.open().warnings.messages)
     assert Usd.Stage.Open(small.file).GetPrimAtPath("/Many/Ball/Lamp")
+
+
+@pytest.mark.parametrize("hidden", ["itself", "ancestor", "prototype"])
+def test_instances_of_what_is_invisible_are_not_drawn(small, hidden):
+    small.mesh("/Floor")
+    small.mesh("/Library/Ball")
+    UsdGeom.Xform.Define(small.stage, "/Group")
+    many = UsdGeom.PointInstancer.Define(small.stage, "/Group/Many")
+    many.CreatePrototypesRel().SetTargets(["/Library/Ball"])
+    many.CreateProtoIndicesAttr([0])
+    many.CreatePositionsAttr([Gf.Vec3f(1, 0, 0)])
+    small.stage.GetPrimAtPath("/Library").SetSpecifier(Sdf.SpecifierClass)
+    paths = {"itself": "/Group/Many", "ancestor": "/Group", "prototype": "/Library/Ball"}
+    visibility = UsdGeom.Imageable(small.stage.GetPrimAtPath(paths[hidden])).CreateVisibilityAttr()
+    visibility.Set("invisible", 1)
+    visibility.Set("inherited", 3)
+    scene = small.open()
+    drawn = [[m.path for m in scene.at(Shutter.still(time)).meshes] for time in (2, 3)]
+    assert drawn == [["/Floor"], ["/Floor", "/Group/Many[0]/Ball"]]
+    assert len(scene.reference_shutters()) > 1
+
+
+def test_prototypes_below_an_invisible_scope_are_drawn_where_they_are_placed(small):
+    UsdGeom.Scope.Define(small.stage, "/Library").CreateVisibilityAttr("invisible")
+    small.mesh("/Library/Ball")
+    instancer(small, prototypes=("/Library/Ball",))
+    assert [m.path for m in small.open().at(Shutter.still(1)).meshes] == ["/Many[0]/Ball", "/Many[1]/Ball"]
+
+
+def test_colours_authored_by_instance_are_those_of_the_instances(small):
+    many = instancer(small)
+    small.mesh("/Many/Ball")
+    primvar = UsdGeom.PrimvarsAPI(many).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, "vertex")
+    for time, (first, second) in {1: (0, 1), 5: (1, 0)}.items():
+        primvar.Set([Gf.Vec3f(first, 0, 0), Gf.Vec3f(0, second, 0)], time)
+    scene = small.open()
+    for time, (first, second) in {1: (0, 1), 2: (0.25, 0.75)}.items():
+        a, b = scene.at(Shutter.still(time)).meshes
+        np.testing.assert_allclose(a.colors[a.color_indices], np.broadcast_to([first, 0, 0], (2, 3, 3)))
+        np.testing.assert_allclose(b.colors[b.color_indices], np.broadcast_to([0, second, 0], (2, 3, 3)))
+
+
+def test_a_colour_of_the_prototypes_own_comes_first(small):
+    many = instancer(small)
+    small.mesh("/Many/Ball").CreateDisplayColorAttr([Gf.Vec3f(0, 0, 1)])
+    primvar = UsdGeom.PrimvarsAPI(many).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, "vertex")
+    primvar.Set([Gf.Vec3f(1, 0, 0)] * 2)
+    for mesh in small.open().at(Shutter.still(1)).meshes:
+        np.testing.assert_array_equal(mesh.colors, [[0, 0, 1]])
+
+
+def test_opacities_for_display_are_said(small):
+    small.mesh().CreateDisplayOpacityAttr([0.5])
+    scene = small.open()
+    scene.at(Shutter.still(1))
+    assert [m for m in scene.warnings.messages if "displayOpacity" in m] == scene.warnings.messages != []

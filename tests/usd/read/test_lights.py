@@ -136,7 +136,7 @@ def test_lights_that_are_dark_or_invisible_are_left_out_quietly(small):
     assert light.path == "/Sun" and warnings == []
 
 
-@pytest.mark.parametrize("kind", ["RectLight", "DiskLight", "CylinderLight", "DomeLight", "PortalLight"])
+@pytest.mark.parametrize("kind", ["DomeLight", "PortalLight", "GeometryLight"])
 def test_other_lights_are_said_and_left_out(small, kind):
     distant(small)
     getattr(UsdLux, kind).Define(small.stage, "/Other")
@@ -164,3 +164,72 @@ def test_power_is_read_at_the_frame(small):
     light.GetIntensityAttr().Set(4.0, 5)
     scene = small.open()
     assert [len(scene.at(Shutter.still(1)).lights), scene.at(Shutter.still(3)).lights[0].power[0]] == [0, 2.0]
+
+
+SIZED = {
+    "RectLight": (dict(Width=2.0, Height=3.0), (2, 5, 7), 6.0 * 10),
+    "DiskLight": (dict(Radius=0.5), (2, 5, 7), math.pi * 0.25 * 10),
+    "CylinderLight": (dict(Radius=0.5, Length=3.0), (2, 5, 5), 2 * math.pi * 0.5 * 3 * 10),
+    "SphereLight": (dict(Radius=0.5), (3, 3, 3), 4 * math.pi * 0.25 * 9),
+}
+
+
+@pytest.mark.parametrize("kind", SIZED)
+@pytest.mark.parametrize("normalize", [False, True])
+def test_a_light_with_a_surface_is_the_point_that_sends_as_much(small, kind, normalize):
+    sizes, scale, area = SIZED[kind]
+    light = getattr(UsdLux, kind).Define(small.stage, "/Lamp")
+    for name, value in sizes.items():
+        getattr(light, f"Create{name}Attr")(value)
+    light.CreateIntensityAttr(8.0)
+    light.CreateNormalizeAttr(normalize)
+    light.AddTranslateOp().Set((1, 2, 3))
+    light.AddScaleOp().Set(scale)
+    found, warnings = read(small)
+    # A surface of radiance L and area A sends π L A.
+    assert 4 * math.pi * found.power[0] == pytest.approx(math.pi * 8 * (1 if normalize else area), rel=1e-6)
+    assert found.kind == LightKind.POINT and found.position.tolist() == [1, 2, 3]
+    assert len(warnings) == 1 and "/Lamp" in warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("samples", "shutter", "mean"),
+    [
+        ({1: 0.0, 2: 2.0}, (1, 2), 1.0),
+        ({1: 0.0, 2: 2.0}, (1.25, 1.5), 0.75),
+        ({1: 0.125, 1.25: 0.125, 1.5: 8.125, 1.75: 0.125, 2: 0.125}, (1, 2), 2.125),
+        ({1: 0.0, 2: 2.0}, (1.5, 2.5), 1.75),
+    ],
+)
+def test_a_light_that_changes_has_its_mean_over_the_shutter(small, samples, shutter, mean):
+    light = distant(small)
+    for time, value in samples.items():
+        light.GetIntensityAttr().Set(value, time)
+    # USD interpolates in single precision.
+    assert read(small, Shutter(1, *shutter))[0].power[0] == pytest.approx(mean, rel=6e-8)
+
+
+def test_a_light_that_brightens_by_stops_has_the_mean_of_the_exponential(small):
+    light = distant(small)
+    for time, value in ((1, 0.0), (2, 1.0)):
+        light.CreateExposureAttr().Set(value, time)
+    # Three nodes leave ln(2)⁶ / 2016000 of the exponential.
+    assert read(small, Shutter(1, 1, 2))[0].power[0] == pytest.approx(8 / math.log(2), rel=1e-7)
+
+
+@pytest.mark.parametrize("above", [False, True])
+def test_a_light_shines_for_the_part_of_the_shutter_in_which_it_is_visible(small, above):
+    UsdGeom.Xform.Define(small.stage, "/Group")
+    light = distant(small, "/Group/Sun")
+    hidden = UsdGeom.Imageable(small.stage.GetPrimAtPath("/Group")) if above else light
+    attribute = UsdGeom.Imageable(hidden).CreateVisibilityAttr()
+    for time, value in ((1, "inherited"), (1.25, "invisible"), (1.75, "inherited")):
+        attribute.Set(value, time)
+    assert read(small, Shutter(1, 1, 2))[0].power[0] == pytest.approx(4.0, rel=1e-12)
+
+
+def test_the_colour_of_a_light_is_averaged_too(small):
+    light = distant(small)
+    for time, value in ((1, Gf.Vec3f(1, 0, 0)), (2, Gf.Vec3f(0, 0, 1))):
+        light.CreateColorAttr().Set(value, time)
+    assert read(small, Shutter(1, 1, 2))[0].power == pytest.approx((4.0, 0.0, 4.0))

@@ -104,6 +104,28 @@ def test_blur_scale_shrinks_motion_about_the_frame(small):
     np.testing.assert_allclose(found.points[:, 2], 2.25)
 
 
+@pytest.mark.parametrize(("speed", "height"), [(0.0, 1.0), (0.5, 0.0)])
+def test_velocities_say_how_points_move_on_and_not_the_next_sample(small, speed, height):
+    """UsdGeomPointBased: what ComputePointsAtTimes makes of velocities that are sampled with the points."""
+    mesh = small.moving("/Mesh", {1: CORNERS, 2: CORNERS + height * UP, 3: CORNERS + 2 * height * UP})
+    for time in (1, 2, 3):
+        mesh.GetVelocitiesAttr().Set([Gf.Vec3f(*map(float, 24 * speed * UP))] * 4, time)
+    scene = small.open()
+    for frame in (1, 2):
+        shutter = Shutter(frame, frame, frame + 1)
+        found = only(scene.at(shutter))
+        opened, middle, closed = UsdGeom.PointBased(mesh).ComputePointsAtTimes([frame, frame + 0.5, frame + 1], frame)
+        np.testing.assert_allclose(found.points, middle, atol=1e-7)
+        motions = np.zeros((4, 3)) if found.motions is None else found.motions
+        np.testing.assert_allclose(motions, np.array(closed) - np.array(opened), atol=1e-7)
+
+
+def test_velocities_that_are_not_sampled_with_the_points_do_not_count(small):
+    mesh = small.moving("/Mesh", {1: CORNERS, 2: CORNERS + UP})
+    mesh.GetVelocitiesAttr().Set([Gf.Vec3f(0)] * 4, 0)
+    np.testing.assert_allclose(only(small.open().at(Shutter(1, 1, 2))).motions, np.tile(UP, (4, 1)))
+
+
 def test_changing_topology_moves_along_velocities_of_the_frame(small):
     mesh = small.mesh(points=None)
     triangle = CORNERS[:3]
@@ -188,6 +210,7 @@ def test_normals_of_every_interpolation_reach_their_corners(small, interpolation
     count = {"vertex": 4, "varying": 4, "faceVarying": 6, "uniform": 2, "constant": 1}[interpolation]
     rng = np.random.default_rng(2)
     values = rng.normal(size=(count, 3)).astype(np.float32)
+    values[:, 2] = abs(values[:, 2])
     primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("normals", Sdf.ValueTypeNames.Normal3fArray, interpolation)
     order = rng.permutation(count) if indexed else np.arange(count)
     stored = np.empty_like(values)
@@ -207,6 +230,27 @@ def test_normals_of_every_interpolation_reach_their_corners(small, interpolation
     expected = values[np.array(element)].astype(float)
     expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
     np.testing.assert_allclose(found.normals[found.normal_indices], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_normals_against_the_winding_are_turned_to_the_front_and_said(small, mirror):
+    mesh = small.mesh(counts=(3, 3), indices=(0, 1, 2, 2, 3, 0))
+    mesh.CreateNormalsAttr([Gf.Vec3f(0, 0, -1), Gf.Vec3f(0, 0, 1), Gf.Vec3f(0, 0.6, -0.8), Gf.Vec3f(0, 0, 1)])
+    mesh.AddScaleOp().Set((mirror, 1, 1))
+    scene = small.open()
+    found = only(scene.at(Shutter.still(1)))
+    np.testing.assert_allclose(found.normals, [[0, 0, 1], [0, 0, 1], [0, -0.6, 0.8], [0, 0, 1]], atol=1e-7)
+    assert [m for m in scene.warnings.messages if "/Mesh.normals: " in m] == scene.warnings.messages != []
+
+
+def test_one_normal_for_a_closed_body_is_left_as_it_is(small):
+    tetrahedron = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
+    mesh = small.mesh(points=tetrahedron, counts=(3,) * 4, indices=(0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3))
+    mesh.CreateNormalsAttr([Gf.Vec3f(0, 0, 1)])
+    mesh.SetNormalsInterpolation("constant")
+    scene = small.open()
+    np.testing.assert_array_equal(only(scene.at(Shutter.still(1))).normals, [[0, 0, 1]])
+    assert scene.warnings.messages == []
 
 
 def test_indices_of_normals_may_change_with_time(small):
@@ -237,12 +281,12 @@ def test_normal_motion_follows_a_rotation(small):
 
 def test_zero_normals_are_replaced_by_those_of_their_faces(small):
     small.moving("/Mesh", {1: CORNERS, 2: CORNERS @ [[1, 0, 0], [0, 0.8, 0.6], [0, -0.6, 0.8]]}).CreateNormalsAttr(
-        [Gf.Vec3f(0, 1, 0), Gf.Vec3f(0, 0, 0), Gf.Vec3f(0, 1, 0), Gf.Vec3f(0, 1, 0)]
+        [Gf.Vec3f(1, 0, 0), Gf.Vec3f(0, 0, 0), Gf.Vec3f(1, 0, 0), Gf.Vec3f(1, 0, 0)]
     )
     found = only(small.open().at(Shutter(1, 1, 2)))
     corner = found.normals[found.normal_indices]
     np.testing.assert_allclose(corner[0, 1], face_normals(found)[0], atol=1e-12)
-    np.testing.assert_allclose(corner[0, 0], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(corner[0, 0], [1, 0, 0], atol=1e-15)
     # Float32 points put 0.6 and 0.8 off by 6e-8.
     np.testing.assert_allclose(found.normal_motions[found.normal_indices[0, 1]], [0, -0.6, -0.2], atol=1e-7)
 

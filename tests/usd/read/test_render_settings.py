@@ -121,3 +121,16 @@ def test_what_is_not_honoured_is_said(small):
     found.GetProductsRel().SetTargets(["/Render/One", "/Render/Two"])
     warnings = small.open(camera="/First").warnings.messages
     assert any("dataWindowNDC" in m for m in warnings) and any("/Render/Two" in m for m in warnings)
+
+
+def test_the_aspect_of_a_pixel_is_the_one_asked_for_or_that_of_the_fit(small):
+    assert small.open().pixel_aspect == 1.0
+    settings = settings_on(small)
+    settings.CreatePixelAspectRatioAttr(2.0)
+    assert small.open().pixel_aspect == 2.0
+    settings.CreateResolutionAttr(Gf.Vec2i(100, 100))
+    settings.CreateAspectRatioConformPolicyAttr("adjustPixelAspectRatio")
+    # An aperture twice as wide as high in a square image.
+    assert small.open().pixel_aspect == pytest.approx(2.0)
+    settings.GetResolutionAttr().Set(Gf.Vec2i(100, 200))
+    assert small.open().pixel_aspect == pytest.approx(4.0)

@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdSkel, UsdVol
+from pxr import Gf, Usd, UsdGeom, UsdSkel, UsdVol
 
 from tests.usd.stages import SQUARE, SmallStage
 from tpdwarp.errors import InputError
@@ -62,19 +62,6 @@ def test_a_stage_without_a_visible_mesh_of_the_purposes_is_refused(small):
     assert "no visible mesh" in refused(small.file)
 
 
-def test_a_stage_without_a_usable_light_is_refused(small):
-    small.mesh()
-    for change in (
-        lambda: small.light.GetIntensityAttr().Set(0.0),
-        lambda: (small.light.GetIntensityAttr().Set(1.0), small.light.MakeInvisible()),
-        lambda: small.stage.RemovePrim("/Light"),
-        lambda: UsdLux.DomeLight.Define(small.stage, "/Dome"),
-    ):
-        change()
-        small.stage.Save()
-        assert "no usable light" in refused(small.file)
-
-
 def test_a_light_that_is_lit_later_is_usable(small):
     small.mesh()
     small.light.GetIntensityAttr().Set(0.0, 1)
@@ -82,7 +69,7 @@ def test_a_light_that_is_lit_later_is_usable(small):
     assert small.open().at(Shutter.still(5)).lights[0].power == (1, 1, 1)
 
 
-@pytest.mark.parametrize("kind", ["Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane", "BasisCurves", "Points"])
+@pytest.mark.parametrize("kind", ["NurbsPatch", "TetMesh", "BasisCurves", "Points"])
 def test_other_shapes_are_said_once_and_left_out(small, kind):
     small.mesh()
     getattr(UsdGeom, kind).Define(small.stage, "/Other")
@@ -176,7 +163,7 @@ def test_description_is_plain_json_and_tells_what_moves(small):
     small.bind(small.moving("/World/Wave", {1: CORNERS, 5: CORNERS + 1}), "/Glass")
     small.mesh("/World/Floor")
     UsdGeom.Camera.Define(small.stage, "/Camera")
-    UsdGeom.Sphere.Define(small.stage, "/Ball")
+    UsdGeom.NurbsPatch.Define(small.stage, "/Patch")
     told = json.loads(json.dumps(small.open().describe()))
     assert told["meshes"] == [
         {"path": "/World/Wave", "triangles": 2, "instances": 1, "moves": True, "interactions": ["dielectric"]},
@@ -207,3 +194,39 @@ def test_a_stage_is_a_scene_source(small):
     small.mesh()
     scene: SceneSource = small.open()
     assert scene.file == small.file and scene.at(Shutter(1, 1, 2)).shutter == Shutter(1, 1, 2)
+
+
+def test_bytes_that_are_not_utf8_are_refused_in_one_line(tmp_path):
+    (tmp_path / "latin.usda").write_bytes(b'#usda 1.0\ndef Mesh "\xe9t\xe9" { \xad }\n')
+    assert "UTF-8" in refused(tmp_path / "latin.usda")
+
+
+@pytest.mark.parametrize("broken", ["points", "faces", "transform"])
+@pytest.mark.parametrize("specular", [False, True])
+def test_a_broken_mesh_is_left_out_unless_it_may_carry_the_caustic(small, broken, specular):
+    small.mesh("/Good")
+    for name in "AB":
+        mesh = small.mesh(f"/{name}")
+        if broken == "points":
+            mesh.GetPointsAttr().Set([Gf.Vec3f(float("nan"))] * 4)
+        elif broken == "faces":
+            mesh.GetFaceVertexIndicesAttr().Set([0, 1, 2, 9])
+        else:
+            mesh.AddTranslateOp().Set(Gf.Vec3d(float("inf"), 0, 0))
+        if specular:
+            small.preview("/Glass", opacity=0.0)
+            small.bind(mesh, "/Glass")
+    scene = small.open()
+    if specular:
+        with pytest.raises(InputError, match="/A"):
+            scene.at(Shutter.still(1))
+        return
+    assert [mesh.path for mesh in scene.at(Shutter.still(1)).meshes] == ["/Good"]
+    (line,) = scene.warnings.messages
+    assert "/A" in line and "and 1 more" in line and "left out" in line
+
+
+def test_a_stage_of_which_nothing_is_left_is_refused(small):
+    small.mesh(indices=(0, 1, 2, 9))
+    with pytest.raises(InputError, match=r"/Mesh\.faceVertexIndices"):
+        small.open().at(Shutter.still(1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,17 +18,29 @@ from tpdwarp.usd.read.values import indices_at, text_at
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """Materials and colours of a mesh's triangles, as in ``MeshAtShutter``."""
+    """Materials and colours of a mesh's triangles, as in ``MeshAtShutter``.
+
+    Attributes:
+        kept: Whether each triangle is there, shape [m]; None where all are.
+        varies: Whether any of this may change with time.
+    """
 
     materials: tuple[Material, ...]
     triangle_materials: np.ndarray
     colors: np.ndarray | None
     color_indices: np.ndarray | None
+    kept: np.ndarray | None
     varies: bool
 
 
 def appearance_of(
-    prim: Usd.Prim, topology: Topology, point_count: int, frame: float, materials: Materials, warnings: WarnOnce
+    prim: Usd.Prim,
+    topology: Topology,
+    point_count: int,
+    frame: float,
+    materials: Materials,
+    warnings: WarnOnce,
+    given_color: Callable[[float], np.ndarray | None],
 ) -> Appearance:
     """Materials and display colours of a mesh at a time code.
 
@@ -38,11 +51,12 @@ def appearance_of(
         frame: Time code.
         materials: Reads the bound materials.
         warnings: Takes what is not supported, and names the file in errors.
+        given_color: Gives the colour [3] of a mesh without display colours at a time code, or None.
 
     Raises:
-        InputError: Unusable material inputs, negative display colours, subset indices out of range.
+        InputError: Unusable material inputs.
     """
-    surfaces: list[Surface] = [materials.bound(prim, frame)]
+    numbered: dict[Surface, int] = {materials.bound(prim, frame): 0}
     face_surfaces = np.zeros(topology.face_count, dtype=np.int32)
     subsets_vary = False
     for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
@@ -52,15 +66,10 @@ def appearance_of(
         subsets_vary |= subset.GetIndicesAttr().ValueMightBeTimeVarying()
         faces = indices_at(subset.GetIndicesAttr(), frame)
         if len(faces) and (faces.min() < 0 or faces.max() >= topology.face_count):
-            raise InputError(
-                f"names a face outside the {topology.face_count} faces of the mesh (correct the subset)",
-                warnings.file,
-                f"{subset.GetPath()}.indices",
-            )
-        surface = materials.bound(subset.GetPrim(), frame)
-        if surface not in surfaces:
-            surfaces.append(surface)
-        face_surfaces[faces] = surfaces.index(surface)
+            warnings(f"{subset.GetPath()}.indices", "names faces that the mesh does not have, which are ignored")
+            faces = faces[(faces >= 0) & (faces < topology.face_count)]
+        face_surfaces[faces] = numbered.setdefault(materials.bound(subset.GetPrim(), frame), len(numbered))
+    surfaces = list(numbered)
     used = np.unique(face_surfaces[topology.faces])
     renumbered = np.zeros(len(surfaces), dtype=np.int32)
     renumbered[used] = np.arange(len(used))
@@ -73,15 +82,28 @@ def appearance_of(
     colors_vary = False
     if open_to_color.any():
         colors, indices, colors_vary = _display_colors(prim, topology, point_count, frame, warnings)
+        if colors is None and (given := given_color(frame)) is not None:
+            colors, indices = given[None], np.zeros(topology.triangles.shape, dtype=np.int32)
+            colors_vary = True
+        _warn_of_opacity(prim, warnings)
     if indices is not None and not open_to_color.all():
         indices = np.where(open_to_color[triangle_materials][:, None], indices, -1).astype(np.int32)
+    absent = np.array([surface.absent for surface in surfaces], dtype=bool)
     return Appearance(
         tuple(surface.material for surface in surfaces),
         triangle_materials,
         colors,
         indices,
+        ~absent[triangle_materials] if absent.any() else None,
         subsets_vary or colors_vary or any(surface.varies for surface in surfaces),
     )
+
+
+def _warn_of_opacity(prim: Usd.Prim, warnings: WarnOnce) -> None:
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayOpacity")
+    if primvar and primvar.HasValue() and (value := primvar.Get(Usd.TimeCode.EarliestTime())) is not None:
+        if np.min(value, initial=1.0) < 1:
+            warnings(str(primvar.GetAttr().GetPath()), "displayOpacity is not rendered: the surface is opaque")
 
 
 def _display_colors(
@@ -92,15 +114,16 @@ def _display_colors(
         return None, None, False
     path = str(primvar.GetAttr().GetPath())
     curve = flattened(primvar, warnings.file)
-    colors = curve.at(frame)
+    try:
+        colors = curve.at(frame)
+    except InputError as error:
+        warnings(error.prim, f"{error.message}; until then the colours are ignored", "colours are ignored")
+        return None, None, curve.varies
     if colors is None or len(colors) == 0:
         return None, None, curve.varies
     if colors.min() < 0 or colors.max() > BRIGHTEST:
-        raise InputError(
-            f"holds a colour from {colors.min():g} to {colors.max():g} (author values of 0 to {BRIGHTEST:g})",
-            warnings.file,
-            path,
-        )
+        warnings(path, f"holds colours outside 0 … {BRIGHTEST:g}, which are clamped")
+        colors = np.clip(colors, 0.0, BRIGHTEST)
     interpolation = str(primvar.GetInterpolation())
     indices = topology.elements(interpolation, len(colors), point_count)
     if indices is None:

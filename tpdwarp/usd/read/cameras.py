@@ -36,6 +36,11 @@ class Camera:
         self._camera = UsdGeom.Camera(prim)
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
 
+    @property
+    def moves(self) -> bool:
+        """Whether its place or direction may change with time."""
+        return self._transforms.span(self.prim) is not None
+
     def aspect(self, time: float) -> float:
         """Width of the aperture over its height.
 
@@ -126,7 +131,7 @@ class Camera:
             axes_motion,
             self._exposure_scale(shutter.frame),
             to_camera,
-            to_camera @ _projection(window, near, far, orthographic),
+            to_camera @ projection(window, near, far, orthographic),
         )
 
     def _lens(self, time: float) -> Gf.Camera:
@@ -167,7 +172,7 @@ class Camera:
             self._warnings(self.path, "a lens that zooms is not blurred: it is held at mid shutter")
 
 
-def _projection(window: Window, near: float, far: float, orthographic: bool) -> np.ndarray:
+def projection(window: Window, near: float, far: float, orthographic: bool) -> np.ndarray:
     """Row-vector projection to −1 … 1, shape [4, 4]."""
     left, right, bottom, top = window
     frustum = Gf.Frustum()

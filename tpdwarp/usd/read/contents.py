@@ -9,6 +9,8 @@ from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.usd.read.instances import Instancer, Prototype
+from tpdwarp.usd.read.lights import is_light
+from tpdwarp.usd.read.primitives import is_primitive
 from tpdwarp.usd.read.transforms import Transforms
 
 # Prototypes are often abstract (class prims), which an ordinary traversal passes over.
@@ -22,9 +24,9 @@ class Contents:
     """The prims that matter, in stage order.
 
     Attributes:
-        meshes: Meshes of an included purpose, native instances included.
+        meshes: Meshes and primitives of an included purpose, native instances included.
         instancers: Point instancers of an included purpose that are not nested in another's prototype.
-        lights: Distant and sphere lights.
+        lights: Lights that are rendered.
         cameras: Cameras.
     """
 
@@ -54,10 +56,10 @@ class Walker:
         for prim in self._prims(stage.GetPseudoRoot(), Usd.PrimDefaultPredicate):
             if prim.IsA(UsdGeom.Camera):
                 contents.cameras.append(prim)
-            elif prim.IsA(UsdLux.DistantLight) or prim.IsA(UsdLux.SphereLight):
+            elif is_light(prim):
                 contents.lights.append(prim)
             elif self._included(prim):
-                if prim.IsA(UsdGeom.Mesh):
+                if is_drawn(prim):
                     contents.meshes.append(prim)
                 elif prim.IsA(UsdGeom.PointInstancer):
                     contents.instancers.append(self._instancer(prim))
@@ -101,7 +103,7 @@ class Walker:
                 self._warnings(str(prim.GetPath()), "a light in a prototype is left out")
             elif not self._included(prim):
                 continue
-            elif prim.IsA(UsdGeom.Mesh):
+            elif is_drawn(prim):
                 prototype.meshes.append(prim)
             elif prim.IsA(UsdGeom.PointInstancer):
                 prototype.instancers.append(self._instancer(prim))
@@ -118,10 +120,15 @@ class Walker:
                 self._warnings(path, "the mesh is rendered, but the light it emits is not")
             if UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue():
                 self._warnings(path, "skinning is not evaluated: the mesh is rendered as it is authored (bake it)")
-        elif prim.HasAPI(UsdLux.LightAPI):
-            self._warnings(path, f"a {kind} is not rendered: only DistantLight and SphereLight are")
-        elif prim.IsA(UsdGeom.Boundable) and not any(prim.IsA(drawn) for drawn in DRAWN_OTHERWISE):
-            self._warnings(path, f"a {kind} is not rendered: only meshes are")
+            return
+        drawn = is_drawn(prim) or any(map(prim.IsA, DRAWN_OTHERWISE))
+        if prim.HasAPI(UsdLux.LightAPI) or (prim.IsA(UsdGeom.Boundable) and not drawn):
+            self._warnings(path, f"a {kind} is not rendered")
+
+
+def is_drawn(prim: Usd.Prim) -> bool:
+    """Whether a prim has a shape that is rendered."""
+    return prim.IsA(UsdGeom.Mesh) or is_primitive(prim)
 
 
 def visibility_varies(prim: Usd.Prim) -> bool:

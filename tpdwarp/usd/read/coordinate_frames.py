@@ -7,6 +7,7 @@ from pxr import Usd
 
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
+from tpdwarp.usd.read.jumps import settled
 from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.read.transforms import Transforms, union
 
@@ -26,7 +27,7 @@ def frame_over(
         matrix = transforms.world(prim, time)
         return matrix[3, :3], _axes(matrix[:3, :3], prim, file)
 
-    shutter = blur_scaled(shutter, blur_scale(prim, shutter.frame))
+    shutter = settled(blur_scaled(shutter, blur_scale(prim, shutter.frame)), transforms.jumps(prim))
     span = union(animation, transforms.span(prim))
     with np.errstate(over="ignore", invalid="ignore"):
         (position, axes), motions = over_shutter(state, shutter, span, transforms.cubic)

@@ -13,14 +13,27 @@ from tpdwarp.errors import InputError, WarnOnce, shortened
 # Patterns are looked for in so much of what USD says.
 MOST_QUOTED = 1 << 14
 
+_NAMED = re.compile(r"@[^@]*@|<[^>]*>|'[^']*'|\"[^\"]*\"")
+
 
 @contextmanager
 def usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
     """While entered, USD's warnings go to ``warnings``, its errors become :class:`InputError`, and those name the file.
 
+    Warnings are said on leaving, a line a kind.
+
     Raises:
-        InputError: USD posted an error; the message is its first one, in one line.
+        InputError: USD posted an error (the message is its first one, in one line), or a name or a text is not UTF-8.
     """
+    try:
+        with warnings.together(), _usd_diagnostics(warnings):
+            yield
+    except UnicodeDecodeError as error:
+        raise InputError("holds bytes that are not UTF-8 (save its names and texts as UTF-8)", warnings.file) from error
+
+
+@contextmanager
+def _usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
@@ -34,9 +47,13 @@ def usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
         collected = delegate.TakeUncoalescedDiagnostics()
         del delegate
         for diagnostic in collected:
-            said = _without_innards(diagnostic.commentary)
-            warnings.of_usd.append(said)
-            warnings("", said)
+            try:
+                text = _without_innards(diagnostic.commentary)
+            except UnicodeDecodeError:
+                text = "USD warns of something whose text is not UTF-8"
+            warnings.of_usd.append(text)
+            # What differs from one missing file to the next is between @, < or quotes.
+            warnings("", text, kind=_NAMED.sub("", text))
 
 
 @contextmanager

@@ -9,10 +9,12 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.jumps import Jump
 from tpdwarp.usd.read.meshes import PlacedMesh, Placement
+from tpdwarp.usd.read.primvars import flattened
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms, union, usable
-from tpdwarp.usd.read.values import ROWS, indices_at, value_at
+from tpdwarp.usd.read.values import ROWS, indices_at, text_at, value_at
 
 MATRICES_KEPT = 12
 
@@ -47,6 +49,12 @@ class Instancer:
         self.path = str(instancer.GetPath())
         self._transforms, self._warnings = transforms, warnings
         self._matrices: dict[tuple[float, float], np.ndarray] = {}
+        primvar = UsdGeom.PrimvarsAPI(instancer).GetPrimvar("displayColor")
+        by_instance = primvar.HasValue() and primvar.GetInterpolation() != UsdGeom.Tokens.constant
+        self._color_curve = flattened(primvar, warnings.file) if by_instance else None
+        self._colors: tuple[float, np.ndarray | None] | None = None
+        if UsdGeom.PrimvarsAPI(instancer).GetPrimvar("displayOpacity").HasValue():
+            warnings(f"{self.path}.primvars:displayOpacity", "displayOpacity is not rendered: the surface is opaque")
         self.span = self._span()
 
     @property
@@ -58,25 +66,26 @@ class Instancer:
         )
 
     def instances(self, frame: float) -> list[tuple[int, Prototype]]:
-        """Index and prototype of each instance that is not masked at a time code.
-
-        Raises:
-            InputError: A prototype index out of range.
-        """
+        """Index and prototype of each instance that is not masked at a time code."""
+        if not self.prototypes:
+            self._warnings(self.path, "has no prototypes and is left out")
+            return []
         if not self.instancer.GetProtoIndicesAttr().HasValue():
             self._warnings(self.path, "has no protoIndices and is left out")
             return []
         chosen = indices_at(self.instancer.GetProtoIndicesAttr(), frame)
-        if len(chosen) and (chosen.min() < 0 or chosen.max() >= len(self.prototypes)):
-            raise InputError(
-                f"names a prototype outside the {len(self.prototypes)} targets of prototypes (correct the indices)",
-                self._warnings.file,
-                f"{self.path}.protoIndices",
+        known = (chosen >= 0) & (chosen < len(self.prototypes))
+        if not known.all():
+            self._warnings(
+                f"{self.path}.protoIndices", "names prototypes that do not exist; those instances are left out"
             )
         mask = np.array(self.instancer.ComputeMaskAtTime(frame), dtype=bool)
         if len(mask) == 0:
             mask = np.ones(len(chosen), dtype=bool)
-        return [(i, self.prototypes[chosen[i]]) for i in np.flatnonzero(mask)]
+        if len(mask) != len(chosen):
+            self._warnings(self.path, "has ids or masks that do not fit its protoIndices and is left out")
+            return []
+        return [(i, self.prototypes[chosen[i]]) for i in np.flatnonzero(mask & known)]
 
     def matrix(self, index: int, time: float, frame: float) -> np.ndarray:
         """Matrix of one instance to the instancer's own space, shape [4, 4], without its prototype's own transform.
@@ -89,7 +98,21 @@ class Instancer:
             while len(self._matrices) >= MATRICES_KEPT:
                 del self._matrices[next(iter(self._matrices))]
             self._matrices[key] = self._compute(time, frame)
-        return self._matrices[key][index]
+        return usable(self._matrices[key][index], time, f"{self.path}[{index}]", self._warnings.file)
+
+    def color(self, index: int, frame: float) -> np.ndarray | None:
+        """The display colour [3] that the instancer gives one instance at a time code, or None."""
+        if self._color_curve is None:
+            return None
+        if self._colors is None or self._colors[0] != frame:
+            try:
+                found = self._color_curve.at(frame)
+            except InputError as error:
+                self._warnings(error.prim, f"{error.message}; until then the colours are ignored")
+                found = None
+            self._colors = frame, found
+        colors = self._colors[1]
+        return colors[index] if colors is not None and index < len(colors) else None
 
     def _compute(self, time: float, frame: float) -> np.ndarray:
         exclude, ignore = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
@@ -102,8 +125,6 @@ class Instancer:
                 self._warnings.file,
                 f"{self.path}.positions",
             )
-        for index in np.flatnonzero(~np.isfinite(matrices).all(axis=(1, 2))):
-            usable(matrices[index], time, f"{self.path}[{index}]")
         if time != frame:
             self._warn_held(time, frame)
         return matrices
@@ -165,6 +186,30 @@ class OfInstance:
         inner = self._transforms.below(self._prim, self._root, time) @ self._transforms.own(self._root, time)
         with np.errstate(over="ignore", invalid="ignore"):
             return inner @ self._instancer.matrix(self._index, time, frame) @ self._parent.world(time, frame)
+
+    def jumps(self) -> tuple[Jump, ...]:
+        of_instancer = self._transforms.jumps(self._instancer.instancer.GetPrim())
+        return (*self._transforms.jumps(self._prim), *of_instancer, *self._parent.jumps())
+
+    def visible(self, frame: float) -> bool:
+        """Whether the instancer is visible, and nothing from the prim up to its prototype's root is invisible.
+
+        What lies above a prototype's root concerns the prototype where it stands, and not where it is placed.
+        """
+        if not self._parent.visible(frame):
+            return False
+        prim = self._prim
+        while prim:
+            attribute = UsdGeom.Imageable(prim).GetVisibilityAttr() if prim.IsA(UsdGeom.Imageable) else None
+            if attribute and text_at(attribute, frame) == UsdGeom.Tokens.invisible:
+                return False
+            if prim == self._root:
+                return True
+            prim = prim.GetParent()
+        return True
+
+    def color(self, frame: float) -> np.ndarray | None:
+        return self._instancer.color(self._index, frame)
 
 
 class InstancedMeshes:

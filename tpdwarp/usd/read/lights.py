@@ -1,8 +1,10 @@
-"""UsdLux lights, read as lights without extent: distant lights and points."""
+"""UsdLux lights, read as lights without extent: distant lights, and points of the same total power."""
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
@@ -10,8 +12,19 @@ from pxr import Usd, UsdGeom, UsdLux
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import LightAtShutter, LightKind, Shutter
 from tpdwarp.usd.read.coordinate_frames import frame_over
+from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
 from tpdwarp.usd.read.values import number_at, raw_at, value_at
+
+# Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
+AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
+    UsdLux.SphereLight: (("radius",), lambda radius: 4.0 * math.pi * radius**2),
+    UsdLux.RectLight: (("width", "height"), lambda width, height: width * height),
+    UsdLux.DiskLight: (("radius",), lambda radius: math.pi * radius**2),
+    UsdLux.CylinderLight: (("radius", "length"), lambda radius, length: 2.0 * math.pi * radius * length),
+}
+# Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
+GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
@@ -20,15 +33,18 @@ LARGEST = 1e60
 
 
 class Light:
-    """A DistantLight or a SphereLight.
+    """A light that is rendered.
 
     With L = intensity × 2^exposure × color (× the blackbody colour, × ``diffuse``):
 
     - DistantLight, angle 0: L is the irradiance at normal incidence. With an angle, the parallel light of the same
       irradiance as the disc of radiance L, that is L π sin²(angle/2), or L with ``normalize``; this is warned about.
-    - SphereLight of radius r (in the world) or treated as a point: the point of the sphere's radiant intensity L π r²,
-      or L / 4 with ``normalize``. The point for a sphere that does not ask for it is warned about.
+    - Sphere, rectangle, disc or cylinder of area A (in the world): a surface of radiance L sends π L A, as does the
+      point of radiant intensity L A / 4; or L / 4 with ``normalize``. A sphere looks so from everywhere; the others
+      shine differently in different directions, which the point does not. What does not ask to be a point is said.
     - SphereLight of radius 0: L is the radiant intensity itself, because there is no area to carry a radiance.
+
+    Over a shutter the light has its mean power, and shines for the part of it in which it is visible.
     """
 
     def __init__(
@@ -38,11 +54,13 @@ class Light:
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
         self._api = UsdLux.LightAPI(prim)
         self.kind = LightKind.DISTANT if prim.IsA(UsdLux.DistantLight) else LightKind.POINT
+        self._shape = next((kind for kind in AREAS if prim.IsA(kind)), None)
         self.varies = transforms.span(prim) is not None
         self._inputs = [
             a for a in prim.GetAttributes() if a.GetName().startswith("inputs:") or a.GetName() == "treatAsPoint"
         ]
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
+        self._visibilities = _visibilities(prim)
         self._warn_unsupported()
 
     def visible(self, frame: float) -> bool:
@@ -54,15 +72,29 @@ class Light:
         Raises:
             InputError: An intensity or a colour that is negative or not finite, or an unusable transform.
         """
-        if not self.visible(shutter.frame):
-            return None
-        power = self.power(shutter.frame)
+        power = self._mean_power(shutter)
         if not any(power):
             return None
         position, axes, position_motion, axes_motion = frame_over(
             self.prim, shutter, self._transforms, self._animation, self._warnings.file
         )
         return LightAtShutter(self.path, self.kind, power, position, axes, position_motion, axes_motion)
+
+    def _mean_power(self, shutter: Shutter) -> tuple[float, float, float]:
+        """The mean of :meth:`power` over ``shutter``, with nothing where the light is invisible."""
+        if not (self.power_varies or self.varies or self._visibilities) or shutter.exposure <= 0:
+            return self.power(shutter.middle) if self.visible(shutter.middle) else (0.0, 0.0, 0.0)
+        varying = [attribute for attribute in self._inputs if attribute.ValueMightBeTimeVarying()]
+        # Between samples everything is smooth or held, so that these nodes see what there is.
+        times = {time for attribute in (*varying, *self._visibilities) for time in sample_times(attribute)}
+        edges = [shutter.open, *sorted(t for t in times if shutter.open < t < shutter.close), shutter.close]
+        total = np.zeros(3)
+        for first, last in itertools.pairwise(edges):
+            for node, weight in zip(GAUSS_NODES, GAUSS_WEIGHTS, strict=True):
+                time = 0.5 * (first + last) + 0.5 * node * (last - first)
+                if self.visible(time):
+                    total += 0.5 * weight * (last - first) * np.array(self.power(time))
+        return tuple(map(float, total / shutter.exposure))
 
     def power(self, frame: float) -> tuple[float, float, float]:
         """Irradiance at normal incidence [W/m²] (distant) or radiant intensity [W/sr] (point) at a time code.
@@ -81,7 +113,7 @@ class Light:
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
-        scale *= self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._sphere_factor(frame)
+        scale *= self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._area_factor(frame)
         with np.errstate(over="ignore", invalid="ignore"):
             power = scale * color
         if not power.max() <= LARGEST:
@@ -97,27 +129,43 @@ class Light:
         if angle == 0:
             return 1.0
         self._warnings(
-            f"{self.path}.inputs:angle", "the light's disc is rendered as parallel light (author 0 to agree)"
+            f"{self.path}.inputs:angle",
+            "the light's disc is rendered as parallel light of the same irradiance, without soft shadows",
         )
         if number_at(self._api.GetNormalizeAttr(), frame):
             return 1.0
         return math.pi * math.sin(math.radians(0.5 * min(angle, 180.0))) ** 2
 
-    def _sphere_factor(self, frame: float) -> float:
-        sphere = UsdLux.SphereLight(self.prim)
-        radius = self._number(sphere.GetRadiusAttr(), frame)
-        if radius == 0:
+    def _area_factor(self, frame: float) -> float:
+        names, area_of = AREAS[self._shape]
+        sizes = [self._number(self.prim.GetAttribute(f"inputs:{name}"), frame) for name in names]
+        is_sphere = self._shape is UsdLux.SphereLight
+        if is_sphere and sizes == [0.0]:
             return 1.0
-        if not number_at(sphere.GetTreatAsPointAttr(), frame):
+        if not is_sphere:
+            self._warnings(
+                self.path,
+                f"the {self.prim.GetTypeName()} is rendered as a point of the same total power at its centre, "
+                "which shines alike in all directions",
+            )
+        elif not number_at(UsdLux.SphereLight(self.prim).GetTreatAsPointAttr(), frame):
             self._warnings(
                 f"{self.path}.inputs:radius",
-                "the sphere is rendered as a point of the same radiant intensity (author treatAsPoint to agree)",
+                "the sphere is rendered as a point of the same radiant intensity, without soft shadows",
             )
         if number_at(self._api.GetNormalizeAttr(), frame):
             return 0.25
-        # The mean scale: an ellipsoid's radiant intensity differs by direction.
-        scale = abs(np.linalg.det(self._transforms.world(self.prim, frame)[:3, :3])) ** (1.0 / 3.0)
-        return math.pi * (radius * scale) ** 2
+        return 0.25 * area_of(*sizes) * self._area_scale(frame)
+
+    def _area_scale(self, frame: float) -> float:
+        """By how much the light's transform enlarges its area."""
+        x, y, z = self._transforms.world(self.prim, frame)[:3, :3]
+        if self._shape is UsdLux.SphereLight:
+            # The mean scale: an ellipsoid's radiant intensity differs by direction.
+            return float(abs(np.dot(x, np.cross(y, z))) ** (2.0 / 3.0))
+        if self._shape is UsdLux.CylinderLight:
+            return float(np.linalg.norm(x) * math.sqrt(np.linalg.norm(np.cross(y, z))))
+        return float(np.linalg.norm(np.cross(x, y)))
 
     def _number(self, attribute: Usd.Attribute, frame: float, may_be_negative: bool = False) -> float:
         value = number_at(attribute, frame)
@@ -150,6 +198,22 @@ class Light:
             limited = [collection.GetIncludesRel(), collection.GetExcludesRel()]
             if whole is False or any(rel.HasAuthoredTargets() for rel in limited if rel):
                 self._warnings(self.path, "light linking is ignored: the light shines on everything")
+
+
+def is_light(prim: Usd.Prim) -> bool:
+    """Whether a prim is a light that is rendered."""
+    return prim.IsA(UsdLux.DistantLight) or any(prim.IsA(kind) for kind in AREAS)
+
+
+def _visibilities(prim: Usd.Prim) -> list[Usd.Attribute]:
+    """The visibility attributes of a prim and of what it lies below that change with time."""
+    found = []
+    while prim and not prim.IsPseudoRoot():
+        attribute = UsdGeom.Imageable(prim).GetVisibilityAttr() if prim.IsA(UsdGeom.Imageable) else None
+        if attribute and attribute.ValueMightBeTimeVarying():
+            found.append(attribute)
+        prim = prim.GetParent()
+    return found
 
 
 def _authored(attribute: Usd.Attribute, neutral: float, below: bool = False) -> bool:

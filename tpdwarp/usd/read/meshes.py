@@ -11,9 +11,11 @@ from pxr import Usd, UsdGeom
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, Shutter
 from tpdwarp.usd.read.appearances import Appearance, appearance_of
+from tpdwarp.usd.read.jumps import Jump, settled
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.read.normals import transform_normals, unit
+from tpdwarp.usd.read.primitives import Primitive
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import Transforms, union, usable
@@ -28,6 +30,18 @@ class Placement(Protocol):
         """Local-to-world matrix at ``time`` for a shutter around ``frame``, shape [4, 4]."""
         ...
 
+    def jumps(self) -> tuple[Jump, ...]:
+        """Pairs of times between which it jumps."""
+        ...
+
+    def visible(self, frame: float) -> bool:
+        """Whether the prim is visible there at a time code."""
+        ...
+
+    def color(self, frame: float) -> np.ndarray | None:
+        """The colour [3] that an instancer gives it at a time code; None where it gives none."""
+        ...
+
 
 class OnStage:
     """The placement of a prim that is on the stage itself (native instances included)."""
@@ -38,6 +52,15 @@ class OnStage:
 
     def world(self, time: float, frame: float) -> np.ndarray:
         return self._transforms.world(self._prim, time)
+
+    def jumps(self) -> tuple[Jump, ...]:
+        return self._transforms.jumps(self._prim)
+
+    def visible(self, frame: float) -> bool:
+        return UsdGeom.Imageable(self._prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
+
+    def color(self, frame: float) -> np.ndarray | None:
+        return None
 
 
 class PlacedMesh:
@@ -58,7 +81,7 @@ class PlacedMesh:
         self,
         label: str,
         prim: Usd.Prim,
-        shape: Shape,
+        shape: Shape | Primitive,
         placement: Placement,
         animation: tuple[float, float],
         cubic: bool,
@@ -69,7 +92,6 @@ class PlacedMesh:
         self._cubic, self._materials, self._warnings = cubic, materials, warnings
         self._own_span = union(shape.span, placement.span)
         self.span = union(animation, self._own_span)
-        self._imageable = UsdGeom.Imageable(prim)
         self._geometry: _Geometry | None = None
         self._appearance: tuple[Topology, Appearance] | None = None
         self._whole: MeshAtShutter | None = None
@@ -79,16 +101,13 @@ class PlacedMesh:
         """Whether its points or its place may change with time."""
         return self._own_span is not None
 
-    def visible(self, frame: float) -> bool:
-        return self._imageable.ComputeVisibility(frame) != UsdGeom.Tokens.invisible
-
     def over(self, shutter: Shutter) -> MeshAtShutter | None:
         """The mesh over ``shutter``; None where it is invisible or has no triangles.
 
         Raises:
             InputError: Points, faces, transforms or materials that cannot be used.
         """
-        if not self.visible(shutter.frame):
+        if not self.placement.visible(shutter.frame):
             return None
         if self.varies or self._geometry is None:
             self._geometry = self._evaluate(shutter)
@@ -99,24 +118,33 @@ class PlacedMesh:
         known = self._appearance
         if known is None or known[1].varies or known[0] is not geometry.topology:
             appearance = appearance_of(
-                self.prim, geometry.topology, geometry.point_count, shutter.frame, self._materials, self._warnings
+                self.prim,
+                geometry.topology,
+                geometry.point_count,
+                shutter.frame,
+                self._materials,
+                self._warnings,
+                self.placement.color,
             )
             self._appearance = geometry.topology, appearance
             self._whole = None
         if self._whole is None:
             appearance = self._appearance[1]
-            self._whole = replace(
-                geometry.mesh,
-                materials=appearance.materials,
-                triangle_materials=appearance.triangle_materials,
-                colors=appearance.colors,
-                color_indices=appearance.color_indices,
+            self._whole = _without_holes(
+                replace(
+                    geometry.mesh,
+                    materials=appearance.materials,
+                    triangle_materials=appearance.triangle_materials,
+                    colors=appearance.colors,
+                    color_indices=appearance.color_indices,
+                ),
+                appearance.kept,
             )
-        return self._whole
+        return self._whole if len(self._whole.triangles) else None
 
     def _evaluate(self, shutter: Shutter) -> _Geometry | None:
         frame = shutter.frame
-        shutter = blur_scaled(shutter, blur_scale(self.prim, frame))
+        shutter = settled(blur_scaled(shutter, blur_scale(self.prim, frame)), self.placement.jumps())
         shape = self.shape.at(shutter, self.span)
         if shape is None:
             return None
@@ -151,6 +179,15 @@ class PlacedMesh:
 
     def _world(self, time: float, frame: float) -> np.ndarray:
         return usable(self.placement.world(time, frame), time, self.label, self._warnings.file)
+
+
+def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:
+    """The mesh without the triangles that its materials cut out."""
+    if kept is None:
+        return mesh
+    by_triangle = ("triangles", "normal_indices", "triangle_materials", "color_indices")
+    parts = {name: None if (part := getattr(mesh, name)) is None else part[kept] for name in by_triangle}
+    return replace(mesh, **parts)
 
 
 @dataclass(frozen=True, eq=False)

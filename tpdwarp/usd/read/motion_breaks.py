@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from pxr import Gf, Usd
 
-# Beside xformOps, what points and instances move by.
+# Beside xformOps, what points, primitives and instances move by.
 MOVING = frozenset(
     {
         "points",
@@ -18,6 +18,13 @@ MOVING = frozenset(
         "orientationsf",
         "scales",
         "angularVelocities",
+        "radius",
+        "radiusBottom",
+        "radiusTop",
+        "height",
+        "size",
+        "width",
+        "length",
     }
 )
 
@@ -32,12 +39,13 @@ def motion_breaks_of(prims: Iterable[Usd.Prim], first: float, last: float) -> li
     for prim in prims:
         while prim and not prim.IsPseudoRoot() and str(prim.GetPath()) not in seen:
             seen.add(str(prim.GetPath()))
-            attributes += filter(_moves, prim.GetAuthoredAttributes())
+            attributes += filter(moves, prim.GetAuthoredAttributes())
             prim = prim.GetParent()
     return list(Usd.Attribute.GetUnionedTimeSamplesInInterval(attributes, Gf.Interval(first, last, False, False)))
 
 
-def _moves(attribute: Usd.Attribute) -> bool:
+def moves(attribute: Usd.Attribute) -> bool:
+    """Whether an attribute may move what it belongs to, from sample to sample."""
     name = attribute.GetName()
     if name not in MOVING and not name.startswith("xformOp:"):
         return False

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from pxr import Usd
 
+from tpdwarp.usd.read.jumps import jumps_of
 from tpdwarp.usd.read.values import Shape, value_at
 
 SAMPLES_KEPT = 6
@@ -36,6 +37,7 @@ class SampledArray:
         self.times = list(times)
         self._read, self._cubic, self._tangent, self._linked = read, cubic, tangent, linked
         self._kept: dict[float | None, np.ndarray | None] = {}
+        self._jumps = frozenset(before for before, _ in jumps_of(self.times)) if cubic else frozenset()
 
     @property
     def varies(self) -> bool:
@@ -83,7 +85,7 @@ class SampledArray:
         right = self.sample(self.times[i + 1])
         step = self.times[i + 1] - self.times[i]
         s = (time - self.times[i]) / step
-        if not self._cubic:
+        if not self._cubic or self.times[i] in self._jumps:
             return left + s * (right - left)
         m0, m1 = step * self._slope(i, i), step * self._slope(i + 1, i)
         return (
@@ -99,6 +101,10 @@ class SampledArray:
             return False
         return self._linked is None or self._linked(self.times[i], self.times[i + 1])
 
+    def _smooth(self, i: int) -> bool:
+        """Whether the interval after sample ``i`` is one that slopes may be told from."""
+        return self.times[i] not in self._jumps and self._joined(i)
+
     def _secant(self, i: int) -> np.ndarray:
         return (self.sample(self.times[i + 1]) - self.sample(self.times[i])) / (self.times[i + 1] - self.times[i])
 
@@ -112,14 +118,14 @@ class SampledArray:
             authored = self._tangent(self.times[i])
             if authored is not None and authored.shape == here.shape:
                 return authored
-        before = i > 0 and self._joined(i - 1)
-        after = i < len(self.times) - 1 and self._joined(i)
+        before = i > 0 and self._smooth(i - 1)
+        after = i < len(self.times) - 1 and self._smooth(i)
         if before and after:
             h0, h1 = self.times[i] - self.times[i - 1], self.times[i + 1] - self.times[i]
             return (self._secant(i - 1) * h1 + self._secant(i) * h0) / (h0 + h1)
         secant = self._secant(interval)
         beyond = interval + 1 if after else interval - 1
-        if not (0 <= beyond < len(self.times) - 1 and self._joined(beyond)):
+        if not (0 <= beyond < len(self.times) - 1 and self._smooth(beyond)):
             return secant
         h0 = self.times[interval + 1] - self.times[interval]
         h1 = self.times[beyond + 1] - self.times[beyond]

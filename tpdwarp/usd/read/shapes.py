@@ -1,8 +1,9 @@
 """The shape of a mesh prim in its own space over a shutter: triangles, points and normals at any time.
 
-Where faces and points keep their numbers, points are interpolated between samples. Where they change within the
-shutter, or a single sample carries velocities, the points of the sample at the frame move along ``velocities``
-(and ``accelerations``); without velocities they are held, and that is said.
+Where velocities are sampled with the points, the points of the sample at the frame move along ``velocities`` (and
+``accelerations``), as UsdGeomPointBased has it; a cubic goes through the samples with these for tangents. Without them
+points are interpolated between samples where faces and points keep their numbers; where they change within the
+shutter they are held, and that is said.
 """
 
 from __future__ import annotations
@@ -56,12 +57,14 @@ class Shape:
     def __init__(self, mesh: UsdGeom.Mesh, time_codes_per_second: float, cubic: bool, warnings: WarnOnce) -> None:
         self.mesh, self.warnings = mesh, warnings
         self.path, self.file = str(mesh.GetPath()), warnings.file
-        self._per_second = time_codes_per_second
+        self._per_second, self._cubic = time_codes_per_second, cubic
         self._face_attributes = [
             mesh.GetFaceVertexCountsAttr(),
             mesh.GetFaceVertexIndicesAttr(),
             mesh.GetHoleIndicesAttr(),
         ]
+        velocities = mesh.GetVelocitiesAttr()
+        self._velocity_times = frozenset(velocities.GetTimeSamples()) if velocities.HasAuthoredValue() else None
         self._faces_vary = any(attribute.ValueMightBeTimeVarying() for attribute in self._face_attributes)
         self._same_faces: dict[tuple[float, float], bool] = {}
         self._last: tuple[list[np.ndarray], Topology] | None = None
@@ -122,9 +125,12 @@ class Shape:
         return ShapeAtShutter(topology, len(stored), points, normals, elements)
 
     def _moving_points(self, connected: bool, base: float | None, stored: np.ndarray) -> Callable[[float], np.ndarray]:
-        by_velocity = base is not None and (not connected or len(self._points.times) == 1)
+        # A cubic takes velocities for its tangents.
+        needed = not connected or len(self._points.times) == 1
+        by_velocity = base is not None and (needed or (not self._cubic and self._has_velocities_at(base)))
         velocities = self._velocities(base) if by_velocity else None
         if velocities is not None and velocities.shape == stored.shape:
+            stored = self._points.sample(base)
             accelerations = self._rate(self.mesh.GetAccelerationsAttr(), base, 2)
             bend = 0.0 if accelerations is None or accelerations.shape != stored.shape else 0.5 * accelerations
 
@@ -152,7 +158,11 @@ class Shape:
         points: Callable[[float], np.ndarray],
         point_count: int,
     ) -> tuple[Callable[[float], np.ndarray] | None, Callable[[Topology], np.ndarray] | None]:
-        """Authored normals; zero ones are replaced by the normals of their triangles, appended after the others."""
+        """Authored normals; zero ones are replaced by the normals of their triangles, appended after the others.
+
+        Normals that point to the back of the faces they belong to are turned round: the winding says which side is
+        the front, and a surface is shaded on the side that is seen.
+        """
         moving = connected and self._normals.connected(first, last)
         held = self._normals.at(middle if connected or base is None else base)
         fitting = None if held is None else topology.elements(self._normals_interpolation, len(held), point_count)
@@ -162,12 +172,13 @@ class Shape:
                 f"does not fit its interpolation ({self._normals_interpolation}) and is ignored",
             )
             return None, None
+        sides = self._sides(held, fitting, area_vectors(points(middle), topology.triangles))
         zero = ~np.any(held, axis=1)
         faceless = np.flatnonzero(zero[fitting].any(axis=1))
         count = len(held)
 
         def normals(time: float) -> np.ndarray:
-            authored = unit(self._normals.at(time) if moving else held)
+            authored = sides * unit(self._normals.at(time) if moving else held)
             if len(faceless) == 0:
                 return authored
             return np.concatenate([authored, unit(area_vectors(points(time), topology.triangles[faceless]))])
@@ -182,6 +193,27 @@ class Shape:
 
         return normals, elements
 
+    def _sides(self, normals: np.ndarray, corners: np.ndarray, areas: np.ndarray) -> np.ndarray:
+        """−1 for each normal that points to the back of its faces on the whole, else 1, shape [k, 1].
+
+        Args:
+            normals: Authored normals, shape [k, 3].
+            corners: Normal of each triangle corner, shape [m, 3].
+            areas: Vector areas of the triangles, shape [m, 3].
+        """
+        along = np.einsum("mk,mck->mc", areas, unit(normals)[corners])
+        sizes = np.repeat(np.linalg.norm(areas, axis=1), 3)
+        summed, size = (
+            np.bincount(corners.ravel(), weights=part.ravel(), minlength=len(normals)) for part in (along, sizes)
+        )
+        # One normal for a closed body, or one that lies in its face, points to no side: its sum is rounding.
+        against = summed < -1e-6 * size
+        if against.any():
+            self.warnings(
+                self._normals_attribute, "holds normals against the faces' winding, which are turned to their front"
+            )
+        return np.where(against, -1.0, 1.0)[:, None]
+
     def _topology(self, time: float, point_count: int) -> Topology:
         if self._last is not None and not self._faces_vary:
             counts, indices, holes = self._last[0]
@@ -194,9 +226,14 @@ class Shape:
             return known[1]
         self._validate(counts, indices, holes, point_count)
         left_handed = text_at(self.mesh.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded
-        topology = triangulate(counts, indices, holes, left_handed)
+        topology = triangulate(counts, indices, holes, left_handed, self._first_points(point_count))
         self._last = [counts, indices, holes], topology
         return topology
+
+    def _first_points(self, point_count: int) -> np.ndarray | None:
+        """Points by which faces are cut: those of the first sample, so that all frames have the same triangles."""
+        first = self._points.sample(self._points.times[0] if self._points.times else None)
+        return first if first is not None and len(first) == point_count else None
 
     def _validate(self, counts: np.ndarray, indices: np.ndarray, holes: np.ndarray, point_count: int) -> None:
         if len(counts) and counts.min() < 0:
@@ -222,6 +259,10 @@ class Shape:
                 attribute.Get(first) == attribute.Get(second) for attribute in self._face_attributes
             )
         return self._same_faces[key]
+
+    def _has_velocities_at(self, time: float) -> bool:
+        """Whether velocities are sampled at a sample of the points, and so say how these move on."""
+        return self._velocity_times is not None and time in self._velocity_times
 
     def _velocities(self, time: float) -> np.ndarray | None:
         """Velocities at a sample, by time code."""

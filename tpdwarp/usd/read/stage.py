@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from typing import Any
 
+import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
@@ -15,11 +17,14 @@ from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.cameras import Camera
 from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
+from tpdwarp.usd.read.frame_specs import frames_between
+from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
 from tpdwarp.usd.read.instances import InstancedMeshes
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
+from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
@@ -45,8 +50,8 @@ class StageScene:
         time_codes_per_second, frames_per_second: Rates of the stage.
         up_axis: ``Y`` or ``Z``.
         meters_per_unit: Metres in one scene unit.
-        camera_path: The camera looked through; None where the stage has none.
-        warnings: What was found that is not supported, once by prim.
+        camera_path: The camera looked through; None where the stage has none and a free camera frames it.
+        warnings: What was found that is not supported, a line a kind.
     """
 
     def __init__(self, file: str, stage: Usd.Stage, settings: StageSettings, warnings: WarnOnce) -> None:
@@ -63,8 +68,9 @@ class StageScene:
         self._cubic = settings.motion == "cubic"
         self._transforms = Transforms(self._cubic)
         self._materials = Materials(warnings, self._request.material_purpose)
-        self._shapes: dict[str, Shape] = {}
-        contents = Walker(_purposes(settings, self._request), self._transforms, warnings).walk(stage)
+        self._shapes: dict[str, Shape | Primitive] = {}
+        purposes = _purposes(settings, self._request)
+        contents = Walker(purposes, self._transforms, warnings).walk(stage)
         self._meshes = [
             self._place(str(prim.GetPath()), prim, OnStage(prim, self._transforms)) for prim in contents.meshes
         ]
@@ -77,13 +83,15 @@ class StageScene:
         self._lights = [Light(prim, self._transforms, self._animation, warnings) for prim in contents.lights]
         self._cameras = [str(prim.GetPath()) for prim in contents.cameras]
         self.camera_path = self._choose_camera()
-        self._camera = (
-            None
-            if self.camera_path is None
-            else Camera(stage.GetPrimAtPath(self.camera_path), self._transforms, self._animation, warnings)
-        )
+        self._camera: Camera | FreeCamera
+        if self.camera_path is None:
+            self._camera = FreeCamera(stage, self.up_axis, purposes, self._points_at)
+        else:
+            self._camera = Camera(stage.GetPrimAtPath(self.camera_path), self._transforms, self._animation, warnings)
         self._require_meshes()
-        self._require_lights()
+        self._camera_light = not self._lit()
+        if self._camera_light:
+            warnings("", "no light shines: a light at the camera stands in (add a UsdLux light)")
 
     @classmethod
     def open(cls, file: str | os.PathLike[str], settings: StageSettings) -> StageScene:
@@ -95,8 +103,7 @@ class StageScene:
                 ``shutter`` and ``exposure`` are used.
 
         Raises:
-            InputError: The file cannot be read; no visible mesh; no usable light; no such camera, mask or render
-                settings.
+            InputError: The file cannot be read; no visible mesh; no such camera, mask or render settings.
         """
         name = os.fspath(file)
         if not os.path.exists(name):
@@ -115,19 +122,55 @@ class StageScene:
         """
         with usd_diagnostics(self.warnings):
             self._warn_outside(shutter)
-            meshes = tuple(mesh for placed in self._placed(shutter.frame) if (mesh := placed.over(shutter)) is not None)
+            meshes = self._meshes_over(shutter)
             lights = tuple(found for light in self._lights if (found := light.over(shutter)) is not None)
-            camera = None
-            if self._camera is not None:
-                width, height = self.resolution()
-                aspect = width * self._request.pixel_aspect / height
-                camera = self._camera.over(shutter, aspect, self._request.policy)
+            width, height = self._resolution()
+            aspect = width * self._request.pixel_aspect / height
+            camera = self._camera.over(shutter, aspect, self._request.policy)
+            if self._camera_light:
+                lights = (camera_light(camera),)
             return SceneAtShutter(shutter, meshes, lights, camera)
+
+    def _meshes_over(self, shutter: Shutter) -> tuple[MeshAtShutter, ...]:
+        """The meshes over ``shutter``, without those that cannot be used.
+
+        Raises:
+            InputError: One that may carry the caustic cannot be used, or none of those there are.
+        """
+        meshes: list[MeshAtShutter] = []
+        refused: InputError | None = None
+        for placed in self._placed(shutter.frame):
+            try:
+                mesh = placed.over(shutter)
+            except InputError as error:
+                if self._materials.may_be_specular(placed.prim, shutter.frame):
+                    raise
+                refused = refused or error
+                # Of one kind are those whose attribute of the same name is to blame.
+                kind = f"left out for {error.prim.rsplit('/', 1)[-1].partition('.')[2]}"
+                self.warnings(error.prim, f"{error.message}; until then the mesh is left out", kind)
+                continue
+            if mesh is not None:
+                meshes.append(mesh)
+        if refused is not None and not meshes:
+            raise refused
+        return tuple(meshes)
+
+    def frames(self) -> tuple[float, ...]:
+        """The frames of the stage's range; its first alone where nothing changes.
+
+        Raises:
+            InputError: There are more than a million.
+        """
+        with usd_diagnostics(self.warnings):
+            if not self._changes and not self._any_attribute_varies():
+                return frames_between(self.start, self.start)
+        return frames_between(self.start, self.end)
 
     def reference_shutters(self) -> list[Shutter]:
         """Up to nine stills spread evenly over the animation, the first at its start; one where nothing moves."""
         with usd_diagnostics(self.warnings):
-            if self.end <= self.start or not self._changes():
+            if self.end <= self.start or not self._changes:
                 return [Shutter.still(self.start)]
         step = (self.end - self.start) / (REFERENCE_COUNT - 1)
         return [Shutter.still(self.start + step * k) for k in range(REFERENCE_COUNT)]
@@ -142,15 +185,6 @@ class StageScene:
             prims += [light.prim for light in self._lights]
             return motion_breaks_of(prims, shutter.open, shutter.close)
 
-    def require_camera(self) -> None:
-        """Refuses a stage without a camera.
-
-        Raises:
-            InputError: There is none.
-        """
-        if self.camera_path is None:
-            raise InputError("the stage has no camera (add a Camera prim, or name one in a sublayer)", self.file)
-
     def resolution(self) -> tuple[int, int]:
         """Width and height of the image in pixels.
 
@@ -158,16 +192,28 @@ class StageScene:
         then the render settings' resolution; then a width of 960.
 
         Raises:
-            InputError: There is no camera, or its aperture has no size.
+            InputError: The camera's aperture has no size.
         """
+        if self.camera_path is None:
+            self.warnings("", "the stage has no camera: a free camera frames it (add a Camera prim to choose the view)")
+        return self._resolution()
+
+    def _resolution(self) -> tuple[int, int]:
         if self._settings.image_width is None and self._request.resolution is not None:
             return self._checked(*self._request.resolution)
-        self.require_camera()
         width = self._settings.image_width or DEFAULT_WIDTH
         with usd_diagnostics(self.warnings):
             height = width * self._request.pixel_aspect / self._camera.aspect(self.start)
         # Apertures are stored in single precision, whose rounding must not cost a row.
         return self._checked(width, height * (1 + 1e-6))
+
+    @property
+    def pixel_aspect(self) -> float:
+        """Width of a pixel over its height, as the image shows the camera's window."""
+        if self._request.policy == "adjustPixelAspectRatio":
+            width, height = self._resolution()
+            return self._camera.aspect(self.start) * height / width
+        return self._request.pixel_aspect
 
     def _checked(self, width: int, height: float) -> tuple[int, int]:
         if not width * max(1.0, height) <= MOST_PIXELS:
@@ -196,7 +242,7 @@ class StageScene:
             opening, closing = settings.shutter
         elif settings.exposure is not None:
             opening, closing = 0.0, settings.exposure
-        elif self._request.still or self._camera is None:
+        elif self._request.still:
             opening, closing = 0.0, 0.0
         else:
             with usd_diagnostics(self.warnings):
@@ -206,7 +252,7 @@ class StageScene:
                 f"a shutter from {opening:g} to {closing:g} frames is too long (author or ask for less than "
                 f"{LONGEST_SHUTTER:g})",
                 self.file,
-                "" if self._camera is None else self._camera.path,
+                self._camera.path,
             )
         return Shutter(frame, frame + opening, frame + closing)
 
@@ -225,8 +271,8 @@ class StageScene:
                 "up_axis": self.up_axis,
                 "meters_per_unit": self.meters_per_unit,
                 "meshes": self._described_meshes(),
-                "lights": [self._described_light(light) for light in self._lights],
-                "cameras": [{"path": path, "used": path == self.camera_path} for path in self._cameras],
+                "lights": self._described_lights(),
+                "cameras": self._described_cameras(),
                 "render_settings": self._request.path,
                 "warnings": list(self.warnings.messages),
             }
@@ -272,6 +318,17 @@ class StageScene:
             entry["moves"] |= placed.varies
         return list(described.values())
 
+    def _described_cameras(self) -> list[dict[str, Any]]:
+        cameras = [{"path": path, "used": path == self.camera_path} for path in self._cameras]
+        return cameras if self.camera_path is not None else [{"path": FREE_CAMERA, "used": True}]
+
+    def _described_lights(self) -> list[dict[str, Any]]:
+        lights = [self._described_light(light) for light in self._lights]
+        if self._camera_light:
+            power = [CAMERA_LIGHT_IRRADIANCE] * 3
+            lights.append({"path": CAMERA_LIGHT, "kind": "distant", "power": power, "moves": self._camera.moves})
+        return lights
+
     def _described_light(self, light: Light) -> dict[str, Any]:
         return {
             "path": light.path,
@@ -284,24 +341,51 @@ class StageScene:
         original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         key = str(original.GetPath())
         if key not in self._shapes:
-            mesh = UsdGeom.Mesh(prim)
-            self._shapes[key] = Shape(mesh, self.time_codes_per_second, self._cubic, self.warnings)
+            self._shapes[key] = self._shape(prim)
         return PlacedMesh(
             label, prim, self._shapes[key], placement, self._animation, self._cubic, self._materials, self.warnings
         )
+
+    def _shape(self, prim: Usd.Prim) -> Shape | Primitive:
+        if is_primitive(prim):
+            return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
+        return Shape(UsdGeom.Mesh(prim), self.time_codes_per_second, self._cubic, self.warnings)
+
+    def _segments(self, prim: Usd.Prim) -> int:
+        """Segments of a circle of a primitive."""
+        return segments_for(self._materials.may_be_specular(prim, self.start), self._primitive_count)
+
+    @cached_property
+    def _primitive_count(self) -> int:
+        return sum(is_primitive(placed.prim) for placed in self._placed(self.start))
 
     def _placed(self, frame: float) -> Iterator[PlacedMesh]:
         yield from self._meshes
         for instancer in self._instancers:
             yield from instancer.meshes(frame)
 
+    @cached_property
     def _changes(self) -> bool:
-        """Whether any mesh or light ever moves, appears or vanishes."""
+        """Whether any mesh or light (or the camera, whose light stands in for one) ever moves, appears or changes."""
+        if self._camera_light and self._camera.moves:
+            return True
         if any(mesh.varies or visibility_varies(mesh.prim) for mesh in self._placed(self.start)):
             return True
-        if any(instancer.instancer.span is not None for instancer in self._instancers):
-            return True
-        return any(light.varies or visibility_varies(light.prim) for light in self._lights)
+        for instancer in self._instancers:
+            if instancer.instancer.span is not None or visibility_varies(instancer.instancer.instancer.GetPrim()):
+                return True
+        return any(light.varies or light.power_varies or visibility_varies(light.prim) for light in self._lights)
+
+    def _any_attribute_varies(self) -> bool:
+        roots = [self._stage.GetPseudoRoot(), *self._stage.GetPrototypes()]
+        prims = (prim for root in roots for prim in Usd.PrimRange(root))
+        return any(attribute.ValueMightBeTimeVarying() for prim in prims for attribute in prim.GetAuthoredAttributes())
+
+    def _points_at(self, frame: float) -> Iterator[np.ndarray]:
+        for placed in self._placed(frame):
+            mesh = placed.over(Shutter.still(frame))
+            if mesh is not None:
+                yield mesh.points
 
     def _warn_outside(self, shutter: Shutter) -> None:
         span = self._animation
@@ -309,7 +393,7 @@ class StageScene:
             span = union(span, placed.span)
         for instancer in self._instancers:
             span = union(span, instancer.instancer.span)
-        if not span[0] <= shutter.frame <= span[1] and self._changes():
+        if not span[0] <= shutter.frame <= span[1] and self._changes:
             self.warnings("", f"frames outside {span[0]:g} … {span[1]:g} hold the ends of the animation")
 
     def _choose_camera(self) -> str | None:
@@ -341,11 +425,12 @@ class StageScene:
         if not any(may_be_visible(prim) for prim in prims):
             raise InputError("no visible mesh of an included purpose (add one, or see --purposes)", self.file)
 
-    def _require_lights(self) -> None:
-        for light in self._lights:
-            if may_be_visible(light.prim) and (light.power_varies or any(light.power(self.start))):
-                return
-        raise InputError("no usable light (add a DistantLight or a SphereLight)", self.file)
+    def _lit(self) -> bool:
+        """Whether any light shines at any time."""
+        return any(
+            may_be_visible(light.prim) and (light.power_varies or any(light.power(self.start)))
+            for light in self._lights
+        )
 
 
 def _interactions(mesh: MeshAtShutter | None) -> list[str]:

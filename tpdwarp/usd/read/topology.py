@@ -1,4 +1,4 @@
-"""Polygons to triangles: fans in face order, with what is needed to find their corners and faces again."""
+"""Polygons to triangles: fans (or ears) in face order, with what is needed to find their corners and faces again."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+
+from tpdwarp.usd.read.concave_faces import concave_faces, ears
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +68,14 @@ class Topology:
         return self.corners if interpolation == "faceVarying" else self.triangles
 
 
-def triangulate(counts: np.ndarray, indices: np.ndarray, holes: np.ndarray, left_handed: bool) -> Topology:
-    """Cuts each face into a fan about its first corner, in face order.
+def triangulate(
+    counts: np.ndarray,
+    indices: np.ndarray,
+    holes: np.ndarray,
+    left_handed: bool,
+    points: np.ndarray | None = None,
+) -> Topology:
+    """Cuts each face into a fan about its first corner, in face order; concave faces into ears.
 
     Faces of fewer than three corners, holes, and triangles that use a point twice are left out.
 
@@ -76,15 +84,21 @@ def triangulate(counts: np.ndarray, indices: np.ndarray, holes: np.ndarray, left
         indices: Point of each corner, shape [sum(counts)].
         holes: Faces left out.
         left_handed: Whether faces are authored clockwise seen from the front.
+        points: Positions by which concave faces are known, shape [v, 3]; without them all faces become fans.
     """
     counts, indices = np.asarray(counts, dtype=np.int64), np.asarray(indices, dtype=np.int64)
     fans = np.maximum(counts - 2, 0)
     fans[np.asarray(holes, dtype=np.int64)] = 0
-    starts = np.cumsum(counts) - counts
+    starts, ends = np.cumsum(counts) - counts, np.cumsum(fans)
     faces = np.repeat(np.arange(len(counts)), fans)
-    within = np.arange(fans.sum()) - np.repeat(np.cumsum(fans) - fans, fans)
+    within = np.arange(fans.sum()) - np.repeat(ends - fans, fans)
     first = starts[faces]
     second, third = first + within + 1, first + within + 2
+    for face in () if points is None else concave_faces(points, counts, indices):
+        if fans[face]:
+            rows = slice(ends[face] - fans[face], ends[face])
+            cut = starts[face] + ears(points[indices[starts[face] : starts[face] + counts[face]]])
+            first[rows], second[rows], third[rows] = cut.T
     if left_handed:
         second, third = third, second
     corners = np.stack([first, second, third], axis=1)

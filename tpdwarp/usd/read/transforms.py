@@ -7,6 +7,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError
 from tpdwarp.usd.read.diagnostics import errors_at
+from tpdwarp.usd.read.jumps import Jump, jumps_of
+from tpdwarp.usd.read.motion_breaks import moves
 from tpdwarp.usd.read.samples import SampledArray, of_attribute, sample_times
 
 # Beyond this numbers in a transform are refused: their squares, and those of points times them, stay numbers.
@@ -28,6 +30,7 @@ class Transforms:
         self.cubic = cubic
         self._caches: dict[float, UsdGeom.XformCache] = {}
         self._locals: dict[str, _LocalTransform] = {}
+        self._jumps: dict[str, tuple[Jump, ...]] = {}
         self._spans: dict[str, tuple[float, float] | None] = {}
 
     def world(self, prim: Usd.Prim, time: float) -> np.ndarray:
@@ -74,6 +77,16 @@ class Transforms:
             above = None if local.resets else self.span(prim.GetParent(), ancestor)
             self._spans[key] = union(local.span, above)
         return self._spans[key]
+
+    def jumps(self, prim: Usd.Prim) -> tuple[Jump, ...]:
+        """Pairs of times between which ``prim``, or what it lies below, jumps."""
+        if not prim or prim.IsPseudoRoot():
+            return ()
+        key = str(prim.GetPath())
+        if key not in self._jumps:
+            own = [jump for a in prim.GetAuthoredAttributes() if moves(a) for jump in jumps_of(a.GetTimeSamples())]
+            self._jumps[key] = (*own, *self.jumps(prim.GetParent()))
+        return self._jumps[key]
 
     def _cache(self, time: float) -> UsdGeom.XformCache:
         if time not in self._caches:

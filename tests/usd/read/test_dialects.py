@@ -1,0 +1,390 @@
+"""One ball over a floor, authored in many ways: each must give the flux and the picture that its dialect means."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, UsdGeom, UsdShade
+
+from tests.usd.stages import SmallStage
+from tpdwarp.rendering.frame import render_frame
+from tpdwarp.scene.description import Interaction, Shutter
+from tpdwarp.settings import Settings
+
+GLASS, MIRROR, DIFFUSE = Interaction.DIELECTRIC, Interaction.MIRROR, Interaction.DIFFUSE
+STANDARD, OPEN, GLTF = (f"ND_{name}_surfaceshader" for name in ("standard_surface", "open_pbr_surface", "gltf_pbr"))
+SHARP = {"specular_roughness": 0.0}
+RED = (1.0, 0.0, 0.0)
+
+
+class Network:
+    """A material of shaders named ``S`` (the surface), ``N1``, ``N2`` …; links are (input, node, output)."""
+
+    def __init__(self, context, surface, inputs, nodes=(), links=(), mdl=False):
+        self.context, self.surface, self.inputs, self.mdl = context, surface, inputs, mdl
+        self.nodes, self.links = nodes, links
+
+    def author(self, small):
+        stage = small.stage
+        material = UsdShade.Material.Define(stage, "/M")
+        shaders = {}
+        for name, kind, inputs in (("S", self.surface, self.inputs), *self.nodes):
+            shader = shaders[name] = UsdShade.Shader.Define(stage, f"/M/{name}")
+            if self.mdl:
+                prim = shader.GetPrim()
+                prim.CreateAttribute("info:implementationSource", Sdf.ValueTypeNames.Token).Set("sourceAsset")
+                prim.CreateAttribute("info:mdl:sourceAsset", Sdf.ValueTypeNames.Asset).Set(f"{kind}.mdl")
+                prim.CreateAttribute("info:mdl:sourceAsset:subIdentifier", Sdf.ValueTypeNames.Token).Set(kind)
+            else:
+                shader.CreateIdAttr(kind)
+            for key, value in inputs.items():
+                author(shader, key, value)
+        for name, key, node, output in self.links:
+            shaders[name].CreateInput(key, Sdf.ValueTypeNames.Token).ConnectToSource(
+                shaders[node].ConnectableAPI(), output
+            )
+        output = material.CreateSurfaceOutput(self.context) if self.context else material.CreateSurfaceOutput()
+        output.ConnectToSource(shaders["S"].ConnectableAPI(), "out")
+
+
+def author(shader, name, value):
+    types = Sdf.ValueTypeNames
+    if isinstance(value, bool):
+        shader.CreateInput(name, types.Bool).Set(value)
+    elif isinstance(value, int):
+        shader.CreateInput(name, types.Int).Set(value)
+    elif isinstance(value, str):
+        shader.CreateInput(name, types.String).Set(value)
+    elif isinstance(value, tuple):
+        kind = {2: types.Float2, 3: types.Color3f, 4: types.Float4}[len(value)]
+        shader.CreateInput(name, kind).Set(value)
+    else:
+        shader.CreateInput(name, types.Float).Set(value)
+
+
+def preview(**inputs):
+    return Network("", "UsdPreviewSurface", inputs)
+
+
+def fed(surface, name, *nodes, links=(), **inputs):
+    """A MaterialX surface whose input ``name`` is fed by the first node."""
+    named = [(f"N{k}", kind, values) for k, (kind, values) in enumerate(nodes, 1)]
+    return Network("mtlx", surface, inputs, named, (("S", name, "N1", "out"), *links))
+
+
+def bsdf(*nodes, links=(), **inputs):
+    return fed("ND_surface", "bsdf", *nodes, links=links, **inputs)
+
+
+CLEAR = {
+    "preview opacity 0": preview(opacity=0.0, roughness=0.0, ior=1.5),
+    "preview without roughness": preview(opacity=0.0),
+    "preview transmission": preview(transmission=1.0, roughness=0.0),
+    "preview opacity nearly 0": preview(opacity=0.005, roughness=0.02),
+    "preview mode transparent": preview(opacity=0.0, roughness=0.0, opacityMode="transparent"),
+    "preview in specular workflow": preview(opacity=0.0, roughness=0.0, useSpecularWorkflow=1),
+    "MaterialX preview": Network("mtlx", "ND_UsdPreviewSurface_surfaceshader", {"opacity": 0.0, "roughness": 0.0}),
+    "standard_surface": Network("mtlx", STANDARD, {"transmission": 1.0, **SHARP}),
+    "standard_surface, version": Network("mtlx", f"{STANDARD}_100", {"transmission": 1.0, **SHARP}),
+    "standard_surface, universal": Network("", STANDARD, {"transmission": 1.0, **SHARP}),
+    "standard_surface with base 0": Network("mtlx", STANDARD, {"transmission": 1.0, "base": 0.0, **SHARP}),
+    "open_pbr": Network("mtlx", OPEN, {"transmission_weight": 1.0, **SHARP}),
+    "gltf_pbr": Network("mtlx", GLTF, {"transmission": 1.0, "metallic": 0.0, "roughness": 0.0}),
+    "arnold standard_surface": Network("arnold", "arnold:standard_surface", {"transmission": 1.0, **SHARP}),
+    "arnold openpbr": Network("arnold", "arnold:openpbr_surface", {"transmission_weight": 1.0, **SHARP}),
+    "PxrSurface": Network(
+        "ri", "PxrSurface", {"refractionGain": 1.0, "reflectionGain": 1.0, "glassRoughness": 0.0, "diffuseGain": 0.0}
+    ),
+    "PxrDisneyBsdf": Network("ri", "PxrDisneyBsdf", {"specTrans": 1.0, "roughness": 0.0, "ior": 1.5}),
+    "OmniGlass": Network("mdl", "OmniGlass", {"glass_ior": 1.5}, mdl=True),
+    "OmniSurface": Network(
+        "mdl",
+        "OmniSurface",
+        {
+            "enable_specular_transmission": True,
+            "specular_transmission_weight": 1.0,
+            "specular_reflection_roughness": 0.0,
+        },
+        mdl=True,
+    ),
+    "constant node": fed(STANDARD, "transmission", ("ND_constant_float", {"value": 1.0}), **SHARP),
+    "sum of nodes": fed(STANDARD, "transmission", ("ND_add_float", {"in1": 0.25, "in2": 0.75}), **SHARP),
+    "inverted node": fed(STANDARD, "transmission", ("ND_invert_float", {"in": 0.0}), **SHARP),
+    "mixed nodes": fed(STANDARD, "transmission", ("ND_mix_float", {"bg": 0.0, "fg": 1.0, "mix": 1.0}), **SHARP),
+    "clamped node": fed(STANDARD, "transmission", ("ND_clamp_float", {"in": 3.0}), **SHARP),
+    "node by node": fed(
+        OPEN,
+        "transmission_weight",
+        ("ND_multiply_float", {"in2": 2.0}),
+        ("ND_constant_float", {"value": 0.5}),
+        links=(("N1", "in1", "N2", "out"),),
+        **SHARP,
+    ),
+    "compared nodes": fed(
+        OPEN, "transmission_weight", ("ND_ifgreater_float", {"value1": 2.0, "value2": 1.0, "in1": 1.0}), **SHARP
+    ),
+    "extracted channel": fed(
+        OPEN, "transmission_weight", ("ND_extract_color3", {"in": (0.0, 1.0, 0.0), "index": 1}), **SHARP
+    ),
+    "dielectric node": bsdf(("ND_dielectric_bsdf", {"scatter_mode": "RT", "roughness": (0.0, 0.0), "ior": 1.5})),
+    "dielectric layered": bsdf(
+        ("ND_layer_bsdf", {}),
+        ("ND_dielectric_bsdf", {"scatter_mode": "R", "roughness": (0.0, 0.0)}),
+        ("ND_dielectric_bsdf", {"scatter_mode": "T", "roughness": (0.0, 0.0)}),
+        links=(("N1", "top", "N2", "out"), ("N1", "base", "N3", "out")),
+    ),
+    "Schlick node": bsdf(
+        ("ND_generalized_schlick_bsdf", {"scatter_mode": "RT", "color0": (0.04,) * 3, "roughness": (0.0, 0.0)})
+    ),
+    "unknown shader, known inputs": Network("", "SomeonesGlass", {"transmission": 1.0, "roughness": 0.0}),
+}
+# What is lost is named; the rest of the table says what is done instead.
+APPROXIMATED = {
+    "rough standard_surface": (Network("mtlx", STANDARD, {"transmission": 1.0}), "specular_roughness"),
+    "rough preview": (preview(opacity=0.0, roughness=0.25), "roughness"),
+    "rough open_pbr": (Network("mtlx", OPEN, {"transmission_weight": 1.0}), "specular_roughness"),
+    "partly clear preview": (preview(opacity=0.25, roughness=0.0), "opacity"),
+    "partly clear open_pbr": (Network("mtlx", OPEN, {"transmission_weight": 0.75, **SHARP}), "transmission_weight"),
+    "tinted standard_surface": (
+        Network("mtlx", STANDARD, {"transmission": 1.0, "transmission_color": RED, **SHARP}),
+        "transmission_color",
+    ),
+    "absorbing open_pbr": (
+        Network(
+            "mtlx", OPEN, {"transmission_weight": 1.0, "transmission_color": RED, "transmission_depth": 2.0, **SHARP}
+        ),
+        "transmission_color",
+    ),
+    "red standard_surface": (
+        Network("mtlx", STANDARD, {"transmission": 1.0, "base_color": RED, **SHARP}),
+        "base_color",
+    ),
+    "red OmniGlass": (Network("mdl", "OmniGlass", {"glass_ior": 1.5, "glass_color": RED}, mdl=True), "glass_color"),
+    "dispersive open_pbr": (
+        Network("mtlx", OPEN, {"transmission_weight": 1.0, "transmission_dispersion_scale": 1.0, **SHARP}),
+        "transmission_dispersion_scale",
+    ),
+    "coated standard_surface": (Network("mtlx", STANDARD, {"transmission": 1.0, "coat": 1.0, **SHARP}), "coat"),
+    "present for the most part": (
+        Network("mtlx", OPEN, {"transmission_weight": 1.0, "geometry_opacity": 0.75, **SHARP}),
+        "geometry_opacity",
+    ),
+}
+GOLD = (1.0, 0.75, 0.25)
+OTHER = {
+    "preview mirror": (preview(metallic=1.0, roughness=0.0, diffuseColor=GOLD), MIRROR, GOLD, 1.5),
+    "preview chrome": (preview(metallic=0.995, roughness=0.001, diffuseColor=GOLD), MIRROR, GOLD, 1.5),
+    "preview mirror in specular workflow": (
+        preview(useSpecularWorkflow=1, specularColor=GOLD, diffuseColor=(0.0, 0.0, 0.0), roughness=0.0),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "standard_surface mirror": (
+        Network("mtlx", STANDARD, {"metalness": 1.0, "base_color": GOLD, **SHARP}),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "open_pbr mirror": (
+        Network("mtlx", OPEN, {"base_metalness": 1.0, "base_color": GOLD, **SHARP}),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "gltf_pbr is metal unless told": (
+        Network("mtlx", GLTF, {"transmission": 1.0, "roughness": 0.0, "base_color": GOLD}),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "Schlick mirror": (
+        bsdf(("ND_generalized_schlick_bsdf", {"color0": GOLD, "roughness": (0.0, 0.0)})),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    # R = ((n − 1)² + k²) / ((n + 1)² + k²), 1/3 for n = 2 + √3 and k = 0.
+    "conductor": (
+        bsdf(("ND_conductor_bsdf", {"ior": (2 + 3**0.5,) * 3, "extinction": (0.0,) * 3, "roughness": (0.0, 0.0)})),
+        MIRROR,
+        (1 / 3,) * 3,
+        1.5,
+    ),
+    "OmniPBR mirror": (
+        Network(
+            "mdl",
+            "OmniPBR",
+            {"metallic_constant": 1.0, "reflection_roughness_constant": 0.0, "diffuse_color_constant": GOLD},
+            mdl=True,
+        ),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "PxrDisney metal": (
+        Network("ri", "PxrDisney", {"metallic": 1.0, "roughness": 0.0, "baseColor": GOLD}),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "water": (Network("mtlx", STANDARD, {"transmission": 1.0, "specular_IOR": 1.25, **SHARP}), GLASS, None, 1.25),
+    "OmniGlass by default": (Network("mdl", "OmniGlass", {}, mdl=True), GLASS, None, 1.491),
+    "plastic": (Network("mtlx", STANDARD, {"base_color": RED, "base": 0.5}), DIFFUSE, (0.5, 0.0, 0.0), 1.5),
+    "preview plastic": (preview(diffuseColor=RED), DIFFUSE, RED, 1.5),
+    "opaque gltf_pbr": (
+        Network("mtlx", GLTF, {"metallic": 0.0, "base_color": RED, "alpha": 0.0}),
+        DIFFUSE,
+        RED,
+        1.5,
+    ),
+    "preview card kept by its threshold": (
+        preview(opacity=0.75, opacityThreshold=0.5, diffuseColor=RED),
+        DIFFUSE,
+        RED,
+        1.5,
+    ),
+    "OmniPBR": (Network("mdl", "OmniPBR", {"diffuse_color_constant": RED}, mdl=True), DIFFUSE, RED, 1.5),
+    "diffuse node": (bsdf(("ND_oren_nayar_diffuse_bsdf", {"color": RED})), DIFFUSE, RED, 1.5),
+    "colour by nodes": (
+        fed(STANDARD, "base_color", ("ND_combine3_color3", {"in1": 0.5, "in2": 0.25, "in3": 0.125})),
+        DIFFUSE,
+        (0.5, 0.25, 0.125),
+        1.5,
+    ),
+}
+ABSENT = {
+    "preview cut out": preview(opacity=0.0, opacityMode="presence"),
+    "preview below its threshold": preview(opacity=0.25, opacityThreshold=0.5),
+    "standard_surface": Network("mtlx", STANDARD, {"opacity": (0.0, 0.0, 0.0), "transmission": 1.0}),
+    "gltf_pbr masked": Network("mtlx", GLTF, {"alpha": 0.25, "alpha_mode": 1}),
+    "OmniPBR": Network("mdl", "OmniPBR", {"enable_opacity": True, "opacity_constant": 0.0}, mdl=True),
+}
+
+
+def ball(folder, network):
+    """A ball of radius 1 whose lowest point is half a unit above a floor, under a sun that stands upright."""
+    small = SmallStage(folder)
+    UsdGeom.SetStageUpAxis(small.stage, "Z")
+    small.mesh("/Floor", [(4 * x - 2, 4 * y - 2, 0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
+    sphere = UsdGeom.Sphere.Define(small.stage, "/Ball")
+    sphere.AddTranslateOp().Set(Gf.Vec3d(0, 0, 1.5))
+    camera = UsdGeom.Camera.Define(small.stage, "/Camera")
+    camera.AddTranslateOp().Set(Gf.Vec3d(0, -8, 3))
+    camera.AddRotateXOp().Set(75.0)
+    if network is not None:
+        network.author(small)
+        small.bind(sphere, "/M")
+    return small.open(image_width=32)
+
+
+def seen(folder, network):
+    """The ball's material (None where there is no ball), and what is warned about."""
+    source = ball(folder, network)
+    meshes = {mesh.path: mesh for mesh in source.at(Shutter.still(1)).meshes}
+    material = meshes["/Ball"].materials[0] if "/Ball" in meshes else None
+    return source, material, source.warnings.messages
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory):
+    """Picture and fluxes of the ball of a material written as plainly as can be."""
+    return cache(lambda *material: plain_picture(tmp_path_factory.mktemp("plain"), *material))
+
+
+def plain_picture(folder, interaction, color, ior):
+    plain = {
+        GLASS: {"opacity": 0.0, "roughness": 0.0, "ior": ior},
+        MIRROR: {"metallic": 1.0, "roughness": 0.0, "diffuseColor": color},
+        DIFFUSE: {"diffuseColor": color},
+    }[interaction]
+    return picture(ball(folder, preview(**plain)))
+
+
+def picture(source):
+    frame = render_frame(source, Shutter.still(1), Settings(photons=1024, samples=1), 32, 24)
+    return np.stack([frame.channels[name] for name in "RGB"]), (frame.energy.sent, frame.energy.deposited)
+
+
+def same(rendered, source, interaction, color, ior):
+    pixels, fluxes = picture(source)
+    expected, expected_fluxes = rendered(interaction, color, ior)
+    np.testing.assert_array_equal(pixels, expected)
+    assert fluxes == expected_fluxes
+    assert (fluxes[1] > 0) == (interaction != DIFFUSE)
+
+
+@pytest.mark.parametrize("way", CLEAR)
+def test_clear_glass_is_clear_glass_in_every_dialect(tmp_path, rendered, way):
+    source, material, warnings = seen(tmp_path, CLEAR[way])
+    assert (material.interaction, material.path) == (GLASS, "/M") and warnings == []
+    assert material.ior == pytest.approx(1.5, abs=1e-6)
+    if material.ior == 1.5:
+        same(rendered, source, GLASS, None, 1.5)
+
+
+@pytest.mark.parametrize("way", APPROXIMATED)
+def test_glass_that_is_more_than_clear_is_clear_and_what_is_lost_is_said(tmp_path, rendered, way):
+    network, lost = APPROXIMATED[way]
+    source, material, warnings = seen(tmp_path, network)
+    assert material.interaction == GLASS and len(warnings) == 1 and f"/M/S.inputs:{lost}: " in warnings[0]
+    same(rendered, source, GLASS, None, 1.5)
+
+
+@pytest.mark.parametrize("way", OTHER)
+def test_other_surfaces_are_what_their_dialect_means(tmp_path, rendered, way):
+    network, interaction, color, ior = OTHER[way]
+    source, material, warnings = seen(tmp_path, network)
+    assert material.interaction == interaction and warnings == []
+    assert material.ior == pytest.approx(ior, rel=1e-6)
+    if interaction != GLASS:
+        assert material.color == pytest.approx(color, rel=1e-6)
+    # Single precision of what is authored may differ from that of the plain stage by its last digit.
+    if material.ior == ior and (color is None or material.color == tuple(map(np.float32, color))):
+        same(rendered, source, interaction, color, ior)
+
+
+@pytest.mark.parametrize("way", ABSENT)
+def test_what_is_cut_out_is_not_there(tmp_path, way):
+    _, material, warnings = seen(tmp_path, ABSENT[way])
+    assert material is None and warnings == []
+
+
+@pytest.mark.parametrize("thin", [Network("mtlx", STANDARD, {"transmission": 1.0, "thin_walled": True, **SHARP})])
+def test_a_thin_wall_passes_light_straight_on(tmp_path, thin):
+    source, material, warnings = seen(tmp_path, thin)
+    assert (material.interaction, material.ior) == (GLASS, 1.0)
+    assert len(warnings) == 1 and "thin_walled" in warnings[0]
+    frame = render_frame(source, Shutter.still(1), Settings(photons=4096, samples=1), 32, 24)
+    # All that meets the ball goes on to the floor, but what lands past the lattice's bounds.
+    assert frame.energy.deposited == pytest.approx(frame.energy.sent - frame.energy.escaped, rel=1e-4)
+    assert frame.energy.lost_total == pytest.approx(0, abs=1e-4 * frame.energy.sent)
+
+
+def test_materialx_comes_before_what_is_for_all_and_other_renderers_come_last(tmp_path):
+    def material(*contexts):
+        folder = tmp_path / str(len(contexts))
+        folder.mkdir()
+        small = SmallStage(folder)
+        found = UsdShade.Material.Define(small.stage, "/M")
+        for context in contexts:
+            shader = UsdShade.Shader.Define(small.stage, f"/M/of_{context or 'all'}")
+            shader.CreateIdAttr("UsdPreviewSurface")
+            author(shader, "ior", {"tpdwarp": 1.125, "mtlx": 1.25, "": 1.5, "ri": 1.75, "arnold": 2.0}[context])
+            author(shader, "opacity", 0.0)
+            output = found.CreateSurfaceOutput(context) if context else found.CreateSurfaceOutput()
+            output.ConnectToSource(shader.ConnectableAPI(), "out")
+        small.bind(small.mesh(), "/M")
+        return small.open().at(Shutter.still(1)).meshes[0].materials[0].ior
+
+    assert material("ri", "arnold", "", "mtlx", "tpdwarp") == 1.125
+    assert material("ri", "arnold", "", "mtlx") == 1.25
+    assert material("ri", "arnold", "") == 1.5
+    assert material("ri", "arnold") == 2.0
+    assert material("ri") == 1.75
+
+
+def test_there_are_sixty_ways_to_author_the_ball():
+    assert len(CLEAR) + len(APPROXIMATED) + len(OTHER) + len(ABSENT) >= 60

@@ -1,0 +1,50 @@
+"""UsdPreviewSurface, by its own name and by MaterialX's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tpdwarp.usd.read.materials.dialects.table import Dialect, Field
+from tpdwarp.usd.read.materials.inputs import Inputs
+
+# No dielectric of an index below 2.6 reflects more than this at normal incidence: what does is a metal.
+MOST_DIELECTRIC_REFLECTANCE = 0.2
+
+
+def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
+    opacity, threshold = values["opacity"], inputs.number(("opacityThreshold",), 0.0)
+    textured = (found := inputs.value("opacity")) is not None and found.spread
+    if threshold > 0 or textured or inputs.text("opacityMode") == "presence":
+        # A texture that cuts out shapes makes no glass, however clear it is on the mean.
+        if textured:
+            inputs.warn("opacity", "is a texture, whose cut-outs are rendered as if they were filled")
+            opacity = 1.0
+        values["presence"] = opacity if threshold <= 0 else float(opacity >= threshold)
+    else:
+        values["transmission"] = max(values["transmission"], 1.0 - opacity)
+    if inputs.find("roughness") is None and values["transmission"] >= 0.5:
+        # The default of .5 describes the highlight; nobody who authors clear glass without it means frosted glass.
+        values["roughness"] = 0.0
+    if inputs.flag("useSpecularWorkflow"):
+        reflectance = values["specular_color"]
+        values["metalness"] = 0.0
+        if max(reflectance) > max(MOST_DIELECTRIC_REFLECTANCE, max(values["base_color"])):
+            values["metalness"], values["base_color"] = 1.0, reflectance
+
+
+DIALECT = Dialect(
+    ids=("UsdPreviewSurface",),
+    fields={
+        "base_color": Field(("diffuseColor",), (0.18, 0.18, 0.18)),
+        "metalness": Field(("metallic",), 0.0),
+        "roughness": Field(("roughness",), 0.5),
+        "ior": Field(("ior",), 1.5),
+        "opacity": Field(("opacity",), 1.0),
+        "transmission": Field(("transmission",), 0.0),
+        "specular_color": Field(("specularColor",), (0.0, 0.0, 0.0)),
+        "emission": Field(("emissiveColor",), (0.0, 0.0, 0.0)),
+    },
+    ignored={"clearcoat": 0.0, "displacement": 0.0},
+    adjust=_adjust,
+    untinted="no input of UsdPreviewSurface",
+)

@@ -1,0 +1,114 @@
+"""What a dialect is: a table from its inputs to the physical description, and what the table cannot say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tpdwarp.usd.read.materials.inputs import Inputs
+from tpdwarp.usd.read.materials.physical import Color, Physical
+
+# Colours above one are art; above this, an accident.
+BRIGHTEST = 1e6
+# Connected, these change the look of what is rendered without having a value that could tell how.
+CONNECTED_ONLY = ("normal", "geometry_normal", "normalCamera", "occlusion")
+
+
+@dataclass(frozen=True)
+class Field:
+    """Where a property comes from.
+
+    Attributes:
+        names: Inputs; the first that is authored counts.
+        default: Value where none is; a float, a bool or a colour, and what is read is of its kind.
+        weight: An input that multiplies it, and that input's default.
+    """
+
+    names: tuple[str, ...]
+    default: float | bool | Color
+    weight: tuple[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """A kind of surface shader.
+
+    Attributes:
+        ids: Identifiers it goes by, without the prefixes and suffixes of MaterialX and Arnold.
+        fields: A :class:`Field` for each property of :class:`Physical` that it has, and for others that ``adjust``
+            takes.
+        ignored: Inputs that add something which is not rendered, with the value at which they add nothing.
+        adjust: Finishes the properties read, in place, where a table cannot say what they mean.
+        untinted: Inputs whose colour does not reach what is transmitted, though an author may expect it to.
+    """
+
+    ids: tuple[str, ...]
+    fields: dict[str, Field]
+    ignored: dict[str, float] = field(default_factory=dict)
+    adjust: Callable[[Inputs, dict[str, Any]], None] | None = None
+    untinted: str = ""
+
+    def read(self, inputs: Inputs) -> Physical:
+        """The physical description that a shader's inputs mean.
+
+        Raises:
+            InputError: An input holds something else than numbers.
+        """
+        values: dict[str, Any] = {}
+        sources: dict[str, str] = {}
+        shown = False
+        for name, where in self.fields.items():
+            values[name] = _value(inputs, name, where)
+            sources[name] = inputs.source(*where.names)
+            if name == "base_color":
+                found = inputs.value(*where.names)
+                shown = found is None or found.display_color
+        if self.adjust is not None:
+            self.adjust(inputs, values)
+        for name in ("opacity", "alpha"):
+            if name in sources:
+                sources.setdefault("presence", sources[name])
+        self._warn(inputs, values)
+        known = {name: value for name, value in values.items() if name in Physical.__dataclass_fields__}
+        return Physical(**{"by_display_color": shown, **known}, sources=sources)
+
+    def _warn(self, inputs: Inputs, values: dict[str, Any]) -> None:
+        for name, harmless in self.ignored.items():
+            value = inputs.value(name)
+            if value is not None and (value.numbers is None or np.any(value.numbers != harmless)):
+                inputs.warn(name, "is not rendered")
+        for name in CONNECTED_ONLY:
+            if inputs.node(name):
+                inputs.warn(name, "is not rendered")
+        color = values.get("base_color")
+        if self.untinted and values.get("transmission", 0.0) >= 0.5 and max(color) - min(color) > 0.05:
+            inputs.warnings(
+                inputs.source(*self.fields["base_color"].names), f"does not colour the glass: {self.untinted} would"
+            )
+
+
+def _value(inputs: Inputs, name: str, where: Field) -> float | bool | Color:
+    default = where.default
+    weight = 1.0 if where.weight is None else inputs.number((where.weight[0],), where.weight[1])
+    if isinstance(default, bool):
+        return inputs.number(where.names, float(default)) > 0.5
+    if isinstance(default, tuple):
+        return _plausible(inputs, where.names, inputs.color(where.names, default), default, weight)
+    value = inputs.number(where.names, default) * weight
+    if not np.isfinite(value) and name != "ior":
+        inputs.warnings(inputs.source(*where.names), "holds no finite number; its default is used")
+        return default
+    return value
+
+
+def _plausible(inputs: Inputs, names: tuple[str, ...], color: Color, default: Color, weight: float) -> Color:
+    weighted = np.array(color) * weight
+    if not np.isfinite(weighted).all():
+        inputs.warnings(inputs.source(*names), "holds no finite colour; its default is used")
+        return default
+    if weighted.min() < 0 or weighted.max() > BRIGHTEST:
+        inputs.warnings(inputs.source(*names), f"holds a colour outside 0 … {BRIGHTEST:g}, which is clamped")
+    return tuple(map(float, np.clip(weighted, 0.0, BRIGHTEST)))

@@ -1,0 +1,215 @@
+"""The inputs of a shader at one time code, through whatever simple network feeds them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import UsdShade
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.materials.nodes import operation_of
+from tpdwarp.usd.read.materials.physical import Color
+from tpdwarp.usd.read.materials.textures import Textures
+from tpdwarp.usd.read.values import raw_at, text_at, value_at
+
+# Networks deeper than this are taken for circular.
+DEEPEST = 64
+DEFAULTS = ("fallback", "default", "missing_color")
+FILES = ("file", "filename", "in")
+
+
+@dataclass(frozen=True)
+class Value:
+    """What arrives at an input.
+
+    Attributes:
+        numbers: The value, shape [n]; None where it cannot be told.
+        spread: Whether it differs over the surface, so that ``numbers`` is its mean or a fallback.
+        display_color: Whether it is the mesh's ``displayColor``.
+    """
+
+    numbers: np.ndarray | None
+    spread: bool = False
+    display_color: bool = False
+
+
+class Inputs:
+    """Reads the inputs of one shader.
+
+    Args:
+        shader: The shader.
+        frame: Time code.
+        textures: Mean colours of textures.
+        warnings: Takes what is not supported, and names the file in errors.
+    """
+
+    def __init__(self, shader: UsdShade.Shader, frame: float, textures: Textures, warnings: WarnOnce) -> None:
+        self.shader, self.frame, self.textures, self.warnings = shader, frame, textures, warnings
+        self.varies = False
+
+    @property
+    def path(self) -> str:
+        return str(self.shader.GetPath())
+
+    def of(self, shader: UsdShade.Shader) -> Inputs:
+        """The inputs of another shader of the same network; ``varies`` is to be taken over with :meth:`merge`."""
+        return Inputs(shader, self.frame, self.textures, self.warnings)
+
+    def find(self, *names: str) -> UsdShade.Input | None:
+        """The first input of these names that is connected or has an authored value."""
+        for name in names:
+            found = self.shader.GetInput(name)
+            if found and (found.HasConnectedSource() or found.GetAttr().HasAuthoredValue()):
+                return found
+        return None
+
+    def value(self, *names: str) -> Value | None:
+        """What arrives at the first of these inputs that is authored; None where none is."""
+        found = self.find(*names)
+        return None if found is None else self._arriving(found, 0)
+
+    def number(self, names: tuple[str, ...], default: float) -> float:
+        """A number at the first of these inputs that is authored; the mean of a colour.
+
+        Raises:
+            InputError: Something else than numbers.
+        """
+        value = self.value(*names)
+        if value is None or value.numbers is None or value.numbers.size == 0:
+            return default
+        return float(np.mean(value.numbers))
+
+    def color(self, names: tuple[str, ...], default: Color) -> Color:
+        """A colour at the first of these inputs that is authored; a number gives a grey.
+
+        Raises:
+            InputError: Something else than one or three numbers.
+        """
+        value = self.value(*names)
+        if value is None or value.numbers is None:
+            return default
+        if value.numbers.size not in (1, 3, 4):
+            raise InputError(
+                f"holds {value.numbers.size} numbers (author a colour)", self.warnings.file, self.source(*names)
+            )
+        return tuple(map(float, np.broadcast_to(value.numbers[:3], 3)))
+
+    def flag(self, name: str, default: bool = False) -> bool:
+        """A switch."""
+        return self.number((name,), float(default)) > 0.5
+
+    def text(self, name: str) -> str:
+        """A token or a string; empty where there is none."""
+        found = self.find(name)
+        attributes = [] if found is None else found.GetValueProducingAttributes()
+        return text_at(attributes[0], self.frame) if attributes else ""
+
+    def node(self, name: str) -> UsdShade.Shader | None:
+        """The shading node an input is connected to."""
+        found = self.find(name)
+        return None if found is None else _node(found)[0]
+
+    def source(self, *names: str) -> str:
+        """Path of the first of these inputs that is authored, or of the first if none is."""
+        found = self.find(*names)
+        return f"{self.path}.inputs:{names[0]}" if found is None else str(found.GetAttr().GetPath())
+
+    def warn(self, name: str, message: str) -> None:
+        """Warns about an input."""
+        self.warnings(self.source(name), message)
+
+    def _arriving(self, found: UsdShade.Input, depth: int) -> Value:
+        node, output = _node(found)
+        if node is None:
+            attributes = found.GetValueProducingAttributes()
+            if not attributes:
+                return Value(None)
+            self.varies |= attributes[0].ValueMightBeTimeVarying()
+            value = value_at(attributes[0], self.frame)
+            return Value(None if value is None else np.atleast_1d(value))
+        value = self._computed(node, output, str(found.GetAttr().GetPath()), depth + 1)
+        if value.numbers is not None and value.numbers.size == 4 and found.GetTypeName() != "float4":
+            # A texture has four channels whatever it feeds.
+            return Value(value.numbers[:3], value.spread, value.display_color)
+        return value
+
+    def _computed(self, node: UsdShade.Shader, output: str, asking: str, depth: int) -> Value:
+        kind = str(node.GetShaderId() or "")
+        if depth > DEEPEST:
+            self.warnings(asking, "is fed by a network that is too deep, or circular; its default is used")
+            return Value(None)
+        operation = operation_of(kind)
+        if operation is not None:
+            arguments = [self._argument(node, name, default, depth) for name, default in operation.arguments]
+            if any(argument.numbers is None for argument in arguments):
+                return Value(None, True)
+            numbers = operation.apply([argument.numbers for argument in arguments], output, self._words(node))
+            spread = any(argument.spread for argument in arguments)
+            shown = len(arguments) == 1 and arguments[0].display_color
+            return Value(numbers, spread, shown)
+        inner = self.of(node)
+        if "primvarreader" in kind.lower() or "geompropvalue" in kind or "geomcolor" in kind:
+            name = inner.text("varname") or inner.text("geomprop")
+            value = inner.value(*DEFAULTS)
+            self.varies |= inner.varies
+            color = name == "displayColor" or "geomcolor" in kind
+            if not color:
+                self.warnings(asking, f"reads a primvar by {kind}, which is not spread; its fallback is used")
+            return Value(None if value is None else value.numbers, True, color)
+        value = self._texture(inner, output, asking, kind)
+        self.varies |= inner.varies
+        return value
+
+    def _argument(self, node: UsdShade.Shader, name: str, default: float | None, depth: int) -> Value:
+        found = self.of(node).find(name)
+        if found is None:
+            return Value(None if default is None else np.array([default]))
+        return self._arriving(found, depth)
+
+    def _words(self, node: UsdShade.Shader) -> dict[str, str]:
+        """The texts among a node's inputs."""
+        inner = self.of(node)
+        return {name: inner.text(name) for name in ("channels", "mode")}
+
+    def _texture(self, inner: Inputs, output: str, asking: str, kind: str) -> Value:
+        """A texture's mean, or the fallback of whatever else is connected."""
+        file = inner.find(*FILES)
+        attributes = [] if file is None else file.GetValueProducingAttributes()
+        encoding = inner.text("sourceColorSpace") or "auto"
+        if not encoding.startswith("sRGB") and encoding != "raw":
+            encoding = "auto" if kind.startswith("UsdUVTexture") or "color" in kind else "raw"
+        mean = self.textures.mean(attributes[0], self.frame, encoding) if attributes else None
+        if mean is not None:
+            self.warnings(asking, "is a texture, which is not spread over the surface: its mean colour is rendered")
+            scale, bias = (inner.value(name) for name in ("scale", "bias"))
+            for number, value in enumerate((scale, bias)):
+                if value is not None and value.numbers is not None and value.numbers.size in (1, 4):
+                    mean = mean * value.numbers if number == 0 else mean + value.numbers
+            return Value(_channel(mean, output, kind), True)
+        fallback = inner.value(*DEFAULTS)
+        instead = "default" if fallback is None or fallback.numbers is None else "fallback"
+        named = kind or "a shading node"
+        why = "whose file cannot be read" if attributes and raw_at(attributes[0], self.frame) else "which is not read"
+        self.warnings(asking, f"is connected to {named}, {why}; its {instead} is used")
+        if instead == "default":
+            return Value(None, True)
+        return Value(_channel(fallback.numbers, output, kind), True)
+
+
+def _channel(numbers: np.ndarray, output: str, kind: str) -> np.ndarray:
+    """The part of a texture's value that an output gives."""
+    if output in ("r", "g", "b", "a") and numbers.size == 4:
+        return numbers["rgba".index(output)][None]
+    if numbers.size >= 3:
+        return numbers[:1] if "float" in kind else numbers[:3]
+    return numbers
+
+
+def _node(found: UsdShade.Input) -> tuple[UsdShade.Shader | None, str]:
+    """The shading node whose output an input is connected to, and that output; None where a plain value arrives."""
+    for attribute in found.GetValueProducingAttributes():
+        name, kind = UsdShade.Utils.GetBaseNameAndType(attribute.GetName())
+        if kind == UsdShade.AttributeType.Output:
+            return UsdShade.Shader(attribute.GetPrim()), str(name)
+    return None, ""

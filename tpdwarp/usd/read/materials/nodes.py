@@ -1,0 +1,136 @@
+"""MaterialX's nodes that compute a value from values, for simple shading networks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+Numbers = list[np.ndarray]
+Words = dict[str, str]
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+CHANNELS = {**{name: k for k, name in enumerate("rgba")}, **{name: k for k, name in enumerate("xyzw")}}
+
+
+@dataclass(frozen=True)
+class Operation:
+    """What a node computes.
+
+    Attributes:
+        arguments: Its inputs' names with their defaults; None for one that must be authored.
+        compute: Gives the value from those of the inputs, the name of the output and the texts among the inputs.
+    """
+
+    arguments: tuple[tuple[str, float | None], ...]
+    compute: Callable[[Numbers, str, Words], np.ndarray]
+
+    def apply(self, numbers: Numbers, output: str, words: Words) -> np.ndarray | None:
+        """The value, shape [n]; None where the inputs do not fit each other."""
+        with np.errstate(all="ignore"):
+            try:
+                return np.atleast_1d(np.asarray(self.compute(numbers, output, words), dtype=np.float64))
+            except (ValueError, IndexError, KeyError):
+                return None
+
+
+def operation_of(kind: str) -> Operation | None:
+    """What a node of this identifier computes; None for textures, primvars and all that is not known."""
+    found = re.match(r"ND_([A-Za-z]+[0-9]?)", kind)
+    return OPERATIONS.get(found.group(1)) if found else None
+
+
+def _of(compute: Callable[..., np.ndarray], *arguments: tuple[str, float | None]) -> Operation:
+    return Operation(arguments, lambda numbers, output, words: compute(*numbers))
+
+
+def _pair(compute: Callable[..., np.ndarray], neutral: float) -> Operation:
+    return _of(compute, ("in1", 0.0), ("in2", neutral))
+
+
+def _unary(compute: Callable[..., np.ndarray]) -> Operation:
+    return _of(compute, ("in", 0.0))
+
+
+def _remap(value: np.ndarray, *ends: np.ndarray) -> np.ndarray:
+    low, high, out_low, out_high = ends
+    return out_low + (value - low) * (out_high - out_low) / (high - low)
+
+
+def _luminance(value: np.ndarray) -> np.ndarray:
+    return np.repeat(value[:3] @ LUMINANCE if value.size >= 3 else value[:1], 3)
+
+
+def _saturate(value: np.ndarray, amount: np.ndarray) -> np.ndarray:
+    grey = _luminance(value)[: value.size]
+    return grey + amount * (value - grey)
+
+
+def _separate(numbers: Numbers, output: str, words: Words) -> np.ndarray:
+    return numbers[0][CHANNELS[output.removeprefix("out")[:1]]]
+
+
+def _swizzle(numbers: Numbers, output: str, words: Words) -> np.ndarray:
+    constants = {"0": 0.0, "1": 1.0}
+    return np.array([constants[c] if c in constants else numbers[0][CHANNELS[c]] for c in words["channels"]])
+
+
+def _combine(*numbers: np.ndarray) -> np.ndarray:
+    return np.concatenate(numbers)
+
+
+def _choose(compare: Callable[[float, float], bool]) -> Operation:
+    return _of(
+        lambda a, b, yes, no: yes if compare(a[0], b[0]) else no,
+        ("value1", 1.0),
+        ("value2", 0.0),
+        ("in1", 0.0),
+        ("in2", 0.0),
+    )
+
+
+_INS = tuple((f"in{k}", 0.0) for k in range(1, 11))
+_SEPARATE = Operation((("in", 0.0),), _separate)
+
+OPERATIONS: dict[str, Operation] = {
+    "constant": _of(lambda value: value, ("value", 0.0)),
+    "dot": _unary(lambda value: value),
+    "convert": _unary(lambda value: value),
+    "add": _pair(lambda a, b: a + b, 0.0),
+    "subtract": _pair(lambda a, b: a - b, 0.0),
+    "multiply": _pair(lambda a, b: a * b, 1.0),
+    "divide": _pair(lambda a, b: a / b, 1.0),
+    "power": _pair(lambda a, b: a**b, 1.0),
+    "min": _pair(np.minimum, 0.0),
+    "max": _pair(np.maximum, 0.0),
+    "absval": _unary(np.abs),
+    "sqrt": _unary(np.sqrt),
+    "exp": _unary(np.exp),
+    "ln": _unary(np.log),
+    "floor": _unary(np.floor),
+    "ceil": _unary(np.ceil),
+    "luminance": _unary(_luminance),
+    "invert": _of(lambda value, amount: amount - value, ("in", 0.0), ("amount", 1.0)),
+    "clamp": _of(lambda value, low, high: np.clip(value, low, high), ("in", 0.0), ("low", 0.0), ("high", 1.0)),
+    "saturate": _of(_saturate, ("in", 0.0), ("amount", 1.0)),
+    "contrast": _of(
+        lambda value, amount, pivot: (value - pivot) * amount + pivot, ("in", 0.0), ("amount", 1.0), ("pivot", 0.5)
+    ),
+    "remap": _of(_remap, ("in", 0.0), ("inlow", 0.0), ("inhigh", 1.0), ("outlow", 0.0), ("outhigh", 1.0)),
+    "range": _of(_remap, ("in", 0.0), ("inlow", 0.0), ("inhigh", 1.0), ("outlow", 0.0), ("outhigh", 1.0)),
+    "mix": _of(lambda bg, fg, mix: bg + (fg - bg) * mix, ("bg", 0.0), ("fg", 0.0), ("mix", 0.0)),
+    "combine2": _of(_combine, *_INS[:2]),
+    "combine3": _of(_combine, *_INS[:3]),
+    "combine4": _of(_combine, *_INS[:4]),
+    "extract": _of(lambda value, index: value[int(index[0])], ("in", 0.0), ("index", 0.0)),
+    "separate2": _SEPARATE,
+    "separate3": _SEPARATE,
+    "separate4": _SEPARATE,
+    "swizzle": Operation((("in", 0.0),), _swizzle),
+    "ifgreater": _choose(lambda a, b: a > b),
+    "ifgreatereq": _choose(lambda a, b: a >= b),
+    "ifequal": _choose(lambda a, b: a == b),
+    "switch": _of(lambda *v: v[int(v[-1][0])], *_INS, ("which", 0.0)),
+}

@@ -1,0 +1,42 @@
+"""One description of a surface, whatever dialect it is authored in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+Color = tuple[float, float, float]
+WHITE: Color = (1.0, 1.0, 1.0)
+BLACK: Color = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Physical:
+    """How a surface deals with light. Colours are linear Rec.709; weights lie in 0 … 1.
+
+    Attributes:
+        base_color: Albedo, and what a metal reflects.
+        by_display_color: Whether the mesh's ``displayColor`` takes the place of the base colour where there is one.
+        metalness: Share that is metal.
+        transmission: Share of what is not metal that is clear: refracts, or passes a thin wall.
+        ior: Index of refraction inside, relative to outside.
+        roughness: Square root of the width α of the microfacet distribution.
+        tint: Colour of what is transmitted.
+        absorption_depth: Way after which white light has taken on the tint, in scene units; 0: at once.
+        thin_walled: Whether the surface is a sheet, which does not refract.
+        presence: Share of the surface that is there at all.
+        emission: Radiance that it gives off.
+        sources: Path of the attribute that each of these comes from, by name; none where nothing is authored.
+    """
+
+    base_color: Color = (0.18, 0.18, 0.18)
+    by_display_color: bool = False
+    metalness: float = 0.0
+    transmission: float = 0.0
+    ior: float = 1.5
+    roughness: float = 0.0
+    tint: Color = WHITE
+    absorption_depth: float = 0.0
+    thin_walled: bool = False
+    presence: float = 1.0
+    emission: Color = BLACK
+    sources: dict[str, str] = field(default_factory=dict, compare=False)

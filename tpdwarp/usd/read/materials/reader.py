@@ -1,0 +1,126 @@
+"""Materials bound to meshes, read as one of three interactions: diffuse, smooth dielectric, mirror."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pxr import Usd, UsdShade
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.scene.description import Interaction, Material
+from tpdwarp.usd.read.materials.dialects import name_of, reader_of
+from tpdwarp.usd.read.materials.dialects.table import BRIGHTEST
+from tpdwarp.usd.read.materials.inputs import Inputs
+from tpdwarp.usd.read.materials.interactions import interaction_of
+from tpdwarp.usd.read.materials.physical import Physical
+from tpdwarp.usd.read.materials.textures import Textures
+
+__all__ = ["BRIGHTEST", "Materials", "Surface"]
+
+# Render contexts in the order in which their surfaces are taken: this renderer's own, MaterialX, and what is for all.
+CONTEXTS = ("tpdwarp", "mtlx", UsdShade.Tokens.universalRenderContext)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A material as bound to a mesh or a part of it.
+
+    Attributes:
+        material: Its optical behaviour at the frame asked for.
+        by_display_color: Whether its albedo is the mesh's ``displayColor`` where there is one.
+        varies: Whether any of its inputs may change with time.
+        absent: Whether the surface is cut out: there is nothing there.
+        physical: What was read, before it was brought to an interaction; None where nothing could be read.
+    """
+
+    material: Material
+    by_display_color: bool
+    varies: bool
+    absent: bool = False
+    physical: Physical | None = None
+
+    def __hash__(self) -> int:
+        return hash((self.material, self.by_display_color, self.absent))
+
+
+UNBOUND = Surface(Material(), True, False)
+
+
+class Materials:
+    """Reads the materials of a stage.
+
+    Args:
+        warnings: Takes what is not supported, and names the file in errors.
+        purpose: Material purpose that is looked for first (``full``, ``preview``), before the general one.
+    """
+
+    def __init__(self, warnings: WarnOnce, purpose: str = UsdShade.Tokens.full) -> None:
+        self.warnings, self.purpose = warnings, purpose
+        self._textures = Textures()
+        self._known: dict[str, tuple[float, Surface]] = {}
+
+    def bound(self, prim: Usd.Prim, frame: float) -> Surface:
+        """The surface bound to a mesh or a GeomSubset at a time code.
+
+        Raises:
+            InputError: An index of refraction that means nothing, or an input that holds something else than numbers.
+        """
+        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(self.purpose)
+        if not material:
+            return UNBOUND
+        path = str(material.GetPath())
+        if path in self._known:
+            time, surface = self._known[path]
+            if time == frame or not surface.varies:
+                return surface
+        surface = self._surface(material, frame)
+        self._known[path] = frame, surface
+        return surface
+
+    def may_be_specular(self, prim: Usd.Prim, frame: float) -> bool:
+        """Whether any part of a mesh reflects or refracts at a time code, or might if its material could be read."""
+        subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
+        try:
+            surfaces = [self.bound(part, frame) for part in (prim, *(subset.GetPrim() for subset in subsets))]
+        except InputError:
+            return True
+        return any(surface.material.interaction != Interaction.DIFFUSE for surface in surfaces)
+
+    def _surface(self, material: UsdShade.Material, frame: float) -> Surface:
+        path = str(material.GetPath())
+        shaders = _surface_shaders(material)
+        if not shaders:
+            self.warnings(path, "has no surface shader that can be read; displayColor or grey is used")
+            return Surface(Material(path=path), True, False)
+        readers = [(shader, reader) for shader in shaders if (reader := reader_of(shader)) is not None]
+        if not readers:
+            kind = name_of(shaders[0]) or "the surface shader"
+            self.warnings(
+                str(shaders[0].GetPath()), f"{kind} is of a kind that is not read; displayColor or grey is used"
+            )
+            return Surface(Material(path=path), True, False)
+        shader, reader = readers[0]
+        inputs = Inputs(shader, frame, self._textures, self.warnings)
+        physical = reader(inputs)
+        found = interaction_of(physical, path, self.warnings)
+        displacement = material.ComputeDisplacementSource()[0]
+        if displacement and displacement.GetPrim() != shader.GetPrim():
+            self.warnings(path, "displacement is not rendered")
+        return Surface(found or Material(path=path), physical.by_display_color, inputs.varies, found is None, physical)
+
+
+def _surface_shaders(material: UsdShade.Material) -> list[UsdShade.Shader]:
+    """The surface shaders of a material, in the order in which they are taken.
+
+    What is authored for another renderer alone is better than nothing: such contexts come last, by name.
+    """
+    outputs = {context: material.GetSurfaceOutput(context) for context in CONTEXTS}
+    contexts = [context for context, output in outputs.items() if output]
+    others = (output.GetBaseName().split(":") for output in material.GetSurfaceOutputs())
+    contexts += sorted({name[0] for name in others if len(name) == 2} - set(CONTEXTS))
+    found: dict[str, UsdShade.Shader] = {}
+    for context in contexts:
+        shader = material.ComputeSurfaceSource(context)[0]
+        if shader:
+            found.setdefault(str(shader.GetPath()), shader)
+    return list(found.values())
