@@ -21,13 +21,16 @@ ROOT = Path(__file__).resolve().parents[1]
 # Rooms in the order of the data. A room imports those below it and none above; rooms of one line import none of each
 # other.
 ORDER = (
-    ("errors", "version"),
+    ("errors", "version", "clock"),
     ("presets", "stopping"),
     ("workers",),
-    ("settings", "io", "device"),
+    ("settings", "io"),
+    ("kernel_cache",),
+    ("device",),
     ("scene",),
-    ("photons", "usd"),
-    ("trajectories",),
+    ("photons",),
+    # The debug layer stores the photons' records.
+    ("trajectories", "usd"),
     ("footprints",),
     ("estimators", "view"),
     ("rendering",),
@@ -38,17 +41,7 @@ ORDER = (
     ("__init__", "__main__"),
 )
 # What stands against the order, and goes: an entry that is not found any more fails the test too.
-ALLOWED = {
-    # Photon records are data of the photons' room, which the debug layer stores.
-    ("tpdwarp.usd.read.debug_layer", "tpdwarp.photons.record"),
-    ("tpdwarp.usd.write.debug_layer", "tpdwarp.photons.record"),
-    ("tpdwarp.usd.write.local_origin", "tpdwarp.photons.record"),
-    # What lasts from frame to frame, and the batches of visible points, are declared beside the estimators' protocol.
-    ("tpdwarp.trajectories.fit", "tpdwarp.estimators.base"),
-    ("tpdwarp.trajectories.keyframes", "tpdwarp.estimators.base"),
-    ("tpdwarp.trajectories.segments", "tpdwarp.estimators.base"),
-    ("tpdwarp.view.queries", "tpdwarp.estimators.base"),
-}
+ALLOWED: set[tuple[str, str]] = set()
 
 
 @cache

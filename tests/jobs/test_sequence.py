@@ -226,13 +226,13 @@ def test_two_renders_into_one_folder_share_the_frames(stage, tmp_path, monkeypat
     fake = FakeRenderer(monkeypatch)
     real, first = fake.render, []
 
-    def render_and_begin_another(source, shutter, settings, width, height):
+    def render_and_begin_another(context, shutter, width, height):
         if not first:
             first.append(threading.Thread(target=tpdwarp.render, args=(stage, tmp_path / "a.##.exr"), kwargs=SMALL))
             first[0].start()
             while len(fake.rendered) < 2:
                 time.sleep(0.01)
-        return real(source, shutter, settings, width, height)
+        return real(context, shutter, width, height)
 
     monkeypatch.setattr(sequence, "render_frame", render_and_begin_another)
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)

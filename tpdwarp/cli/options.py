@@ -59,6 +59,7 @@ PICTURE = (
     SettingOption("mask", ("--mask",), names, "PATH,..."),
     SettingOption("complexity", ("--complexity",), complexity, "X", also=f"a number, or {'|'.join(COMPLEXITIES)}"),
     SettingOption("samples", ("--samples",), int, "S"),
+    SettingOption("refracted_radiance", ("--refracted-radiance",)),
     SettingOption("aovs", ("--aov",), names, "NAME,...", also=", ".join(AOVS)),
 )
 EXPOSURE = (

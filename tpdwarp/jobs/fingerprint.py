@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import tpdwarp
 from tpdwarp.io.frame_names import frame_text
 from tpdwarp.io.images import FINGERPRINT
 from tpdwarp.settings import Settings
+from tpdwarp.version import VERSION
 
 # Neither the number of threads nor the kind of device is meant to change a pixel (beyond rounding).
 _MACHINE = ("threads", "device")
@@ -65,7 +65,7 @@ class Fingerprint:
     def _parts(self, frame: float) -> dict[str, str]:
         settings = json.dumps(self.settings, sort_keys=True)
         return {
-            "program": tpdwarp.__version__,
+            "program": VERSION,
             "stage": self.stage[:_DIGITS],
             "settings": hashlib.sha256(settings.encode()).hexdigest()[:_DIGITS],
             "frame": frame_text(frame) if math.isnan(frame) else repr(float(frame)),
