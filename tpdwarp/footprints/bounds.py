@@ -8,7 +8,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.shaping import FootprintArrays
 
-# Pieces that the longest footprints are cut into; more of them fill boxes little better.
+# Pieces that the longest footprints are cut into; more of them fill boxes little better. Chosen, not derived.
 MOST_PIECES = 32
 
 

@@ -1,4 +1,4 @@
-"""The quadratic B-spline footprint: averaged over a pixel, and over the shutter while it moves, turns aside and grows.
+"""The quadratic B-spline footprint: averaged over a pixel, and over the shutter while it moves, curves and grows.
 
 Beyond the paper: with photons on a lattice, translates of the B-spline by one cell sum to one, so that light is smooth
 without noise and the error falls with the number of photons. It lives in filter space, where lattice cells have unit
@@ -17,21 +17,21 @@ from functools import cache
 
 import warp as wp
 
-# Half the width of the B-spline, in cells.
+# Half the width of the B-spline of degree two, in cells: (degree + 1)/2.
 SUPPORT = 1.5
 
 THIRD = wp.constant(1.0 / 3.0)
 SIXTH = wp.constant(1.0 / 6.0)
 # Nodes of Gauss's rule with two points lie this far from the middle of their panel, as a part of it.
 GAUSS_OFFSET = wp.constant(0.5 / math.sqrt(3.0))
-# Panels of the rule over the shutter; beyond it their number would not be exact in single precision.
+# Panels of the rule over the shutter; of more, single precision (24 bits) would not resolve a sixteenth.
 MOST_PANELS = wp.constant(1.0e6)
 HALF_WIDTH = wp.constant(SUPPORT)
 
 
 @wp.func
 def quadratic_bspline(x: float) -> float:
-    """b(x): centred, with support (−3/2, 3/2) and ∫ b = 1."""
+    """b(x), centred, with support (−3/2, 3/2) and ∫ b = 1: beyond the paper, beside the kernels of Table 1."""
     # Without branches: footprints are narrow, so that which piece a query falls on cannot be predicted.
     distance = wp.abs(x)
     outer = wp.max(1.5 - distance, 0.0)
@@ -41,7 +41,7 @@ def quadratic_bspline(x: float) -> float:
 
 @wp.func
 def _bspline_tail(x: float) -> float:
-    """∫ b from x ≥ 0 to the end of its support."""
+    """∫ b from x ≥ 0 to the end of its support, for averages over a box (beyond the paper)."""
     outer = wp.max(1.5 - x, 0.0)
     inner = wp.max(0.5 - x, 0.0)
     return outer * outer * outer * SIXTH - 0.5 * inner * inner * inner
@@ -49,7 +49,10 @@ def _bspline_tail(x: float) -> float:
 
 @wp.func
 def averaged_bspline(x: float, width: float) -> float:
-    """Mean of b over an interval of ``width`` around x, as a difference of tails, so that it is exact near the rim."""
+    """Mean of b over an interval of ``width`` around x: a pixel's average along one axis (beyond the paper).
+
+    It is a difference of tails, so that it is exact near the rim.
+    """
     distance = wp.abs(x)
     half = 0.5 * width
     near = _bspline_tail(wp.abs(distance - half))
@@ -58,7 +61,7 @@ def averaged_bspline(x: float, width: float) -> float:
 
 @wp.func
 def _double_tail(x: float) -> float:
-    """∫ of the tail from |x| on, with |x|/2 added, which second differences do not see: even, and convex."""
+    """∫ of the tail from |x| on, plus |x|/2, which second differences do not see: even, convex (beyond the paper)."""
     distance = wp.abs(x)
     outer = wp.max(1.5 - distance, 0.0)
     inner = wp.max(0.5 - distance, 0.0)
@@ -69,7 +72,10 @@ def _double_tail(x: float) -> float:
 
 @wp.func
 def twice_averaged_bspline(x: float, width: float, second: float) -> float:
-    """Mean of b over an interval of ``width``, and of that over one of ``second``, as the projection of a pixel is."""
+    """Mean of b over an interval of ``width``, and of that over one of ``second`` (beyond the paper).
+
+    Across a line, a pixel is two such boxes: the projections of its sides.
+    """
     both = 0.5 * (width + second)
     apart = 0.5 * (width - second)
     outer = _double_tail(x + both) + _double_tail(x - both)
@@ -96,7 +102,10 @@ class Trajectory:
 
 @wp.func
 def _time_within(y: wp.vec2, velocity: wp.vec2, extent: wp.vec2) -> wp.vec2:
-    """From when to when, in −½ … ½, the point y lies within ``extent`` of what moves by ``velocity``."""
+    """From when to when, in −½ … ½, the point y lies within ``extent`` of what moves by ``velocity``.
+
+    These are the limits of the integral over the shutter (beyond the paper).
+    """
     low = float(-0.5)
     high = float(0.5)
     for axis in range(2):
@@ -115,6 +124,8 @@ def _time_within(y: wp.vec2, velocity: wp.vec2, extent: wp.vec2) -> wp.vec2:
 def _relative_cell(square: float) -> float:
     """One cell as a part of the cells of a plain B-spline that has the variance of one averaged over a box.
 
+    It says how many nodes the integral over the shutter (beyond the paper) needs.
+
     The variances are 1/4 cells² and 1/4 + width²/12; ``square`` is width².
     """
     return 1.0 / wp.sqrt(1.0 + THIRD * square)
@@ -122,7 +133,7 @@ def _relative_cell(square: float) -> float:
 
 @wp.func
 def box_extent(width: wp.vec3, axis: int) -> float:
-    """Half the widths of the boxes along an axis."""
+    """Half the widths of the boxes along an axis, which a pixel's average (beyond the paper) adds to a footprint."""
     if axis == 0:
         return 0.5 * width[0]
     return 0.5 * (width[1] + width[2])
@@ -130,7 +141,10 @@ def box_extent(width: wp.vec3, axis: int) -> float:
 
 @wp.func
 def trajectory_extent(trajectory: Trajectory, axis: int) -> float:
-    """How far along an axis the footprint reaches to either side of its straight trajectory, over the whole shutter."""
+    """How far along an axis the footprint reaches to either side of its straight trajectory (beyond the paper).
+
+    It bounds what the footprint covers over the whole shutter, with ½ s² and ⅙ s³ at s = ±½.
+    """
     growth = 0.5 * (wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1]))
     sweep = 0.125 * wp.abs(trajectory.acceleration[axis]) + wp.abs(trajectory.jerk[axis]) / 48.0
     return HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis) + sweep
@@ -138,7 +152,7 @@ def trajectory_extent(trajectory: Trajectory, axis: int) -> float:
 
 @cache
 def bspline_weight(moves: bool, curved: bool) -> wp.Function:
-    """w(y, trajectory) of a B-spline footprint; y is relative to where it stands at mid shutter.
+    """w(y, trajectory) of a B-spline footprint (beyond the paper); y is relative to where it stands at mid shutter.
 
     Averages over a filter width cost twice what the B-spline does, so axes without one have functions of their own.
     """
@@ -166,7 +180,9 @@ def bspline_weight(moves: bool, curved: bool) -> wp.Function:
 
 @cache
 def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: int) -> wp.Function:
-    """∫ b(y − x(s)) ds over s ∈ [−½, ½], by two Gauss nodes a cell; only nodes inside the support are visited.
+    """∫ b(y − x(s)) ds over s ∈ [−½, ½] (beyond the paper), by two Gauss nodes for each cell that it moves.
+
+    Only nodes inside the support are visited.
 
     The nodes do not depend on y, so that translates by one cell sum to one while they sweep, too.
     """

@@ -1,7 +1,8 @@
 """Gathering: the irradiance that footprints leave at query points (Eq. 8 of the paper without the BRDF).
 
-    E(x) = Σ Φ |det M| w(M (x − x_pd))
+    E(x) = Σ_pd Φ_pd |det M| w(M (x − x_pd))
 
+Φ |det M| and M come from :mod:`tpdwarp.footprints.placing`, w from :mod:`tpdwarp.footprints.weights`; the sum is here.
 :mod:`tpdwarp.footprints.plain_gather` computes the same sum without any of what makes this one fast.
 """
 
@@ -23,19 +24,21 @@ from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
 from tpdwarp.footprints.shaping import FootprintArrays
 from tpdwarp.footprints.weights import GatherForm, footprint_weight
 
-# A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its tolerance.
+# A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its tolerance. Chosen, not
+# derived: it keeps light from the next face of a cube, and lets it follow coarse meshes.
 SMALLEST_COSINE = wp.constant(0.5)
-# Queries of one thread: enough to fill runs, few enough to keep all cores busy.
+# Queries of one thread: enough to fill runs, few enough to keep all cores busy. Chosen, not derived.
 GROUP = wp.constant(128)
-# Boxes of runs are grown by the rounding of positions in a scene of unit size.
+# Boxes of runs are grown by the rounding of positions in a scene of unit size, as in PLANE_ROUNDING.
 BOX_MARGIN = wp.constant(1.0e-5)
 # A footprint is a parabola on runs that reach no further than this from their middle, in cells: it errs by less than
-# 1/500 of its peak there. The least step for its differences keeps them above rounding.
+# 1/500 of its peak there. The least step for its differences keeps them above rounding: 6e-8 over its square is 2e-5.
 LARGEST_STEP = wp.constant(0.125)
 SMALLEST_STEP = wp.constant(0.05)
 # Six weights make a parabola; runs of no more queries than this are evaluated one by one.
 FEWEST_FOR_PARABOLA = wp.constant(8)
-# Normals of a run within this cosine of its first one all face a footprint, or none does, if the first one does so.
+# Of a run whose normals lie within 10° (chosen, not derived) of its first one, all face a footprint where that one lies
+# within 60° − 10° of it, and none where it lies beyond 60° + 10°.
 NARROW_CONE = wp.constant(math.cos(math.radians(10.0)))
 ALWAYS_FACING = wp.constant(math.cos(math.radians(60.0 - 10.0)))
 NEVER_FACING = wp.constant(math.cos(math.radians(60.0 + 10.0)))
@@ -43,13 +46,13 @@ NEVER_FACING = wp.constant(math.cos(math.radians(60.0 + 10.0)))
 
 @wp.func
 def boxes_meet(lower: wp.vec3, upper: wp.vec3, low: wp.vec3, high: wp.vec3) -> bool:
-    """Whether two boxes have a point in common, decided as the BVH does."""
+    """Whether two boxes have a point in common, decided as the BVH does: a term of Eq. 8 is found once."""
     return wp.min(wp.min(high - lower, upper - low)) >= 0.0
 
 
 @wp.func
 def found_before(pieces: PieceArrays, piece: int, low: wp.vec3, high: wp.vec3) -> bool:
-    """Whether an earlier piece of the same footprint meets the box, too: the first one stands for the footprint."""
+    """Whether an earlier piece of the same footprint meets the box, too: the first one adds its term to Eq. 8."""
     if pieces.number[piece] > 0:
         return boxes_meet(pieces.lower[piece - 1], pieces.upper[piece - 1], low, high)
     return False
@@ -57,7 +60,10 @@ def found_before(pieces: PieceArrays, piece: int, low: wp.vec3, high: wp.vec3) -
 
 @cache
 def _misses(form: GatherForm) -> wp.Function:
-    """Whether no query of a run can lie within a footprint: most long oblique ones miss runs that their boxes meet."""
+    """Whether w of Eq. 8 is zero at all queries of a run: long oblique footprints miss most runs that their boxes meet.
+
+    What it returns is cautious: it may be false although w is zero.
+    """
     smooth, support = form.smooth, wp.constant(form.support)
 
     @wp.func
@@ -75,7 +81,7 @@ def _misses(form: GatherForm) -> wp.Function:
 
 @wp.func
 def is_parabola(run: Run, start: int, placed: PlacedFootprint, radius: float, run_since: float) -> bool:
-    """Whether a footprint is wide enough beside a run, and the run uniform enough, for a parabola."""
+    """Whether a term of Eq. 8 is a parabola over a run: the footprint is wide beside it, and its queries are alike."""
     finest = wp.max(wp.length(placed.row_u), wp.length(placed.row_v))
     apart = wp.abs(placed.since - run_since) * LARGEST_DEVIATION * wp.length(run.window.motion) * finest
     uniform = run.receiver >= 0 and run.narrowest > NARROW_CONE and apart < SMALLEST_STEP
@@ -84,7 +90,7 @@ def is_parabola(run: Run, start: int, placed: PlacedFootprint, radius: float, ru
 
 @cache
 def _add_parabola(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
-    """Adds a footprint to the parabola of a run, by differences of its weight around the run's middle."""
+    """Adds a term of Eq. 8 to the parabola of a run, by differences of its weight around the run's middle."""
     weight = footprint_weight(form, moves, curved)
 
     @wp.func
@@ -108,7 +114,7 @@ def _add_parabola(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
             + (0.5 * (upper + lower) - here) * wp.outer(row_v, row_v)
             + (corner + here - right - upper) * wp.outer(row_u, row_v)
         ) / (step * step)
-        out.level += here * density
+        out.value += here * density
         out.slopes += wp.outer(density, slope)
         out.curvature_r += density[0] * curvature
         out.curvature_g += density[1] * curvature
@@ -123,7 +129,7 @@ def _add_parabola(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
 def _add_to_queries(
     form: GatherForm, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
 ) -> wp.Function:
-    """Adds a footprint to each query of a run."""
+    """Adds a term of Eq. 8, Φ |det M| w(y), to each query of a run."""
     weight = footprint_weight(form, moves, curved)
 
     @wp.func
@@ -165,7 +171,7 @@ def _add_to_queries(
 def gather_kernel(
     form: GatherForm, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
 ) -> wp.Kernel:
-    """The gathering kernel for one form of footprint, specialised by what moves and what is wanted.
+    """The kernel that sums Eq. 8 for one form of footprint, specialised by what moves and what is wanted.
 
     One thread takes a group of neighbouring queries, walks the BVH once for each run of them, and lets every footprint
     that it finds fall on all of the run.
@@ -264,7 +270,7 @@ def gather(
     query_moves: bool = False,
     with_motion: bool = False,
 ) -> Irradiance:
-    """Irradiance that ``footprints`` leave at ``queries``, averaged over part of the shutter.
+    """Irradiance that ``footprints`` leave at ``queries`` (Eq. 8 without the BRDF), averaged over part of the shutter.
 
     Args:
         time: When the queries stand where they are, in the shutter (−½ … ½).

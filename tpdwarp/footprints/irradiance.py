@@ -12,8 +12,8 @@ import warp as wp
 class QueryArrays:
     """Points at which irradiance is wanted, in the tracer's units; one row a query.
 
-    ``position`` is where the point stands when it is looked at, ``motion`` the way it goes over the whole shutter (that
-    of the surface point a pixel sees), ``normal`` faces the viewer, ``receiver`` is its object (−1: no query).
+    ``position`` is where the point stands when it is looked at, ``motion`` its displacement over the whole shutter
+    (that of the surface point a pixel sees), ``normal`` faces the viewer, ``receiver`` is its object (−1: no query).
     ``shading_normal`` faces the viewer, too, and may be a mean of several; it has no rows where receivers are flat.
     """
 

@@ -1,8 +1,8 @@
 """Radial footprint kernels: Table 1 of the paper, and their averages over the shutter.
 
 All live in filter space, where a footprint is the unit disc. ``y`` is the query relative to the footprint at shutter
-open, ``v`` the footprint's way over the shutter, so that the footprint stands at τv for τ ∈ [0, 1]. Weights integrate
-to one over filter space; multiply by |det M|.
+open, ``v`` the footprint's displacement over the shutter, so that the footprint stands at τv for τ ∈ [0, 1]. Weights
+integrate to one over filter space; multiply by |det M|.
 
 Departs from the paper: Eq. 6 × Eq. 8 with the constants of its Table 1 deposits Φ/π; the constants here are the
 correct ones. Its Eq. 7 area is exact for the uniform kernel only; the swept form below uses each kernel's own.
@@ -15,7 +15,9 @@ from functools import cache
 
 import warp as wp
 
+# The kernels of Table 1.
 RADIAL = ("uniform", "cone", "epanechnikov", "quartic", "gaussian")
+# All of them vanish beyond the unit disc.
 SUPPORT = 1.0
 
 # Line integral k1 = ∫₋₁¹ K of each radial kernel through its centre.
@@ -44,8 +46,10 @@ TIME_INTEGRAL = {
     "quartic": 8.0 / 15.0,
     "gaussian": math.sqrt(0.5 * math.pi) * math.erf(math.sqrt(0.5)),
 }
+# ω at the shutter's opening: profile(1).
 TIME_START = {"uniform": 1.0, "cone": 0.0, "epanechnikov": 0.0, "quartic": 0.0, "gaussian": math.exp(-0.5)}
 
+# Normalisations of Table 1.
 INV_PI = wp.constant(1.0 / math.pi)
 GAUSSIAN_SCALE = wp.constant(1.0 / (2.0 * math.pi * (1.0 - math.exp(-0.5))))
 SQRT_HALF = wp.constant(math.sqrt(0.5))
@@ -54,6 +58,7 @@ SQRT_HALF_PI = wp.constant(math.sqrt(0.5 * math.pi))
 
 @wp.func
 def uniform(r2: float) -> float:
+    """K of the uniform kernel at |y|² (Table 1): 1/π."""
     if r2 >= 1.0:
         return 0.0
     return INV_PI
@@ -61,6 +66,7 @@ def uniform(r2: float) -> float:
 
 @wp.func
 def cone(r2: float) -> float:
+    """K of the cone at |y|² (Table 1): (3/π)(1 − |y|)."""
     if r2 >= 1.0:
         return 0.0
     return 3.0 * INV_PI * (1.0 - wp.sqrt(r2))
@@ -68,6 +74,7 @@ def cone(r2: float) -> float:
 
 @wp.func
 def epanechnikov(r2: float) -> float:
+    """K of Epanechnikov's kernel at |y|² (Table 1): (2/π)(1 − |y|²)."""
     if r2 >= 1.0:
         return 0.0
     return 2.0 * INV_PI * (1.0 - r2)
@@ -75,6 +82,7 @@ def epanechnikov(r2: float) -> float:
 
 @wp.func
 def quartic(r2: float) -> float:
+    """K of the quartic kernel at |y|² (Table 1): (3/π)(1 − |y|²)²."""
     if r2 >= 1.0:
         return 0.0
     return 3.0 * INV_PI * (1.0 - r2) * (1.0 - r2)
@@ -82,6 +90,7 @@ def quartic(r2: float) -> float:
 
 @wp.func
 def gaussian(r2: float) -> float:
+    """K of the Gaussian at |y|² (Table 1), cut off and normalised at |y| = 1: exp(−|y|²/2)/(2π(1 − e^−½))."""
     if r2 >= 1.0:
         return 0.0
     return GAUSSIAN_SCALE * wp.exp(-0.5 * r2)
@@ -89,27 +98,39 @@ def gaussian(r2: float) -> float:
 
 @wp.func
 def uniform_path(z0: float, z1: float, q: float, c2: float, tau: float, sigma: float) -> float:
+    """∫₀¹ K dτ of the uniform kernel (beyond the paper): Δ/π.
+
+    Args:
+        z0, z1: Where the path enters and leaves the unit disc, along itself from the point closest to the centre.
+        q: Distance of the path from the centre.
+        c2: 1 − q².
+        tau: Δ, the part of the shutter between z0 and z1.
+        sigma: Length of the path, |v|.
+    """
     return INV_PI * tau
 
 
 @wp.func
 def cone_path(z0: float, z1: float, q: float, c2: float, tau: float, sigma: float) -> float:
+    """∫₀¹ K dτ of the cone (beyond the paper): (3/π)[z − ½(z√(z²+q²) + q² asinh(z/|q|))]/σ from z0 to z1."""
     q2 = q * q
     r0 = wp.sqrt(z0 * z0 + q2)
     r1 = wp.sqrt(z1 * z1 + q2)
-    bend = z1 * r1 - z0 * r0
+    twice = z1 * r1 - z0 * r0
     if q2 > 1.0e-12:
-        bend += q2 * (_asinh(z1 / wp.abs(q)) - _asinh(z0 / wp.abs(q)))
-    return 3.0 * INV_PI * (z1 - z0 - 0.5 * bend) / sigma
+        twice += q2 * (_asinh(z1 / wp.abs(q)) - _asinh(z0 / wp.abs(q)))
+    return 3.0 * INV_PI * (z1 - z0 - 0.5 * twice) / sigma
 
 
 @wp.func
 def epanechnikov_path(z0: float, z1: float, q: float, c2: float, tau: float, sigma: float) -> float:
+    """∫₀¹ K dτ of Epanechnikov's kernel (beyond the paper): (2/π)Δ[c² − (z1² + z1 z0 + z0²)/3]."""
     return 2.0 * INV_PI * tau * (c2 - (z1 * z1 + z1 * z0 + z0 * z0) / 3.0)
 
 
 @wp.func
 def quartic_path(z0: float, z1: float, q: float, c2: float, tau: float, sigma: float) -> float:
+    """∫₀¹ K dτ of the quartic kernel (beyond the paper): (3/π)Δ[c⁴ − ⅔c² Σ₂ + Σ₄/5], Σ_k = Σ_j z1^j z0^(k−j)."""
     s2 = z1 * z1 + z1 * z0 + z0 * z0
     s4 = z1 * z1 * z1 * (z1 + z0) + z0 * z0 * (z1 * z1 + z1 * z0 + z0 * z0)
     return 3.0 * INV_PI * tau * (c2 * c2 - c2 * s2 * (2.0 / 3.0) + 0.2 * s4)
@@ -117,12 +138,14 @@ def quartic_path(z0: float, z1: float, q: float, c2: float, tau: float, sigma: f
 
 @wp.func
 def gaussian_path(z0: float, z1: float, q: float, c2: float, tau: float, sigma: float) -> float:
+    """∫₀¹ K dτ of the Gaussian (beyond the paper): e^(−q²/2) √(π/2) [erf(z/√2)]/σ from z0 to z1, normalised as K is."""
     along = wp.erf(z1 * SQRT_HALF) - wp.erf(z0 * SQRT_HALF)
     return GAUSSIAN_SCALE * wp.exp(-0.5 * q * q) * SQRT_HALF_PI * along / sigma
 
 
 @wp.func
 def _asinh(x: float) -> float:
+    """Inverse hyperbolic sine, for the cone's average over the shutter (beyond the paper)."""
     return wp.sign(x) * wp.log(wp.abs(x) + wp.sqrt(x * x + 1.0))
 
 
@@ -134,13 +157,14 @@ PATH = {
     "quartic": quartic_path,
     "gaussian": gaussian_path,
 }
-# The difference of two nearly equal terms is divided by σ in these; below this σ a midpoint rule is more exact.
+# The difference of two nearly equal terms is divided by σ in these, which rounds by 6e-8/σ; two midpoints err by σ²/96
+# of the kernel's second derivative. Both are some 4e-6 at this σ.
 SMALLEST_SIGMA = {"cone": 0.02, "gaussian": 0.02}
 
 
 @cache
 def static_weight(kernel: str) -> wp.Function:
-    """w(y) of a footprint that stands still."""
+    """w(y) = K(|y|²) of a footprint that stands still, with K of Table 1."""
     K = STATIC[kernel]
 
     @wp.func
@@ -190,6 +214,11 @@ def moving_weight(kernel: str, form: str, time_filter: str = "none") -> wp.Funct
 
 @cache
 def _swept_weight(kernel: str, time_filter: str) -> wp.Function:
+    """w(y, v) = K(|y − τ* v|²)/(1 + σ k1) with τ* the closest time (Eq. 7), or times ω(τ*)/Z with a filter (Eq. 9).
+
+    Departs from the paper: k1 is each kernel's own line integral, and the filter is a factor, not a divisor, with
+    Z = ½(ω(0) + ω(1)) + σ k1 ∫ ω, so that one photon stays one.
+    """
     K = STATIC[kernel]
     k1 = wp.constant(LINE_INTEGRAL[kernel])
     if time_filter == "none":
@@ -226,7 +255,7 @@ def _swept_weight(kernel: str, time_filter: str) -> wp.Function:
 
 @cache
 def _profile(time_filter: str) -> wp.Function:
-    """ω as a function of the distance in time s ∈ [0, 1] from the shutter's close, one at s = 0."""
+    """ω of Eq. 9 as a function of the distance in time s ∈ [0, 1] from the shutter's close, one at s = 0."""
     K = STATIC[time_filter]
     peak = wp.constant(
         {"uniform": 1.0, "cone": 3.0, "epanechnikov": 2.0, "quartic": 3.0}.get(time_filter, 0.0) / math.pi

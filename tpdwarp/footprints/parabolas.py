@@ -11,10 +11,10 @@ import warp as wp
 
 @wp.struct
 class Parabola:
-    """Irradiance by the way d from the middle of a run: level + slopes d + dᵀ curvature d, by channel."""
+    """Irradiance at the displacement d from the middle of a run: value + slopes d + dᵀ curvature d, by channel."""
 
     used: bool
-    level: wp.vec3
+    value: wp.vec3
     slopes: wp.mat33
     curvature_r: wp.mat33
     curvature_g: wp.mat33
@@ -23,8 +23,8 @@ class Parabola:
 
 @wp.func
 def parabola_at(parabola: Parabola, d: wp.vec3) -> wp.vec3:
-    """The sum at ``d`` from the middle of the run, no less than zero."""
+    """Their part of the sum of Eq. 8 at ``d`` from the middle of the run, no less than zero."""
     curved = wp.vec3(
         wp.dot(d, parabola.curvature_r * d), wp.dot(d, parabola.curvature_g * d), wp.dot(d, parabola.curvature_b * d)
     )
-    return wp.max(parabola.level + parabola.slopes * d + curved, wp.vec3(0.0, 0.0, 0.0))
+    return wp.max(parabola.value + parabola.slopes * d + curved, wp.vec3(0.0, 0.0, 0.0))

@@ -9,11 +9,14 @@ import warp as wp
 from tpdwarp.footprints.bspline import Trajectory
 from tpdwarp.footprints.shaping import FootprintArrays
 
-# Parts of the shutter that are a smaller part of what a footprint or query stands for count as nothing.
+# Parts of the shutter that are a smaller part of what a footprint or query stands for count as nothing: some 16
+# roundings of times of order one.
 SHORTEST_OVERLAP = wp.constant(1.0e-6)
-# Added to how far off its plane a footprint reaches: rounding of positions in a scene of unit size.
+# Added to how far off its plane a footprint reaches: rounding of positions in a scene of unit size, of which a path
+# gathers a hundred or so (docs/rounding.md).
 PLANE_ROUNDING = wp.constant(1.0e-5)
 # Light that grazes a facet so much that its normal makes more of a difference than this is too little to be known.
+# Chosen, not derived: light 3.6° above a facet.
 LARGEST_SHADING_RATIO = wp.constant(16.0)
 
 
@@ -64,7 +67,11 @@ def shading_ratio(incidence: wp.vec3, n_s: wp.vec3) -> float:
 
 @cache
 def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp.Function:
-    """The function that places footprint ``j`` for a query, specialised by what footprints do."""
+    """The function that places footprint ``j`` of Eq. 8 for a query, specialised by what footprints do.
+
+    Velocity is relative (the paper, section 2): the query's own displacement is subtracted from the footprint's. Beyond
+    the paper: the part of the shutter that the two share, and trajectories that curve.
+    """
 
     @wp.func
     def place(footprints: FootprintArrays, j: int, duration: float, window: TimeWindow) -> PlacedFootprint:

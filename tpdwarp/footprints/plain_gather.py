@@ -1,4 +1,7 @@
-"""The gather as it is written down: every query meets every footprint. Tests hold the fast one against it."""
+"""Eq. 8 as it is written down: the gather in which every query meets every footprint.
+
+It is there to be read, and for tests to hold the fast one against.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from tpdwarp.footprints.weights import GatherForm, footprint_weight
 
 @cache
 def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool, shaded: bool) -> wp.Kernel:
-    """One thread a query, without groups, tree or parabolas."""
+    """The sum of Eq. 8 by one thread a query, without groups, tree or parabolas."""
     weight = footprint_weight(form, moves, curved)
     place = place_footprint(form.smooth, moves, curved, shaded)
 

@@ -9,10 +9,12 @@ import warp as wp
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.footprints.placing import TimeWindow
 
-# How much the motions of queries that are gathered together may differ, as a part of the motion itself.
+# How much the motions of queries that are gathered together may differ, as a part of the motion itself: their boxes are
+# grown by it. Chosen, not derived.
 LARGEST_DEVIATION = wp.constant(0.25)
 # The receiver of runs that lie on several ones.
 SEVERAL = wp.constant(-2)
+# Corners of a box that holds nothing yet.
 FAR_AWAY = wp.constant(1.0e30)
 
 
@@ -57,7 +59,7 @@ def window_of(window: TimeWindow, motion: wp.vec3, fastest: float, run_size: flo
 
 @cache
 def next_run(query_moves: bool) -> wp.Function:
-    """The function that collects queries from ``start`` on whose way over the shutter fits into ``run_size``."""
+    """The function that collects queries from ``start`` on that stay within a box of ``run_size`` over the shutter."""
 
     @wp.func
     def collect(queries: QueryArrays, start: int, end: int, run_size: float, window: TimeWindow) -> Run:

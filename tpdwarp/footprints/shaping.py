@@ -1,5 +1,8 @@
 """Shaping footprints: the metric M that maps a photon's tangent plane to filter space, regularised, with its bounds.
 
+M and its determinant are those of the photon's area in Eqs. 6 and 7. Departs from the paper, whose footprints are those
+of single points, in that they are averaged over a pixel.
+
 A pixel's value is the mean over the parallelogram with sides P, Q that it sees on a surface, and so is what a footprint
 adds to it. Let J = [D_u x, D_v x] in the tangent plane, σ1 ≥ σ2 its singular values in units of the pixel ([P, Q]⁻¹ J).
 
@@ -28,25 +31,31 @@ import warp as wp
 from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.footprints.kernels import VARIANCE
 
-# Longest axis of a footprint in the tracer's units, in which the scene is of unit size.
+# Longest axis of a footprint: the size of the scene, in the tracer's units.
 LONGEST_AXIS = wp.constant(1.0)
-# Filter widths along axes of which they are a smaller part are left out: they would widen these by less than 1 %.
+# Filter widths, in cells, that are smaller are left out: a box adds width²/12 to the B-spline's variance of 1/4, at
+# this width 2 % of it, which is 1 % of its width.
 SMALLEST_FILTER_WIDTH = wp.constant(0.25)
-# Beyond it single precision no longer tells the two axes of the metric apart.
+# Longer axis of a footprint by its shorter one. Beyond it single precision no longer tells the two apart: their squares
+# differ by a factor of 10⁶, and are rounded by 6e-8 of the larger one.
 LARGEST_ASPECT = wp.constant(1000.0)
 # Standard deviation of a box, as a part of its side.
 BOX_DEVIATION = wp.constant(12.0**-0.5)
-# Footprints are no finer than this part of a pixel, which adds 2e-5 of its variance: weights stay exact in float32.
+# Footprints are no finer than this part of a pixel, so that differences of tails stay exact in float32. That adds 7e-4
+# to the variance of what falls on the pixel: 1/4 of its square, beside the pixel's 1/12.
 FINEST_IN_PIXEL = wp.constant(1.0 / 64.0)
-# Pixels count as seen under no smaller cosine than this: beyond it their parallelograms grow without bound.
+# Pixels count as seen under no smaller cosine than this: beyond it their parallelograms grow without bound. Chosen, not
+# derived: 3° above the surface.
 SMALLEST_VIEW_COSINE = wp.constant(0.05)
-# Shortest axis: a part of the coordinates where the footprint lies, ten or so units in their last place; and at least
-# this part of the scene.
+# Shortest axis: a part of the coordinates where the footprint lies, some 16 roundings of them; and at least this part
+# of the scene, which keeps the squares of areas in the range of float32 (chosen, not derived).
 SHORTEST_AXIS = wp.constant(1.0e-6)
 SHORTEST_AXIS_AT_ORIGIN = wp.constant(1.0e-9)
-# How far a query may lie off the footprint's plane, as a part of the footprint's own extent.
+# How far a query may lie off the footprint's plane, as a part of the footprint's own extent: on receivers that curve
+# less than that it is one surface. Chosen, not derived.
 PLANE_TOLERANCE = wp.constant(0.25)
-# How much axes may grow or shrink from mid shutter to either end: what shrinks to nothing passes a fold.
+# How much axes may grow or shrink from mid shutter to either end, as a part of themselves: what shrinks to nothing
+# passes a fold, which first order does not describe. Chosen, not derived.
 LARGEST_GROWTH = wp.constant(0.5)
 
 
@@ -56,7 +65,7 @@ class PixelSize:
 
     ``right`` and ``up`` are the sides of the pixel in the plane at distance 1 before the eye (in tracer's units for an
     orthographic camera), ``back`` points against the view. Where ``right`` is zero, a query stands for a square of side
-    ``base + slope · distance`` from ``eye`` instead, whichever way it lies.
+    ``base + slope · distance`` from ``eye`` instead, however it is turned.
     """
 
     eye: wp.vec3
@@ -146,7 +155,7 @@ class Axes:
 
 @wp.func
 def tangent_frame(n: wp.vec3) -> TangentFrame:
-    """An orthonormal frame of the plane with unit normal n."""
+    """An orthonormal frame of the plane with unit normal n, in which J and M (Eq. 7) are written down."""
     frame = TangentFrame()
     e1 = wp.vec3(0.0, -n[2], n[1])
     if wp.abs(n[0]) > 0.5:
@@ -158,7 +167,7 @@ def tangent_frame(n: wp.vec3) -> TangentFrame:
 
 @wp.func
 def singular_values(a: float, b: float, c: float, d: float) -> SingularValues:
-    """The singular value decomposition of [[a, b], [c, d]] in closed form."""
+    """The singular value decomposition of J = [[a, b], [c, d]] in closed form: M = J⁻¹ of Eq. 7 follows from it."""
     out = SingularValues()
     sum_angle = wp.atan2(c - b, a + d)
     difference_angle = wp.atan2(c + b, a - d)
@@ -173,7 +182,7 @@ def singular_values(a: float, b: float, c: float, d: float) -> SingularValues:
 
 @wp.func
 def nonorthogonality(a: float, b: float, c: float, d: float) -> float:
-    """γ = √|cos ∠(Du, Dv)| for the columns (a, c) and (b, d); zero where one of them vanishes."""
+    """γ = √|cos ∠(Du, Dv)| for the columns (a, c) and (b, d); zero where one of them vanishes (beyond the paper)."""
     lengths = wp.sqrt((a * a + c * c) * (b * b + d * d))
     if lengths > 0.0:
         return wp.sqrt(wp.min(wp.abs(a * b + c * d) / lengths, 1.0))
@@ -182,7 +191,7 @@ def nonorthogonality(a: float, b: float, c: float, d: float) -> float:
 
 @wp.func
 def pixel_on_plane(pixel: PixelSize, x: wp.vec3, n: wp.vec3, frame: TangentFrame) -> PixelOnPlane:
-    """The parallelogram that a pixel sees at x on a plane with normal n."""
+    """The parallelogram that a pixel sees at x on a plane with normal n, for its average (beyond the paper)."""
     out = PixelOnPlane()
     if wp.length_sq(pixel.right) == 0.0:
         side = pixel.base + pixel.slope * wp.length(x - pixel.eye)
@@ -206,13 +215,13 @@ def pixel_on_plane(pixel: PixelSize, x: wp.vec3, n: wp.vec3, frame: TangentFrame
 
 @wp.func
 def direction(angle: float) -> wp.vec2:
-    """The unit vector at ``angle``."""
+    """The unit vector at ``angle``: a singular vector of J (Eq. 7)."""
     return wp.vec2(wp.cos(angle), wp.sin(angle))
 
 
 @wp.func
 def square_along(pixel: PixelOnPlane, axis: wp.vec2) -> float:
-    """Twelve times the variance of a pixel along a unit vector: (P·e)² + (Q·e)²."""
+    """Twelve times the variance of a pixel along a unit vector: (P·e)² + (Q·e)² (beyond the paper)."""
     a = wp.dot(pixel.p, axis)
     b = wp.dot(pixel.q, axis)
     return a * a + b * b
@@ -220,7 +229,10 @@ def square_along(pixel: PixelOnPlane, axis: wp.vec2) -> float:
 
 @wp.func
 def limited(axes: Axes, distance: float) -> Axes:
-    """Axes of limited length and aspect; ``distance`` is that of the footprint from the origin of the units."""
+    """Axes of limited length and aspect; ``distance`` is that of the footprint from the origin of the units.
+
+    Departs from the paper, whose area (Eq. 7) vanishes at folds. Flux stays, since |det M| follows.
+    """
     out = axes
     longest = wp.max(axes.t1, axes.t2)
     shortest = wp.max(
@@ -235,7 +247,11 @@ def limited(axes: Axes, distance: float) -> Axes:
 
 @wp.func
 def own_axes(j: SingularValues, pixel: PixelOnPlane, gamma: float, kernel_variance: float, distance: float) -> Axes:
-    """Axes of a footprint that is larger than a pixel; singular values take the part ``gamma`` of its variance."""
+    """Axes of a footprint that is larger than a pixel: those of J (Eq. 7), widened.
+
+    Beyond the paper: singular values take the part ``gamma`` of the pixel's variance, √(S² + γ a²/(3κ)), where κ is
+    ``kernel_variance``.
+    """
     out = Axes()
     out.first = direction(j.left)
     out.second = wp.vec2(-out.first[1], out.first[0])
@@ -254,7 +270,7 @@ def own_axes(j: SingularValues, pixel: PixelOnPlane, gamma: float, kernel_varian
 
 @wp.func
 def box_along_axes(axes: Axes, pixel: PixelOnPlane, part: float) -> wp.vec3:
-    """Filter widths along u and v with the part ``part`` of a pixel's variance there, in cells."""
+    """Filter widths along u and v with the part ``part`` of a pixel's variance there, in cells (beyond the paper)."""
     c = wp.cos(axes.turn)
     s = wp.sin(axes.turn)
     u = c * axes.t1 * axes.first - s * axes.t2 * axes.second
@@ -275,7 +291,7 @@ def box_along_axes(axes: Axes, pixel: PixelOnPlane, part: float) -> wp.vec3:
 
 @wp.func
 def thin_axes(j: SingularValues, pixel: PixelOnPlane, distance: float) -> Axes:
-    """Axes of a footprint that is longer than a pixel, but not as wide: its singular vectors."""
+    """Axes of a footprint that is longer than a pixel, but not as wide: its singular vectors (beyond the paper)."""
     out = Axes()
     out.first = direction(j.left)
     out.second = wp.vec2(-out.first[1], out.first[0])
@@ -298,7 +314,7 @@ def thin_axes(j: SingularValues, pixel: PixelOnPlane, distance: float) -> Axes:
 
 @wp.func
 def pixel_axes(pixel: PixelOnPlane, in_pixels: wp.mat22, distance: float) -> Axes:
-    """Axes of a footprint that is smaller than a pixel: the pixel's; ``in_pixels`` is [P, Q]⁻¹ J."""
+    """Axes of a footprint that is smaller than a pixel: the pixel's (beyond the paper); ``in_pixels`` is [P, Q]⁻¹ J."""
     out = Axes()
     length_p = wp.length(pixel.p)
     length_q = wp.length(pixel.q)
@@ -315,7 +331,10 @@ def pixel_axes(pixel: PixelOnPlane, in_pixels: wp.mat22, distance: float) -> Axe
 
 @wp.func
 def axes_of(a: float, b: float, c: float, d: float, pixel: PixelOnPlane, distance: float) -> Axes:
-    """Axes of a B-spline footprint with the columns (a, c) and (b, d) in its tangent frame."""
+    """Axes of a B-spline footprint with the columns (a, c) and (b, d) in its tangent frame.
+
+    Beyond the paper: which of the three cases of this module it is, by its singular values in pixels.
+    """
     j = singular_values(a, b, c, d)
     area = pixel.p[0] * pixel.q[1] - pixel.p[1] * pixel.q[0]
     if area != 0.0:
@@ -338,7 +357,7 @@ def axes_of(a: float, b: float, c: float, d: float, pixel: PixelOnPlane, distanc
 
 @wp.func
 def _along(a: wp.vec3, b: wp.vec3, c: wp.vec3, displacement: wp.vec3) -> wp.vec3:
-    """How far a displacement goes along each of three axes."""
+    """How far a displacement goes along each of three axes: the extent of a sweep (Eq. 7)."""
     return wp.vec3(
         wp.abs(wp.dot(a, displacement)), wp.abs(wp.dot(b, displacement)), wp.abs(wp.dot(c, displacement))
     )
@@ -346,8 +365,13 @@ def _along(a: wp.vec3, b: wp.vec3, c: wp.vec3, displacement: wp.vec3) -> wp.vec3
 
 @cache
 def footprint_kernel(radial: str | None, curved: bool) -> wp.Kernel:
-    """The kernel that shapes footprints, for a radial kernel or (None) the B-spline, whose trajectories may curve."""
-    # The rows of M are 2(Dv×n)/… for a radial kernel, whose support is the unit disc (§5); one cell for the B-spline.
+    """The kernel that shapes footprints (M, Φ |det M|, Eqs. 6 and 7), and bounds what they sweep over.
+
+    Args:
+        radial: A radial kernel of Table 1; None for the B-spline, whose trajectories may curve.
+        curved: Whether they do.
+    """
+    # M = 2 J⁻¹ for a radial kernel, whose ellipse has the semi-axes ½ D_u x and ½ D_v x; J⁻¹ for the B-spline's cells.
     scale = 2.0 if radial else 1.0
     variance = VARIANCE[radial] if radial else 1.0
 

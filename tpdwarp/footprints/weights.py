@@ -33,7 +33,7 @@ class GatherForm:
 
 @cache
 def footprint_weight(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
-    """w(y, trajectory), with y relative to where the footprint stands in the middle of its trajectory."""
+    """w(y, trajectory) of Eq. 8, with y relative to where the footprint stands in the middle of its trajectory."""
     if form.smooth:
         return bspline_weight(moves, curved)
     support = wp.constant(SUPPORT)

@@ -1,4 +1,4 @@
-"""A beam on its way: state, transfer to the next surface, and specular interaction there.
+"""A beam: its state, transfer to the next surface, and specular interaction there.
 
 Photons and camera rays are both beams; a camera ray uses the time column only.
 """
@@ -68,9 +68,10 @@ def transfer_to(beam: Beam, hit: Hit, moves: bool) -> Beam:
 
 @wp.func
 def interface_at(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool) -> Interface:
-    """Orientation, Snell's law and Fresnel's at ``hit``, by the shading normal where that is consistent.
+    """Orientation, and what the laws of Snell and Fresnel say at ``hit``: what Igehy's differentials (1999) need.
 
-    Total internal reflection is decided here: the reflectance stays one where cos²θ_t is negative.
+    The shading normal counts where it sends light to the right side of the triangle, and the flat one elsewhere. Total
+    internal reflection is decided here: the reflectance stays one where cos²θ_t is not positive.
     """
     at = Interface()
     at.side = -wp.sign(wp.dot(hit.n_g, w))
@@ -104,7 +105,11 @@ def interface_at(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, mov
 
 @wp.func
 def scatter(surfaces: Surfaces, incident: Beam, hit: Hit, at: Interface, reflected: bool, moves: bool) -> Beam:
-    """The beam after reflection or refraction: new ω and D_a ω; positions and their columns pass unchanged."""
+    """The beam after reflection or refraction: new ω and D_a ω (Igehy 1999, with the paper's time column).
+
+    Positions and their columns pass unchanged. The normal's own columns are D_a N = Σ_j (n_j − n_0) D_a β_j, to which
+    a = t adds Σ β_i D_t n_i.
+    """
     s = shading_normal(surfaces, hit, at.flat, moves)
     w = incident.w
     dndu = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, incident.dxdu))

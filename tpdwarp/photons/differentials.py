@@ -13,7 +13,9 @@ import warp as wp
 
 @wp.func
 def transfer(dxda: wp.vec3, dwda: wp.vec3, w: wp.vec3, distance: float, n_g: wp.vec3, motion: wp.vec3) -> wp.vec3:
-    """D_a x' on a surface that moves by ``motion`` (δ q̇: zero for a ∈ {u, v}); lies in the tangent plane plus motion.
+    """D_a x' (Eqs. 3, 4) on a surface that moves by ``motion`` (δ q̇, zero for a ∈ {u, v}).
+
+    It lies in the tangent plane, but for the part of the motion along the normal.
 
     Departs from the paper (Eq. 4): there is no ∂n_g/∂t term, since q̇ is taken at the hit itself.
     """
@@ -23,25 +25,28 @@ def transfer(dxda: wp.vec3, dwda: wp.vec3, w: wp.vec3, distance: float, n_g: wp.
 
 @wp.func
 def normal_differential(n: wp.vec3, length: float, dNda: wp.vec3) -> wp.vec3:
-    """D_a n of the unit normal n = N/|N| from D_a N."""
+    """D_a n = (I − n nᵀ) D_a N / |N| of the unit normal n = N/|N| (Igehy 1999), for a ∈ {u, v, t} alike."""
     return (dNda - n * wp.dot(n, dNda)) / length
 
 
 @wp.func
 def reflect(w: wp.vec3, n: wp.vec3) -> wp.vec3:
-    """ω' = ω − 2(ω·n)n."""
+    """ω' = ω − 2(ω·n)n: the direction of reflection, whose differential is Igehy's (1999)."""
     return w - 2.0 * wp.dot(w, n) * n
 
 
 @wp.func
 def reflect_differential(w: wp.vec3, n: wp.vec3, dwda: wp.vec3, dnda: wp.vec3) -> wp.vec3:
-    """D_a ω' of a reflection."""
+    """D_a ω' = D_a ω − 2[(ω·n) D_a n + (D_a ω·n + ω·D_a n) n] of a reflection (Igehy 1999), for a ∈ {u, v, t} alike."""
     return dwda - 2.0 * (wp.dot(w, n) * dnda + (wp.dot(dwda, n) + wp.dot(w, dnda)) * n)
 
 
 @wp.func
 def refract(w: wp.vec3, n: wp.vec3, eta: float, cos_t: float) -> wp.vec3:
-    """ω' = ηω + (η cosθ_i − cosθ_t)n, with n on the side of the incident ray and η = η_i/η_t."""
+    """ω' = ηω + (η cosθ_i − cosθ_t)n by Snell's law; its differential is Igehy's (1999).
+
+    The normal n lies on the side of the incident ray, and η = η_i/η_t.
+    """
     return eta * w + (eta * -wp.dot(w, n) - cos_t) * n
 
 
@@ -49,7 +54,10 @@ def refract(w: wp.vec3, n: wp.vec3, eta: float, cos_t: float) -> wp.vec3:
 def refract_differential(
     w: wp.vec3, n: wp.vec3, eta: float, cos_t: float, dwda: wp.vec3, dnda: wp.vec3
 ) -> wp.vec3:
-    """D_a ω' of a refraction."""
+    """D_a ω' = η D_a ω + (η cosθ_i − cosθ_t) D_a n + (η − η² cosθ_i/cosθ_t) D_a(cosθ_i) n of a refraction (Igehy 1999).
+
+    D_a(cosθ_i) = −(D_a ω·n + ω·D_a n), and a ∈ {u, v, t}.
+    """
     cos_i = -wp.dot(w, n)
     dcos_i = -(wp.dot(dwda, n) + wp.dot(w, dnda))
     return eta * dwda + (eta * cos_i - cos_t) * dnda + ((eta - eta * eta * cos_i / cos_t) * dcos_i) * n
@@ -57,13 +65,19 @@ def refract_differential(
 
 @wp.func
 def refracted_cosine_squared(cos_i: float, eta: float) -> float:
-    """cos²θ_t = 1 − η²(1 − cos²θ_i), as it rounds least near η = 1; negative under total internal reflection."""
+    """cos²θ_t = 1 − η²(1 − cos²θ_i) for Igehy's refraction (1999); negative under total internal reflection.
+
+    It is written as the sum that rounds least near η = 1.
+    """
     return (1.0 - eta) * (1.0 + eta) + eta * eta * cos_i * cos_i
 
 
 @wp.func
 def fresnel_reflectance(cos_i: float, cos_t: float, eta: float) -> float:
-    """Unpolarised reflectance of a dielectric, η = η_i/η_t."""
+    """Fresnel's reflectance R of a dielectric for unpolarised light, η = η_i/η_t.
+
+    Beyond the paper's algebra: flux splits as R and 1 − R, and both branches are followed.
+    """
     parallel = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
     perpendicular = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
     return 0.5 * (parallel * parallel + perpendicular * perpendicular)
