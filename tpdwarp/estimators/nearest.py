@@ -15,12 +15,14 @@ from tpdwarp.footprints.placing import LARGEST_SHADING_RATIO
 from tpdwarp.photons.photon_map import PhotonMap
 
 # Photons on the other side of a thin receiver are passed over; no more than so many times k are searched for others.
+# Chosen, not derived.
 MOST_SEARCHED = 8
-# Distances held in memory at a time.
+# Distances held in memory at a time: 64 MB of them and of their indices.
 BATCH = 1 << 22
-# In the tracer's units, in which the scene is of unit size: photons on one spot make no infinite light.
+# In the tracer's units, in which the scene is of unit size: photons on one spot make no infinite light. Some 16
+# roundings of positions.
 SMALLEST_RADIUS = 1.0e-6
-# Of a photon's part of the shutter, within a query's window: less counts as nothing.
+# Of a photon's part of the shutter, within a query's window: less counts as nothing, as SHORTEST_OVERLAP in the gather.
 SMALLEST_SHARE = 1.0e-6
 
 

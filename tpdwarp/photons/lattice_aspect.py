@@ -1,10 +1,10 @@
 """Lattice aspect ratio: how much finer the lattice of a distant light should be along its u than along its v.
 
-Where specular surfaces bend light in one direction only, as a swell or a rod does, the light on the receiver varies in
-that direction alone, and photons side by side in the other tell the same. The blur of footprints goes with h_u² G_u +
-h_v² G_v, where h are lattice steps and G the mean squares of how normals turn along u and v; at equal cells of h_u h_v
-it is least at h_v/h_u = √(G_u/G_v). That holds for a sheet, such as water, that is all the light sees: at the ends of
-a rod, say, light stops whatever normals do, and long cells would blur them.
+Where specular surfaces deflect light in one direction only, as a swell or a rod does, the light on the receiver varies
+in that direction alone, and photons side by side in the other carry the same light. The blur of footprints goes with
+h_u² G_u + h_v² G_v, where h are lattice steps and G the mean squares of how normals turn along u and v; at equal cells
+of h_u h_v it is least at h_v/h_u = √(G_u/G_v). That holds for a sheet, such as water, that is all the light sees: at
+the ends of a rod, say, light stops whatever normals do, and long cells would blur them.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ import numpy as np
 
 from tpdwarp.scene.description import Interaction, LightAtShutter, MeshAtShutter, SceneAtShutter
 
-# Ratios beyond this gain nothing more: light varies along the other direction, too.
+# Ratios beyond this gain nothing more: light varies along the other direction, too. Chosen, not derived.
 LARGEST_ASPECT = 16.0
-# Where light grazes, normals turn without bound along its plane.
+# Where light grazes, normals turn without bound along its plane; triangles under a smaller cosine are left out. Chosen,
+# not derived.
 LEAST_COSINE = 0.25
-# How much a sheet's area in the plane of the light may differ from that of the rectangle around it.
+# How much a sheet's area in the plane of the light may differ from that of the rectangle around it, as a part of it.
+# Chosen, not derived.
 SHEET = 0.05
-# Light that surfaces turn by less than this is nearly even.
+# Where normals turn by less than this over the whole sheet [rad] its light is nearly even, and cells stay square.
+# Chosen, not derived.
 FLAT = 0.1
 
 

@@ -30,16 +30,21 @@ from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, SceneSource, reference_scenes
 from tpdwarp.scene.normalization import Normalization
 
-# Rows of long cells that are kept at least: where light ends, such cells blur its edge by their length.
+# Rows of long cells that are kept at least: where light ends, such cells blur its edge by their length. Chosen, not
+# derived: an eighth of the patch.
 FEWEST_ROWS = 8
-# Half the angle [rad] that one patch of directions may cover; beyond it tangents stretch cells, and a cube takes over.
+# Half the angle [rad] that one patch of directions may cover; beyond it a cube takes over. There, cells are cos 60°,
+# half as wide as in the middle. (That they may be no narrower is chosen, not derived.)
 WIDEST_SINGLE_PATCH = math.radians(60.0)
+# Half the angle that a face of the cube covers.
 CUBE_FACE = math.pi / 4
-# How many times the cells that the stills foresaw a frame may emit; a rod that turns takes some times as many.
+# How many times the cells that the stills foresaw a frame may emit; a rod that turns takes some times as many. Chosen,
+# not derived: it limits the time of such a frame.
 LARGEST_CELL_GROWTH = 16
-# What is specular is met from nearby where it is smaller than this part of the way from the light.
+# Beams start near what is specular where that is smaller than this part of its distance from the light. At this size,
+# rounding of the distance (6e-8 of it) is 6e-6 of the thing, as much as a hundred roundings of its own coordinates.
 NEARBY = 1.0e-2
-# Lattice coordinates are single precision: beyond this cell they no longer resolve a quarter of one.
+# Lattice coordinates are single precision, of 24 bits: beyond this cell they no longer resolve a quarter of one.
 LARGEST_CELL_NUMBER = 2**22
 
 

@@ -22,7 +22,7 @@ class PhotonRecord:
         dxdt: Displacement over the whole exposure relative to the receiver, shape [n, 3].
         flux: Flux carried [W], shape [n, 3].
         emission: Lattice coordinates at the light, shape [n, 2].
-        bounces: Specular interactions on the way, shape [n] int32.
+        bounces: Specular interactions of the path, shape [n] int32.
         receivers: Index into ``receiver_paths``, shape [n] int32.
         receiver_paths: Prim paths of the meshes.
     """

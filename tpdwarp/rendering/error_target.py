@@ -1,13 +1,13 @@
 """Choosing photons and segments for a wanted error, without a reference.
 
 A few pixels of a few frames are rendered with more and more photons m in each of K segments. The change D from the last
-picture but one to the last tells the error of the former; if errors fall by a factor r from one to the other, it is
+picture but one to the last shows the error of the former; if errors fall by a factor r from one to the other, it is
 
     e = D/(1 − r²),
 
 halfway between errors that have nothing in common, D/√(1 + r²), and errors of one shape, D/(1 − r). Errors of pictures
-with fewer photons are their changes to the last one. The change from K to 2K segments tells the error in time, and a
-part of that in space, which falls as that does with more photons and so is told apart. Both add up as squares. Of the
+with fewer photons are their changes to the last one. The change from K to 2K segments shows the error in time and a
+part of that in space, which is separated from it as it falls with more photons. Both add up as squares. Of the
 frames looked at, the one that errs most counts. Where a stage's samples cut the shutter into equal parts, segments are
 these or 2, 4, … for each of them.
 Whichever buys more accuracy for its photons, m or K, is raised until the wanted error is within reach of the power law
@@ -31,27 +31,34 @@ from tpdwarp.settings import Settings
 from tpdwarp.trajectories.fit import FEWEST_KEYFRAME_PHOTONS
 from tpdwarp.trajectories.segments import most_breaks_inside, motion_breaks_within
 
+# Frames that are looked at. Chosen, not derived, as is all below that does not say otherwise; what they do together is
+# measured by ``scripts/benchmarks/run.py target_error``.
 MOST_STILLS = 3
+# Photons of the first picture.
 FIRST_PHOTONS = 64
 # No smaller error is believed before so many photons were seen.
 FEWEST_SEEN = 4096
+# What a frame may cost at most.
 MOST_PHOTONS = 1 << 23
 MOST_SEGMENTS = 64
 # Segments are made to begin at breaks of motion where the shutter is cut into no more equal parts than these.
 MOST_PARTS = 8
-# How errors fall from m to 4m photons: what is believed at least and at most, and before two changes are known.
+# How errors fall from m to 4m photons: what is believed at least and at most, and before two changes are known. On a
+# lattice they fall as 1/m, to 0.25, where light is smooth.
 FALL = (0.15, 0.7)
 UNKNOWN_FALL = 0.4
-# So many times photons may be quadrupled by the power law beyond those whose error is told by the next.
+# So many times photons may be quadrupled by the power law beyond those whose error is known from the next.
 LARGEST_EXTRAPOLATION = 1.5
-# How errors in time fall from K to 2K segments, at least and at most: curved trajectories are right to third order.
+# How errors in time fall from K to 2K segments, at least and at most: curved trajectories are right to third order, so
+# that the least is 2⁻⁴.
 TIME_FALL = (0.0625, 0.7)
 # And from m to 4m photons: smaller footprints change less while the shutter is open, but trajectories err as much.
 TIME_FALL_BY_PHOTONS = (0.75, 1.0)
-# Least part of the change with the segments that is taken for one in time.
+# Least part of the change with the segments that counts as one in time.
 LEAST_IN_TIME = 0.25
 # Frames count as no darker than by this part of the light of all.
 LEAST_LIGHT = 0.1
+# Keeps quotients and logarithms of errors finite.
 TINY = 1e-12
 
 Pictures = Callable[[int, int], np.ndarray]
@@ -148,7 +155,7 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
     def in_time(photons: int, segments: int, fall: float) -> _ErrorInTime:
         if segments not in following:
             return _ErrorInTime(photons, 0.0, 1.0)
-        # With fewer photons than are traced for keyframes, these are too few to tell the error in time.
+        # With fewer photons than are traced for keyframes, these are too few to show the error in time.
         enough = min(4 * photons, max(photons, FEWEST_KEYFRAME_PHOTONS))
         jump, coarse = (_change(at(m, segments), at(m, following[segments])) for m in (enough, enough // 4))
         # Its part in space is as much smaller with more photons as the error in space; that in time stays.
@@ -183,7 +190,7 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
                 with_segments = max(math.hypot(space(photons), TIME_FALL[0] * time(photons)), TINY)
                 by_segments = math.log(error(photons) / with_segments) / math.log(more / segments)
                 if by_segments > by_photons:
-                    # Errors in space may have been those of photons that went far astray: fewer may do now.
+                    # Errors in space may have been those of photons that landed far off: fewer may do now.
                     photons, segments = max(FIRST_PHOTONS, photons // 16), more
                     continue
         photons *= 4
@@ -194,7 +201,7 @@ class _ErrorInTime:
     """Error in time by the number of photons in each segment.
 
     Attributes:
-        photons: Those it was told with; fewer err as much.
+        photons: Those that it was measured with; fewer err as much.
         error: With these.
         fall: How it falls from each number to four times as many.
     """
@@ -255,8 +262,8 @@ def _fewest(error: Callable[[float], float], wanted: float, least: int, most: fl
 
 def _change(a: np.ndarray, b: np.ndarray) -> float:
     """RMS difference of the frame [f, n, 3] that differs most, by its own light: no frame is to err by more."""
-    levels = b.mean(axis=(1, 2))
-    levels = np.maximum(levels, LEAST_LIGHT * levels.mean())
-    if not levels.all():
+    brightness = b.mean(axis=(1, 2))
+    brightness = np.maximum(brightness, LEAST_LIGHT * brightness.mean())
+    if not brightness.all():
         return 0.0
-    return float(np.sqrt(np.mean(((a - b) / levels[:, None, None]) ** 2, axis=(1, 2)).max()))
+    return float(np.sqrt(np.mean(((a - b) / brightness[:, None, None]) ** 2, axis=(1, 2)).max()))

@@ -10,7 +10,8 @@ from tpdwarp.errors import InputError
 from tpdwarp.scene.description import LightKind, SceneAtShutter
 from tpdwarp.scene.normalization import Normalization
 
-# In the tracer's units: squares of areas go with the fourth power of an edge, and must fit in single precision.
+# In the tracer's units: squares of areas go with the fourth power of an edge, 1e36, and must fit in single precision,
+# which ends at 3e38.
 LARGEST_COORDINATE = 1.0e9
 # In the tracer's units: rays end there, so that a point light beyond it would reach nothing.
 LARGEST_LIGHT_COORDINATE = 1.0e6

@@ -10,7 +10,8 @@ import numpy as np
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
 
-# How much brighter than all that the stills show a light may become; the rest of float32's range is for footprints.
+# How much brighter than all that the stills show a light may become. Of float32's range, which ends at 3e38, the rest
+# is for footprints of a ten millionth of the scene, whose |det M| is 1e14.
 BRIGHTEST = 1e24
 
 

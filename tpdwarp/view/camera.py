@@ -52,7 +52,7 @@ def pixel_size(camera: Camera | None, samples: int) -> PixelSize:
     """What a query stands for: a pixel, or with many samples a part of it; nothing where nothing looks.
 
     Averaged over the parallelogram that it sees on a plane, light there is that of the pixel, however few samples look
-    at it. Through glass that parallelogram is taken for what it would be without.
+    at it. Through glass that parallelogram is assumed to be what it would be without.
     """
     size = PixelSize()
     if camera is not None:
@@ -78,8 +78,8 @@ def in_pixels(size: PixelSize, positions: np.ndarray, normals: np.ndarray, displ
     if size.orthographic:
         depth, w = np.ones(len(positions)), np.broadcast_to(view, positions.shape)
     else:
-        ways = positions - np.array(size.eye)
-        depth, w = np.abs(ways @ view), ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-30)
+        offsets = positions - np.array(size.eye)
+        depth, w = np.abs(offsets @ view), offsets / np.maximum(np.linalg.norm(offsets, axis=1, keepdims=True), 1e-30)
     # Seen along the view, a displacement in the plane of the image has the same place.
     right, up = np.array(size.right, np.float64), np.array(size.up, np.float64)
     flat = displacements - w * (displacements @ view / np.maximum(np.abs(w @ view), 1e-30))[:, None]

@@ -9,6 +9,8 @@ from tpdwarp.io.float32 import to_float32
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.view.visibility import VisiblePoints
 
+# Depth [scene units] where nothing is seen: finite, so that depths can be compared and filtered. Chosen,
+# not derived.
 BACKGROUND_DEPTH = 1.0e10
 
 

@@ -9,9 +9,10 @@ import numpy as np
 Columns = dict[str, np.ndarray]
 
 # How far samples may lie from their middle, in sides of what they stand for together: on a plane half a side is the
-# most; on what is bent, or seen through glass, they spread over more, and each is looked up on its own.
+# most, and half as much again is allowed for perspective and curvature. On what curves more, or is seen through glass,
+# they spread over more, and each is looked up on its own.
 LARGEST_DISTANCE = 0.75
-# Normals of points that are put together lie within some 18° of their mean.
+# Normals of points that are put together lie within some 18° of their mean. Chosen, not derived.
 SMALLEST_COSINE = 0.95
 
 

@@ -20,7 +20,7 @@ from tpdwarp.view.merging import merged
 from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
 from tpdwarp.view.visibility import LightArrays, VisiblePoints, light_arrays, visible_points
 
-# Samples that are looked at together: their arrays take some 200 MB.
+# Samples that are looked at together, which limits memory: their arrays take some 200 MB.
 BATCH_SAMPLES = 1 << 20
 
 

@@ -6,8 +6,12 @@ import math
 
 import numpy as np
 
+# The golden ratio: steps by it, modulo one, are spread evenly however many there are.
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+# Times of the shutter at which the view is taken at least; the scene's BVH is refitted for each. Chosen, not derived.
 LEAST_TIMES = 16
+# Side of the blocks, in pixels, in which pixels follow each other: small, so that runs of queries are compact. Chosen,
+# not derived.
 BLOCK = 8
 
 
@@ -20,11 +24,11 @@ def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: 
     """
     order = (sample + (_uniform(pixels, seed) * samples).astype(np.int64)) % samples
     t = order - 0.5 * (samples - 1)
-    aside = np.stack([t / samples, (GOLDEN * t + 0.5) % 1.0 - 0.5], axis=1)
+    offsets = np.stack([t / samples, (GOLDEN * t + 0.5) % 1.0 - 0.5], axis=1)
     mirrored = (_uniform(pixels, seed + 1) * 8).astype(np.int64)
-    aside = np.where((mirrored & 4)[:, None] > 0, aside[:, ::-1], aside)
+    offsets = np.where((mirrored & 4)[:, None] > 0, offsets[:, ::-1], offsets)
     signs = 1.0 - 2.0 * (mirrored[:, None] >> np.array([0, 1]) & 1)
-    return np.stack([pixels % width, pixels // width], axis=1) + 0.5 + signs * aside
+    return np.stack([pixels % width, pixels // width], axis=1) + 0.5 + signs * offsets
 
 
 def part_count(samples: int) -> int:

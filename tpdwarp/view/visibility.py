@@ -23,15 +23,16 @@ from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.view.camera import Camera, camera_ray
 
-# Reflected branches of camera paths that carry less than this are not followed: one step of eight bits.
+# Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
 SMALLEST_THROUGHPUT = 4.0e-3
-# Where glass sweeps by, a pixel's view can race over the receiver. Faster than this, in scenes of unit size a shutter,
-# the differential says nothing any more.
+# Where glass moves past, a pixel's view can race over the receiver. Faster than this, in scenes of unit size a shutter,
+# the differential says nothing any more. Chosen, not derived.
 FASTEST_QUERY = wp.constant(0.25)
+# A diffuse BRDF is albedo/π.
 INV_PI = wp.constant(0.3183098861837907)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
-# Rays end there, in the tracer's units, in which the scene is of unit size.
+# Rays end there, in the tracer's units, in which the scene is of unit size, as photons' do.
 FAR = wp.constant(1.0e6)
 
 

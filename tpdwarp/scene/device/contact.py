@@ -1,4 +1,4 @@
-"""Coincident surfaces, separated: glass that stands on a table, or touches other glass, gets a gap that rays can tell.
+"""Coincident surfaces, separated: glass that stands on a table, or touches other glass, gets a gap that rays resolve.
 
 Of surfaces closer together than a ray offset, single precision cannot say which comes first, and light that leaves one
 passes the other by. So a specular triangle in the plane of a triangle of another mesh is
@@ -18,10 +18,12 @@ from tpdwarp.scene.device.ray_offset import OFFSET_BY_MAGNITUDE, ray_offset
 # moved. The gap is twice what counts as contact, so that separated surfaces stay separated.
 CONTACT = wp.constant(2.0)
 GAP = wp.constant(4.0)
+# Triangles within this cosine of each other (0.8°) may lie in one plane. Chosen, not derived.
 PARALLEL = wp.constant(0.9999)
 # Four half units in the last place of single precision.
 ROUNDING = wp.constant(2.4e-7)
-# Moves of one vertex that differ in direction by less than about the inverse of this are one.
+# Moves of one vertex that differ in direction by less than about the inverse of this [rad] are one. Chosen, not
+# derived: about as much as PARALLEL.
 DIRECTIONS = 64
 
 
@@ -29,8 +31,8 @@ DIRECTIONS = 64
 class Triangle:
     """Corners and unit normal of a triangle.
 
-    ``resolution`` is the distance within which rays cannot tell other surfaces from it, ``rounding`` how exactly its
-    own plane is known.
+    ``resolution`` is the distance within which rays cannot separate other surfaces from it, ``rounding`` how exactly
+    its own plane is known.
     """
 
     a: wp.vec3
@@ -149,11 +151,11 @@ def separate_coincident(
     if not len(touching):
         return None
     # A vertex in an edge or a corner of contact moves off all surfaces there, but off each of them once.
-    vertices, ways = triangles[touching].ravel(), np.repeat(found[touching], 3, axis=0)
-    directions = np.rint(DIRECTIONS * ways / np.linalg.norm(ways, axis=1, keepdims=True)).astype(np.int64)
+    vertices, shifts = triangles[touching].ravel(), np.repeat(found[touching], 3, axis=0)
+    directions = np.rint(DIRECTIONS * shifts / np.linalg.norm(shifts, axis=1, keepdims=True)).astype(np.int64)
     _, once = np.unique(np.column_stack([vertices, directions]), axis=0, return_index=True)
     changed = points.copy()
-    np.add.at(changed, vertices[once], ways[once])
+    np.add.at(changed, vertices[once], shifts[once])
     return changed
 
 

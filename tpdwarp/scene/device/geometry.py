@@ -96,6 +96,7 @@ def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
     return np.concatenate(filled).astype(dtype)
 
 
+# A triangle without area, which no ray hits, for scenes that have none at all.
 NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
 
 

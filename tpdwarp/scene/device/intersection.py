@@ -10,9 +10,9 @@ from tpdwarp.scene.device.ray_offset import ray_offset
 # through vertices and edges can slip between triangles; the hit is then found by intersecting the true ray with the
 # triangle's plane.
 SHIFT = wp.constant(1.0e-6)
-# Below this cosine a plane is too nearly along the ray to say where they meet.
+# Below this cosine a plane is too nearly along the ray to say where they meet: it is the rounding of a direction.
 GRAZING = wp.constant(1.0e-7)
-# Planes within this cosine of each other (0.08°) are parallel: float32 normals of fine meshes tell no more.
+# Planes within this cosine of each other (0.08°) are parallel: float32 normals of fine meshes are no more exact.
 COPLANAR = wp.constant(0.999999)
 # What lies in the plane just left is at most this part of its own ray offset off it: four half units in the last place.
 OWN_PLANE = wp.constant(0.06)
@@ -56,7 +56,7 @@ class ShadingNormal:
 
 @wp.func
 def along(x: wp.vec3, w: wp.vec3, distance: float) -> wp.vec3:
-    """x + λω in double precision, for ways that are long beside where they lead."""
+    """x + λω in double precision, for rays that are long beside what they hit."""
     return wp.vec3(wp.vec3d(x) + wp.float64(distance) * wp.vec3d(w))
 
 
