@@ -72,7 +72,7 @@ class Fingerprint:
         }
 
     def _changes(self, metadata: Mapping[str, Any]) -> str:
-        """``(photons 64, now 128)`` where the file tells its settings."""
+        """``(photons 64, now 128)`` where the file holds its settings."""
         try:
             before = plain_settings(json.loads(metadata["tpdwarp:settings"]))
         except (KeyError, TypeError, ValueError, AttributeError):

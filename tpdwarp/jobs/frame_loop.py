@@ -63,7 +63,7 @@ class FrameLoop:
     Args:
         work: Does one frame.
         path_of: The file of a frame, for the outcome of one that failed.
-        shown: Is told what happens.
+        shown: Shows what happens.
         persistence: How long to keep trying.
         ended: Is given every outcome as it is known.
 

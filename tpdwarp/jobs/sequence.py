@@ -216,7 +216,7 @@ class _LazyContext:
 
 
 def chosen_settings(changes: Mapping[str, Any]) -> Settings:
-    """The default settings with ``changes``; lists are taken for tuples.
+    """The default settings with ``changes``; lists become tuples.
 
     Raises:
         InputError: A name or a value is not usable.
@@ -293,7 +293,7 @@ def _settled(source: StageScene, settings: Settings) -> tuple[Settings, ErrorTar
 def spread_shutters(source: StageScene, settings: Settings) -> list[Shutter]:
     """Shutters of whole frames spread over the animation.
 
-    Between frames they would see corners in the ways of vertices, which frames that open on a time sample do not see.
+    Between frames they would see breaks in the motion of vertices, which frames that open on a time sample do not see.
 
     Raises:
         InputError: The camera's shutter cannot be used.

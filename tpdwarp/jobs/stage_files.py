@@ -69,7 +69,7 @@ class StageFiles:
         try:
             yield
         except Exception:
-            # A stage that is written over fails to be read in ways that say nothing.
+            # A stage that is written over fails with errors that say nothing of the cause.
             self.check()
             raise
         self.check()

@@ -213,7 +213,7 @@ def _arc(radius: float, height: float, first: float, last: float, count: int, **
 
 
 def _line(first: tuple[float, float], last: tuple[float, float], **ends: bool) -> Strip:
-    """A straight piece between two (radius, height); its normal lies to the right of its way."""
+    """A straight piece between two (radius, height); its normal lies to the right of its direction."""
     (r0, z0), (r1, z1) = first, last
     length = math.hypot(r1 - r0, z1 - z0)
     radial, axial = ((z1 - z0) / length, (r0 - r1) / length) if length > 0 else (1.0, 0.0)

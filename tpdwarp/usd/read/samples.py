@@ -102,7 +102,7 @@ class SampledArray:
         return self._linked is None or self._linked(self.times[i], self.times[i + 1])
 
     def _smooth(self, i: int) -> bool:
-        """Whether the interval after sample ``i`` is one that slopes may be told from."""
+        """Whether the interval after sample ``i`` is one that slopes may be computed from."""
         return self.times[i] not in self._jumps and self._joined(i)
 
     def _secant(self, i: int) -> np.ndarray:

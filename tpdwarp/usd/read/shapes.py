@@ -132,10 +132,10 @@ class Shape:
         if velocities is not None and velocities.shape == stored.shape:
             stored = self._points.sample(base)
             accelerations = self._rate(self.mesh.GetAccelerationsAttr(), base, 2)
-            bend = 0.0 if accelerations is None or accelerations.shape != stored.shape else 0.5 * accelerations
+            half = 0.0 if accelerations is None or accelerations.shape != stored.shape else 0.5 * accelerations
 
             def carried(time: float) -> np.ndarray:
-                return stored + (time - base) * (velocities + (time - base) * bend)
+                return stored + (time - base) * (velocities + (time - base) * half)
 
             return carried
         if connected:
@@ -284,10 +284,10 @@ class Shape:
         attribute = self.mesh.GetNormalsAttr()
         authored = primvar.HasValue() or attribute.HasAuthoredValue()
         if self._scheme != "none":
-            aside = ", and its authored normals are ignored, as USD asks for subdivision surfaces" if authored else ""
+            ignored = ", and its authored normals are ignored, as USD asks for subdivision surfaces" if authored else ""
             self.warnings(
                 self.path,
-                f"the {self._scheme} subdivision surface is rendered as its control polygons{aside} "
+                f"the {self._scheme} subdivision surface is rendered as its control polygons{ignored} "
                 "(author subdivisionScheme = none for a polygonal mesh)",
             )
         if self._scheme != "none" or not authored:

@@ -49,7 +49,7 @@ PRIMVARS: dict[str, tuple[Sdf.ValueTypeName, str]] = {
     "tpd:DvX": (Sdf.ValueTypeNames.Vector3fArray, "Derivative of the position by the lattice coordinate v, a step."),
     "tpd:DtX": (Sdf.ValueTypeNames.Vector3fArray, "Displacement relative to the receiver over the whole exposure."),
     "tpd:emission": (Sdf.ValueTypeNames.Float2Array, "Lattice coordinates at the light."),
-    "tpd:bounces": (Sdf.ValueTypeNames.IntArray, "Specular interactions on the way."),
+    "tpd:bounces": (Sdf.ValueTypeNames.IntArray, "Specular interactions of its path."),
     "tpd:receiver": (Sdf.ValueTypeNames.IntArray, "Mesh on which the photon lies: index into tpd:receivers."),
 }
 

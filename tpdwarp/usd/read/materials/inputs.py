@@ -13,7 +13,7 @@ from tpdwarp.usd.read.materials.physical import Color
 from tpdwarp.usd.read.materials.textures import Textures
 from tpdwarp.usd.read.values import raw_at, text_at, value_at
 
-# Networks deeper than this are taken for circular.
+# Networks deeper than this count as circular. Chosen, not derived: hand-made networks have a few.
 DEEPEST = 64
 DEFAULTS = ("fallback", "default", "missing_color")
 FILES = ("file", "filename", "in")
@@ -21,10 +21,10 @@ FILES = ("file", "filename", "in")
 
 @dataclass(frozen=True)
 class Value:
-    """What arrives at an input.
+    """The value at an input, and where it comes from.
 
     Attributes:
-        numbers: The value, shape [n]; None where it cannot be told.
+        numbers: The value, shape [n]; None where it cannot be determined.
         spread: Whether it differs over the surface, so that ``numbers`` is its mean or a fallback.
         display_color: Whether it is the mesh's ``displayColor``.
     """
@@ -65,7 +65,7 @@ class Inputs:
         return None
 
     def value(self, *names: str) -> Value | None:
-        """What arrives at the first of these inputs that is authored; None where none is."""
+        """The value at the first of these inputs that is authored; None where none is."""
         found = self.find(*names)
         return None if found is None else self._arriving(found, 0)
 
@@ -207,7 +207,7 @@ def _channel(numbers: np.ndarray, output: str, kind: str) -> np.ndarray:
 
 
 def _node(found: UsdShade.Input) -> tuple[UsdShade.Shader | None, str]:
-    """The shading node whose output an input is connected to, and that output; None where a plain value arrives."""
+    """The shading node whose output an input is connected to, and that output; None where it has a plain value."""
     for attribute in found.GetValueProducingAttributes():
         name, kind = UsdShade.Utils.GetBaseNameAndType(attribute.GetName())
         if kind == UsdShade.AttributeType.Output:

@@ -1,4 +1,4 @@
-"""From the physical description to the three interactions that are rendered; what is lost on the way is said."""
+"""From the physical description to the three interactions that are rendered; what they cannot show is warned about."""
 
 from __future__ import annotations
 

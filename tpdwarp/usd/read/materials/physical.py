@@ -21,7 +21,7 @@ class Physical:
         ior: Index of refraction inside, relative to outside.
         roughness: Square root of the width α of the microfacet distribution.
         tint: Colour of what is transmitted.
-        absorption_depth: Way after which white light has taken on the tint, in scene units; 0: at once.
+        absorption_depth: Distance after which white light has taken on the tint, in scene units; 0: at once.
         thin_walled: Whether the surface is a sheet, which does not refract.
         presence: Share of the surface that is there at all.
         emission: Radiance that it gives off.

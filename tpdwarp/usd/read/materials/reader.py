@@ -17,7 +17,7 @@ from tpdwarp.usd.read.materials.textures import Textures
 
 __all__ = ["BRIGHTEST", "Materials", "Surface"]
 
-# Render contexts in the order in which their surfaces are taken: this renderer's own, MaterialX, and what is for all.
+# Render contexts in the order in which their surfaces are chosen: this renderer's own, MaterialX, and what is for all.
 CONTEXTS = ("tpdwarp", "mtlx", UsdShade.Tokens.universalRenderContext)
 
 
@@ -110,7 +110,7 @@ class Materials:
 
 
 def _surface_shaders(material: UsdShade.Material) -> list[UsdShade.Shader]:
-    """The surface shaders of a material, in the order in which they are taken.
+    """The surface shaders of a material, in the order in which they are chosen.
 
     What is authored for another renderer alone is better than nothing: such contexts come last, by name.
     """

@@ -12,7 +12,7 @@ from tpdwarp.usd.read.materials.inputs import Inputs
 from tpdwarp.usd.read.materials.physical import BLACK, WHITE, Color, Physical
 
 ID = "surface"
-# Layers deeper than this are taken for circular.
+# Layers deeper than this count as circular. Chosen, not derived: hand-made networks have a few.
 DEEPEST = 32
 
 

@@ -13,7 +13,7 @@ from tpdwarp.usd.read.materials.physical import Color, Physical
 
 # Colours above one are art; above this, an accident.
 BRIGHTEST = 1e6
-# Connected, these change the look of what is rendered without having a value that could tell how.
+# Connected, these change the look of what is rendered without having a value that would show how.
 CONNECTED_ONLY = ("normal", "geometry_normal", "normalCamera", "occlusion")
 
 
