@@ -21,7 +21,7 @@ class FootprintMap:
         arrays: Device arrays, one row a footprint.
         pieces: The parts that ``bvh`` is built over.
         bvh: Bounds of the pieces, swept over their own part of the shutter.
-        duration: Part of the shutter that each footprint's ``dxdt`` spans.
+        durations: Part of the shutter that each footprint's ``dxdt`` spans, shape [n].
         moves: Whether any footprint moves.
         curved: Whether any trajectory curves.
         run_size: Half the typical size of a piece: queries this close together are gathered together.
@@ -32,7 +32,7 @@ class FootprintMap:
     arrays: FootprintArrays
     pieces: PieceArrays
     bvh: wp.Bvh | None
-    duration: float
+    durations: wp.array
     moves: bool
     curved: bool
     run_size: float
@@ -43,13 +43,12 @@ class FootprintMap:
 def shape_footprints(
     maps: list[PhotonMap], kernel: str, smoothing: float, pixel: PixelSize, moves: bool, launcher: Launcher
 ) -> FootprintMap:
-    """Shapes the footprints of all photons in ``maps`` (equal durations) and builds the BVH over their bounds."""
+    """Shapes the footprints of all photons in ``maps`` and builds the BVH over their bounds."""
     count = sum(len(photons) for photons in maps)
-    duration = maps[0].duration if maps else 1.0
     curved = any(photons.trajectory is not None for photons in maps)
     if not count:
         arrays = launcher.rows(FootprintArrays, 0)
-        return FootprintMap(arrays, PieceArrays(), None, duration, moves, curved, 0.0, 0, 0)
+        return FootprintMap(arrays, PieceArrays(), None, launcher.zeros(0, wp.float32), moves, curved, 0.0, 0, 0)
 
     def column(name: str) -> wp.array:
         return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
@@ -69,8 +68,10 @@ def shape_footprints(
     out.jacobian_rate = launcher.zeros(count if curved else 0, wp.mat22)
     out.filter_width = launcher.zeros(count if kernel == "bspline" else 0, wp.vec2)
     out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
-    times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
-    out.time = launcher.array(times, wp.float32)
+    out.time, durations = (
+        launcher.array(np.concatenate([np.full(len(m), getattr(m, name), np.float32) for m in maps]), wp.float32)
+        for name in ("time", "duration")
+    )
     rates = [trajectory_column("dxdut"), trajectory_column("dxdvt")]
     columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux")]
     launcher(footprint_kernel(kernel != "bspline", curved), count, [*columns, float(smoothing), pixel, out])
@@ -78,7 +79,7 @@ def shape_footprints(
     size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
     clamped = int(out.clamped.numpy().sum(dtype=np.int64))
     bvh = wp.Bvh(pieces.lower, pieces.upper)
-    return FootprintMap(out, pieces, bvh, duration, moves, curved, 0.5 * size, clamped, count)
+    return FootprintMap(out, pieces, bvh, durations, moves, curved, 0.5 * size, clamped, count)
 
 
 def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:
