@@ -16,7 +16,7 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import interface_at, scatter, transfer_to
-from tpdwarp.photons.branching import first_open_interaction, reported_paths, take_branch
+from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
 from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
@@ -29,6 +29,8 @@ from tpdwarp.scene.requirements import Requirements
 
 # Reflected branches below this part of the emitted flux are given up and accounted as lost.
 SMALLEST_BRANCH = 2.0e-3
+# Light is followed through so many interactions however little is left, then as long as that is above the cutoff.
+FIRST_INTERACTIONS = wp.constant(8)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Rays end there, in the tracer's units, in which the scene is of unit size.
@@ -150,11 +152,12 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         absorbed = wp.vec3(0.0, 0.0, 0.0)
         culled = wp.vec3(0.0, 0.0, 0.0)
         mask = masks[i]
-        first_open = first_open_interaction(mask)
+        first_open = first_open_decision(mask)
         cutoff = smallest_branch * wp.max(emitted)
         reported = int(0)
         fate = int(FATE_DEPTH)
         count = int(0)
+        decision = int(0)
         retried = int(0)
         path = wp.uint32(1)
         start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
@@ -205,14 +208,19 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             at = interface_at(surfaces, hit, beam.w, dielectric, wp.static(moves))
             reflected = True
             if dielectric:
-                branch = take_branch(mask, bounce, first_open, at.reflectance, flux, cutoff)
+                branch = take_branch(mask, decision, first_open, at.reflectance, flux, cutoff)
                 reflected = branch.reflected
                 flux = branch.throughput
                 reported = reported | branch.reported
                 culled += branch.culled
+                decision += branch.decided
+                if bounce >= FIRST_INTERACTIONS and wp.max(flux) < cutoff:
+                    culled += flux
+                    flux = wp.vec3(0.0, 0.0, 0.0)
+                    break
             else:
                 tinted = wp.cw_mul(flux, surfaces.tint[material])
-                if bounce >= first_open:
+                if decision >= first_open:
                     absorbed += flux - tinted
                 flux = tinted
             beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
