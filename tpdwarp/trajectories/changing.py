@@ -26,8 +26,10 @@ from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.keyframes import END, LARGEST_DRIFT, ShutterKeyframes
 
-# Photons that carry less than this part of their cell's flux are no reason to trace the cell again.
-LEAST_SHARE = 0.03
+# Photons that carry less than this part of their cell's flux are no reason to trace the cell again; nor are those of
+# wide footprints, whose share counts by the root of how much narrower others are: what a photon adds to the mean square
+# goes with its flux by the root of its area.
+LEAST_SHARE = 0.2
 # Nor are cells which carry less than this part of the light together.
 LEAST_LIGHT = 0.002
 # Parts of the shutter in which cells are traced again.
@@ -117,14 +119,15 @@ def changing_cells(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock
     before, after = (keyframes.traced(part, plan, chosen=_riding(suspects, plan, part)) for part in (-END, END))
     maps = [before, middle, after]
     with clock.stage("trace"):
+        # Footprints cover areas that go with those of cells.
+        typical = _typical_area(keyframes.photons(0.0)) * keyframes.plan.photons / plan.photons
         found: dict[int, ChosenCells] = {}
         most = np.zeros(len(maps))
         for number, cells in suspects.items():
             window = Window.around(cells.cell)
-            paths = [_paths(photons, plan, number, window) for photons in maps]
             here = window.grid(dtype=bool)
             here[window.at(cells.cell)] = True
-            changing = _grown(_change(paths)) & here
+            changing = _grown(_change(maps, plan, number, window, typical)) & here
             chosen = changing[window.at(cells.cell)]
             if chosen.any():
                 found[number] = ChosenCells(cells.cell[chosen], cells.offset[chosen])
@@ -154,8 +157,9 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
         maps = [ends[0], maps[1], ends[1]]
     with clock.stage("trace"):
         found: dict[int, ChosenCells] = {}
+        typical = _typical_area(maps[1])
         for number, window in windows.items():
-            changing = _change([_paths(photons, sparse, number, window) for photons in maps])
+            changing = _change(maps, sparse, number, window, typical)
             if changing.any():
                 shifts = riders[number].offset.reshape(*window.size, 2)
                 found[number] = _finer(plan.lattices[number], sparse.lattices[number], window, changing, shifts)
@@ -210,21 +214,40 @@ def _cells(photons: PhotonMap, plan: EmissionPlan, number: int) -> tuple[np.ndar
     return rows, np.floor(photons.emission[rows]).astype(np.int64)
 
 
-def _paths(photons: PhotonMap, plan: EmissionPlan, number: int, window: Window) -> np.ndarray:
-    """A number a cell for the ways that its light takes, 0 for none: the sum of the numbers of all of them."""
-    rows, cells = _cells(photons, plan, number)
-    relevant = (photons.share[rows] > LEAST_SHARE) & window.holds(cells)
-    # Spread over 64 bits, so that sums of different numbers differ.
-    names = (photons.path[rows].astype(np.uint64) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
-    names ^= names >> np.uint64(29)
-    grid = window.grid(dtype=np.uint64)
-    np.add.at(grid, window.at(cells[relevant]), names[relevant])
+def _areas(photons: PhotonMap) -> np.ndarray:
+    """Areas |D_u x × D_v x| of footprints, shape [n]."""
+    return np.linalg.norm(np.cross(photons.dxdu.astype(np.float64), photons.dxdv.astype(np.float64)), axis=1)
+
+
+def _typical_area(photons: PhotonMap) -> float:
+    """The area that half of the light falls on narrower footprints than."""
+    areas, flux = _areas(photons), photons.flux.sum(axis=1, dtype=np.float64)
+    order = np.argsort(areas)
+    return float(areas[order][np.searchsorted(np.cumsum(flux[order]), 0.5 * flux.sum())]) if len(order) else 0.0
+
+
+def _change(maps: list[PhotonMap], plan: EmissionPlan, number: int, window: Window, typical: float) -> np.ndarray:
+    """Cells in which a photon that matters takes a way that none takes in the middle, or at either end of the shutter.
+
+    Args:
+        maps: Photons at the opening, in the middle and at the closing.
+        number: Of the lattice.
+        typical: Area of a footprint that counts as its flux does.
+    """
+    keys, matter = [], []
+    for photons in maps:
+        rows, cells = _cells(photons, plan, number)
+        inside = window.holds(cells)
+        rows, (u, v) = rows[inside], window.at(cells[inside])
+        keys.append((u * window.size[1] + v).astype(np.uint64) << np.uint64(32) | photons.path[rows].astype(np.uint64))
+        areas = _areas(photons)[rows]
+        narrow = np.sqrt(np.minimum(1.0, typical / np.maximum(areas, np.finfo(np.float32).tiny)))
+        matter.append(photons.share[rows] * narrow > LEAST_SHARE)
+    grid = window.grid(dtype=bool)
+    for one, other in ((0, 1), (1, 0), (1, 2), (2, 1)):
+        alone = keys[one][matter[one] & ~np.isin(keys[one], keys[other])]
+        grid.ravel()[(alone >> np.uint64(32)).astype(np.int64)] = True
     return grid
-
-
-def _change(paths: list[np.ndarray]) -> np.ndarray:
-    """Where not all are the same."""
-    return np.any([other != paths[1] for other in (paths[0], paths[2])], axis=0)
 
 
 def _grown(chosen: np.ndarray) -> np.ndarray:
