@@ -11,7 +11,7 @@ from zlib import crc32
 
 import numpy as np
 
-from tpdwarp.photons.lattice_aspect import specular_faces
+from tpdwarp.photons.lattice_shape import specular_faces
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter
 
 # Facets that fewer photons than this fall on have hardly any that is not at their border.
