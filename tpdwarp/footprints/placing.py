@@ -67,7 +67,9 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
     """The function that places footprint ``j`` for a query, specialised by what footprints do."""
 
     @wp.func
-    def place(footprints: FootprintArrays, j: int, duration: float, window: TimeWindow) -> PlacedFootprint:
+    def place(
+        footprints: FootprintArrays, durations: wp.array(dtype=wp.float32), j: int, window: TimeWindow
+    ) -> PlacedFootprint:
         out = PlacedFootprint()
         out.receiver = footprints.receiver[j]
         out.normal = footprints.normal[j]
@@ -85,6 +87,7 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
         if wp.static(moves):
             # ---- Clip the shutter: the part that the query's window and the photon's own shutter have in common
             photon_time = footprints.time[j]
+            duration = durations[j]
             opening = photon_time - 0.5 * duration
             closing = photon_time + 0.5 * duration
             share = float(1.0)
