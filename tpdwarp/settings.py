@@ -103,6 +103,7 @@ class LightSettings(_Group):
     Attributes:
         photons: Photons emitted towards specular geometry, a frame.
         segments: Parts of the shutter that are traced apart, each with its share of the photons; ``auto`` chooses.
+        bounces: Specular interactions followed along a path; None for as many as light takes (up to 64).
         target_error: Wanted relative RMSE of caustics; chooses photons and segments.
         estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``tdpm`` (nearest photons),
             ``accumulation`` (brute force), ``distribution`` (random times).
@@ -122,6 +123,7 @@ class LightSettings(_Group):
 
     photons: int = 65536
     segments: int | str = 1
+    bounces: int | None = None
     target_error: float | None = None
     estimator: str = "tpd"
     kernel: str = "bspline"
@@ -139,7 +141,7 @@ class LightSettings(_Group):
     def _check(self) -> None:
         if isinstance(self.segments, str) and self.segments != "auto":
             _refuse("segments", f"must be a whole number above 0 or auto, not {self.segments!r}")
-        self._check_counts("photons", "segments", "accumulation_times", "tdpm_neighbours")
+        self._check_counts("photons", "segments", "bounces", "accumulation_times", "tdpm_neighbours")
         if self.target_error is not None:
             if not 1e-4 <= self.target_error <= 1:
                 _refuse("target_error", f"must lie in 0.0001 … 1, not {self.target_error}")

@@ -47,6 +47,8 @@ def photon_map(
         shift=rows(0, width=2),
         receiver=rows(receiver, np.int32, 0),
         bounces=whole,
+        path=rows(0, np.uint32, 0),
+        share=rows(1, width=0),
         trajectory=None if trajectory is None else TrajectoryColumns(*(rows(values) for values in trajectory)),
         time=time,
         duration=duration,

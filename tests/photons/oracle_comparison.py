@@ -78,6 +78,9 @@ def reference(
     margins = np.nanmin(np.where(np.isfinite(path.barycentrics), path.barycentrics, np.inf), axis=(0, 2))
     origins = emission_of(result, rows=rows)[0]
     followed = path.landed & (path.bounces == result.photons.bounces[rows])
+    # Bits of a mask count decisions: those of bounces as long as no light is totally reflected before them.
+    for bounce in range(mask.bit_length()):
+        followed &= path.transmitted[bounce] == (not mask >> bounce & 1)
     return exact, (margins > EDGE) & followed & _consistent(result.scene, origins, path)
 
 

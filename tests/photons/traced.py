@@ -10,6 +10,7 @@ import numpy as np
 
 from tpdwarp.device import Launcher
 from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.lattice_shape import turned
 from tpdwarp.photons.lattices import EmissionPlan, plan_emission
 from tpdwarp.photons.record import PhotonRecord, record_of
 from tpdwarp.photons.tracing import SMALLEST_BRANCH, trace_photons
@@ -61,7 +62,7 @@ class Traced:
     def steps(self) -> np.ndarray:
         """A lattice step in u and v of the only lattice of a distant light, world vectors as columns, [3, 2]."""
         (light,), (lattice,) = self.scene.lights, self.plan.lattices
-        return light.axes[:2].T * (np.array(lattice.step) / self.plan.normalization.scale)
+        return turned(light.axes, lattice.turn)[:2].T * (np.array(lattice.step) / self.plan.normalization.scale)
 
     def stretch(self) -> np.ndarray:
         """∂(x, y)/∂(x0, y0) on a horizontal receiver under a vertical distant light, shape [n, 2, 2]."""
@@ -178,7 +179,7 @@ def emission_of(
         light = lights[lattice.light]
         uv = np.array(lattice.origin) + coordinates[mine] * np.array(lattice.step)
         if light.kind == LightKind.DISTANT:
-            axes = light.axes + time * light.axes_motion
+            axes = turned(light.axes + time * light.axes_motion, lattice.turn)
             centre = np.array(plan.normalization.origin)
             origins[mine] = centre + (uv @ axes[:2] + 10.0 * axes[2]) / plan.normalization.scale
             direction = np.broadcast_to(-axes[2], (int(mine.sum()), 3))

@@ -70,6 +70,7 @@ METHOD = (
     SettingOption("motion", ("--motion",)),
     SettingOption("photons", ("--photons",), int, "N"),
     SettingOption("segments", ("--segments",), segments, "K|auto"),
+    SettingOption("bounces", ("--bounces",), int, "N"),
     SettingOption("target_error", ("--target-error",), float, "X"),
     SettingOption("estimator", ("--estimator",)),
     SettingOption("accumulation_times", ("--accumulation-times",), int, "N"),

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, light_of
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.trajectories.changing import PARTS, changing_cells
 from tpdwarp.trajectories.fit import fit_trajectories
+from tpdwarp.trajectories.keyframes import ShutterKeyframes
 
 
 class Temporal:
@@ -29,17 +33,54 @@ class Temporal:
         for number, seen in enumerate(scenes):
             moves = seen.requirements.photon_motion
             opening = settings.trace_at == "open" and moves
-            loaded = tracer.loader.load_opening(seen.scene.shutter, clock) if opening else seen
-            photons, account = tracer.trace(loaded, plan, clock, seed=settings.seed + number, weight=1.0 / count)
-            curves = settings.path == "curved" and settings.kernel == "bspline" and moves
-            if curves and pixel is not None and not opening:
-                photons, emitted = fit_trajectories(photons, plan, tracer, seen, clock)
-                account.counts["keyframes"] = emitted
+            time, duration = (number + 0.5) / count - 0.5, 1.0 / count
+            options = {"seed": settings.seed + number}
             if opening:
+                loaded = tracer.loader.load_opening(seen.scene.shutter, clock)
+                photons, account = tracer.trace(loaded, plan, clock, weight=duration, **options)
                 # Footprints stand at mid shutter and sweep to both sides: the same way, seen from its middle.
-                photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)
-            maps.append(replace(photons, time=(number + 0.5) / count - 0.5, duration=1.0 / count))
+                traced = [replace(photons, position=photons.position + 0.5 * photons.dxdt)]
+            elif settings.path == "curved" and settings.kernel == "bspline" and moves:
+                traced, account = _along_keyframes(tracer, plan, seen, duration, options, clock)
+            else:
+                photons, account = tracer.trace(seen, plan, clock, weight=duration, **options)
+                traced = [photons]
+            maps += [
+                replace(photons, time=time + duration * photons.time, duration=duration * photons.duration)
+                for photons in traced
+            ]
             energy.add(account)
         energy.counts["segments traced"] = count
         moves = any(seen.requirements.photon_motion for seen in scenes)
         yield Part(maps, energy, light_of(maps, energy, moves, tracer, pixel, clock), plan, scenes, shutter)
+
+
+def _along_keyframes(
+    tracer: PhotonTracer, plan: EmissionPlan, seen: LoadedScene, weight: float, options: dict[str, Any], clock: Clock
+) -> tuple[list[PhotonMap], EnergyAccount]:
+    """Photons that go along trajectories, and those of cells whose light begins or ends within the segment.
+
+    Args:
+        seen: The scene of the segment.
+        weight: Its part of the exposure.
+        options: Of the tracer.
+
+    Returns:
+        Photons of mid segment, then those of each part of it that has its own; where their flux went.
+    """
+    keyframes = ShutterKeyframes.over(tracer, plan, seen, clock)
+    changing = changing_cells(keyframes, plan, clock) if tracer.settings.emission == "lattice" else None
+    tags, others = keyframes.tags.of(seen.scene), changing.others if changing else None
+    photons, account = tracer.trace(seen, plan, clock, weight=weight, chosen=others, tags=tags, **options)
+    traced = [fit_trajectories(photons, plan, keyframes, clock)]
+    account.counts["keyframes"] = keyframes.emitted
+    if changing:
+        for part, shutter in enumerate(seen.scene.shutter.segments(PARTS)):
+            time = (part + 0.5) / PARTS - 0.5
+            loaded = tracer.load(shutter, clock)
+            chosen = changing.at(time)
+            photons, more = tracer.trace(loaded, plan, clock, weight=weight / PARTS, chosen=chosen, **options)
+            traced.append(replace(photons, time=time, duration=1.0 / PARTS, part=part + 1))
+            account.add(more)
+        account.counts["cells traced again in time"] = len(changing)
+    return traced, account

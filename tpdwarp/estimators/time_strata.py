@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from tpdwarp.clock import Clock
-from tpdwarp.photons.emission import Patch
+from tpdwarp.photons.emission import ChosenCells, Patch
 from tpdwarp.photons.energy import EnergyAccount
-from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
@@ -26,15 +26,15 @@ def stratified_times(count: int, seed: int) -> np.ndarray:
     return (np.arange(count) + np.random.default_rng(seed).random(count)) / count
 
 
-def cells_at_time(number: int, count: int, seed: int) -> Callable[[Patch], np.ndarray]:
+def cells_at_time(number: int, count: int, seed: int) -> Callable[[Lattice, Patch], ChosenCells]:
     """Chooses the lattice cells whose photons are traced at time ``number`` of ``count``.
 
     The lattice is cut into square blocks of at least ``count`` cells; in each, the times are shuffled, so that the
     photons of any neighbourhood are spread evenly over the shutter. A cell keeps its time from frame to frame.
     """
 
-    def chosen(patch: Patch) -> np.ndarray:
-        return np.flatnonzero(_numbers(patch, count, seed) == number)
+    def chosen(lattice: Lattice, patch: Patch) -> ChosenCells:
+        return ChosenCells.of_patch(patch, np.flatnonzero(_numbers(patch, count, seed) == number))
 
     return chosen
 

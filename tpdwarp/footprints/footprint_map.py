@@ -21,7 +21,7 @@ class FootprintMap:
         arrays: Device arrays, one row a footprint.
         pieces: The parts that ``bvh`` is built over.
         bvh: Bounds of the pieces, swept over their own part of the shutter.
-        duration: Part of the shutter that each footprint's ``dxdt`` spans.
+        durations: Part of the shutter that each footprint's ``dxdt`` spans, shape [n].
         moves: Whether any footprint moves.
         curved: Whether any trajectory curves.
         shaded: Whether receivers are shaded by normals that are not those of their triangles.
@@ -33,7 +33,7 @@ class FootprintMap:
     arrays: FootprintArrays
     pieces: PieceArrays
     bvh: wp.Bvh | None
-    duration: float
+    durations: wp.array
     moves: bool
     curved: bool
     shaded: bool
@@ -45,13 +45,13 @@ class FootprintMap:
 def shape_footprints(
     maps: list[PhotonMap], kernel: str, smoothing: float, pixel: PixelSize, moves: bool, launcher: Launcher
 ) -> FootprintMap:
-    """Shapes the footprints of all photons in ``maps`` (equal durations) and builds the BVH over their bounds."""
+    """Shapes the footprints of all photons in ``maps`` and builds the BVH over their bounds."""
     count = sum(len(photons) for photons in maps)
-    duration = maps[0].duration if maps else 1.0
     curved = any(photons.trajectory is not None for photons in maps)
     if not count:
         arrays = launcher.rows(FootprintArrays, 0)
-        return FootprintMap(arrays, PieceArrays(), None, duration, moves, curved, False, 0.0, 0, 0)
+        none = launcher.zeros(0, wp.float32)
+        return FootprintMap(arrays, PieceArrays(), None, none, moves, curved, False, 0.0, 0, 0)
 
     def column(name: str) -> wp.array:
         return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
@@ -73,8 +73,10 @@ def shape_footprints(
     shaded = all(len(m.incidence) == len(m) for m in maps)
     out.incidence = column("incidence") if shaded else launcher.zeros(0, wp.vec3)
     out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
-    times = np.concatenate([np.full(len(m), m.time, np.float32) for m in maps])
-    out.time = launcher.array(times, wp.float32)
+    out.time, durations = (
+        launcher.array(np.concatenate([np.full(len(m), getattr(m, name), np.float32) for m in maps]), wp.float32)
+        for name in ("time", "duration")
+    )
     rates = [trajectory_column("dxdut"), trajectory_column("dxdvt")]
     columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux")]
     shape = footprint_kernel(None if kernel == "bspline" else kernel, curved)
@@ -83,7 +85,7 @@ def shape_footprints(
     size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
     clamped = int(out.clamped.numpy().sum(dtype=np.int64))
     bvh = wp.Bvh(pieces.lower, pieces.upper)
-    return FootprintMap(out, pieces, bvh, duration, moves, curved, shaded, 0.5 * size, clamped, count)
+    return FootprintMap(out, pieces, bvh, durations, moves, curved, shaded, 0.5 * size, clamped, count)
 
 
 def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:

@@ -192,7 +192,7 @@ def gather_kernel(
         bvh: wp.uint64,
         footprints: FootprintArrays,
         pieces: PieceArrays,
-        duration: float,
+        durations: wp.array(dtype=wp.float32),
         run_size: float,
         window: TimeWindow,
         count: int,
@@ -219,7 +219,7 @@ def gather_kernel(
                     if not found_before(pieces, piece, run.low - margin, run.high + margin):
                         # ---- Clip the shutter, place the footprint on its trajectory
                         j = pieces.footprint[piece]
-                        placed = place(footprints, j, duration, run.window)
+                        placed = place(footprints, durations, j, run.window)
 
                         # ---- Cull
                         last = run.stop
@@ -246,7 +246,8 @@ def gather_kernel(
                                     last = start
 
                         # ---- Add: the others to each query
-                        add_to_queries(queries, start, last, placed, footprints.dxdt_relative[j], summed, out)
+                        dxdt = footprints.dxdt_relative[j] / durations[j]
+                        add_to_queries(queries, start, last, placed, dxdt, summed, out)
                 if parabola.used:
                     for i in range(start, run.stop):
                         if queries.receiver[i] >= 0:
@@ -285,10 +286,10 @@ def gather(
         moves = footprints.moves or query_moves
         shaded = footprints.shaded and queries.shading_normal.shape[0] > 0
         kernel = gather_kernel(form, moves, footprints.curved, shaded, query_moves, with_motion)
-        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.duration, footprints.run_size]
+        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
         inputs = [*photons, time_window(time, window), count, queries, out]
         launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)
-    return irradiance_of(out, footprints.duration, with_motion)
+    return irradiance_of(out, with_motion)
 
 
 def time_window(time: float, window: tuple[float, float]) -> TimeWindow:
@@ -308,10 +309,8 @@ def irradiance_arrays(count: int, with_motion: bool, launcher: Launcher) -> Irra
     return out
 
 
-def irradiance_of(sums: IrradianceArrays, duration: float, with_motion: bool) -> Irradiance:
-    """The sums on the host; D_t x is scaled from a footprint's own part of the shutter to the whole of it."""
+def irradiance_of(sums: IrradianceArrays, with_motion: bool) -> Irradiance:
+    """The sums on the host."""
     if not with_motion:
         return Irradiance(sums.irradiance.numpy())
-    return Irradiance(
-        sums.irradiance.numpy(), sums.motion.numpy() / duration, sums.weight.numpy(), sums.photons.numpy()
-    )
+    return Irradiance(sums.irradiance.numpy(), sums.motion.numpy(), sums.weight.numpy(), sums.photons.numpy())

@@ -74,7 +74,9 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
     """
 
     @wp.func
-    def place(footprints: FootprintArrays, j: int, duration: float, window: TimeWindow) -> PlacedFootprint:
+    def place(
+        footprints: FootprintArrays, durations: wp.array(dtype=wp.float32), j: int, window: TimeWindow
+    ) -> PlacedFootprint:
         out = PlacedFootprint()
         out.receiver = footprints.receiver[j]
         out.normal = footprints.normal[j]
@@ -92,6 +94,7 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
         if wp.static(moves):
             # ---- Clip the shutter: the part that the query's window and the photon's own shutter have in common
             photon_time = footprints.time[j]
+            duration = durations[j]
             opening = photon_time - 0.5 * duration
             closing = photon_time + 0.5 * duration
             share = float(1.0)

@@ -27,8 +27,8 @@ def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool, shaded: boo
 
     @wp.kernel(module="unique", enable_backward=False)
     def plain_gather(
-        base: int, footprints: FootprintArrays, duration: float, run_size: float, window: TimeWindow,
-        queries: QueryArrays, out: IrradianceArrays,
+        base: int, footprints: FootprintArrays, durations: wp.array(dtype=wp.float32), run_size: float,
+        window: TimeWindow, queries: QueryArrays, out: IrradianceArrays,
     ):  # fmt: skip
         i = base + wp.tid()
         motion = wp.vec3(0.0, 0.0, 0.0)
@@ -36,7 +36,7 @@ def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool, shaded: boo
             motion = queries.motion[i]
         own = window_of(window, motion, (1.0 + LARGEST_DEVIATION) * wp.length(motion), run_size)
         for j in range(footprints.center.shape[0]):
-            placed = place(footprints, j, duration, own)
+            placed = place(footprints, durations, j, own)
             d = queries.position[i] + placed.since * motion - placed.center
             same = placed.receiver == queries.receiver[i] and placed.overlap
             facing = wp.dot(queries.normal[i], placed.normal) > SMALLEST_COSINE
@@ -59,6 +59,6 @@ def plain_gather(
     moves = footprints.moves or queries.motion.shape[0] > 0
     shaded = footprints.shaded and queries.shading_normal.shape[0] > 0
     kernel = plain_gather_kernel(form, moves, footprints.curved, shaded)
-    inputs = [footprints.arrays, footprints.duration, footprints.run_size, time_window(time, window), queries, out]
+    inputs = [footprints.arrays, footprints.durations, footprints.run_size, time_window(time, window), queries, out]
     launcher(kernel, count, inputs)
-    return irradiance_of(out, footprints.duration, False)
+    return irradiance_of(out, False)

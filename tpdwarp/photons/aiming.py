@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpdwarp.photons.lattice_aspect import specular_faces
+from tpdwarp.photons.lattice_shape import specular_faces, turned
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.normalization import Normalization
 
@@ -56,10 +56,14 @@ def bounds_of(
     limit: float,
     corners: np.ndarray,
     normalization: Normalization,
+    turn: float = 0.0,
 ) -> Bounds | None:
-    """Patch coordinates (u0, u1, v0, v1) that reach ``corners`` at mid shutter; None if none do."""
+    """Patch coordinates (u0, u1, v0, v1) that reach ``corners`` at mid shutter; None if none do.
+
+    The patch of a distant light is turned by ``turn`` [rad] from the light's own axes.
+    """
     if light.kind == LightKind.DISTANT:
-        uv = corners.reshape(-1, 3) @ light.axes[:2].T
+        uv = corners.reshape(-1, 3) @ turned(light.axes, turn)[:2].T
     else:
         uv = _angles(corners - normalization.points(light.position[None])[0], axes, limit)
     if not len(uv):

@@ -1,10 +1,10 @@
 """Branches of a path at dielectrics, as photons and camera rays take them.
 
-At a dielectric both branches are followed. A path is named by a mask whose bit b says that it was reflected at
-interaction b, where it could have been refracted too. The first pass follows mask 0 (always refracted) and reports the
-interactions whose reflected share is worth following; the next passes follow those, from the start again. So every path
-has an identity that stays the same from frame to frame, all paths of a pass are independent, and what a branch carries
-is exact rather than a matter of chance.
+At a dielectric both branches are followed. Where light can be reflected or refracted a path decides; mirrors and total
+internal reflection leave it no choice. A path is named by a mask whose bit b says that it was reflected at decision b.
+The first pass follows mask 0 (always refracted) and reports the decisions whose reflected share is worth following; the
+next passes follow those, from the start again. So every path has an identity that stays the same from frame to frame,
+all paths of a pass are independent, and what a branch carries is exact rather than a matter of chance.
 """
 
 from __future__ import annotations
@@ -12,26 +12,31 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+# Decisions that a mask has bits for; where a path has more, reflected branches are culled.
+MOST_DECISIONS = wp.constant(31)
+
 
 @wp.struct
 class Branch:
     """What a path does at a dielectric.
 
-    ``throughput`` is what it carries on. ``reported`` has the bit of this interaction where the other branch is to be
-    followed by a later pass; ``culled`` is that branch's share where it is too faint for that.
+    ``throughput`` is what it carries on, ``decided`` is 1 where there was a choice. ``reported`` has the bit of this
+    decision where the other branch is to be followed by a later pass; ``culled`` is that branch's share where it is too
+    faint for that.
     """
 
     reflected: bool
     throughput: wp.vec3
+    decided: int
     reported: int
     culled: wp.vec3
 
 
 @wp.func
-def first_open_interaction(mask: int) -> int:
-    """Number of the first interaction after the last reflection in ``mask``.
+def first_open_decision(mask: int) -> int:
+    """Number of the first decision after the last reflection in ``mask``.
 
-    Branches at earlier interactions were reported, and counted, by the paths that this one stems from.
+    Branches at earlier decisions were reported, and counted, by the paths that this one stems from.
     """
     number = int(0)
     while (mask >> number) > 0:
@@ -41,13 +46,13 @@ def first_open_interaction(mask: int) -> int:
 
 @wp.func
 def take_branch(
-    mask: int, interaction: int, first_open: int, reflectance: float, throughput: wp.vec3, cutoff: float
+    mask: int, decision: int, first_open: int, reflectance: float, throughput: wp.vec3, cutoff: float
 ) -> Branch:
     """Follows ``mask`` at a dielectric: Fresnel's share R to the reflected branch, 1 − R to the refracted one.
 
     Args:
-        interaction: Number of this interaction on the path.
-        first_open: As :func:`first_open_interaction` gives it.
+        decision: Number of this decision on the path, if it is one.
+        first_open: As :func:`first_open_decision` gives it.
         reflectance: R; one under total internal reflection, where there is no other branch.
         cutoff: Reflected branches that carry less than this in every channel are culled.
     """
@@ -55,36 +60,37 @@ def take_branch(
     out.reflected = True
     out.throughput = throughput
     if reflectance < 1.0:
-        out.reflected = (mask & (1 << interaction)) != 0
+        out.decided = 1
+        out.reflected = decision < MOST_DECISIONS and (mask & (1 << decision)) != 0
         share = throughput * reflectance
         if out.reflected:
             out.throughput = share
         else:
             out.throughput = throughput - share
-            if interaction >= first_open:
-                if wp.max(share) >= cutoff:
-                    out.reported = 1 << interaction
+            if decision >= first_open:
+                if wp.max(share) >= cutoff and decision < MOST_DECISIONS:
+                    out.reported = 1 << decision
                 else:
                     out.culled = share
     return out
 
 
 def reported_paths(items: np.ndarray, masks: np.ndarray, reported: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The paths of the next pass: every reported branch becomes one, in order of interaction, then of item.
+    """The paths of the next pass: every reported branch becomes one, in order of decision, then of item.
 
     Args:
         items: What each path of this pass starts from (a lattice cell, a film position), shape [n] int32.
         masks: Mask of each path, shape [n] int32.
-        reported: Interactions whose reflected branch is to be followed, as bits, shape [n] int32.
+        reported: Decisions whose reflected branch is to be followed, as bits, shape [n] int32.
 
     Returns:
         Items and masks of the paths, shape [m] int32 each.
     """
     next_items, next_masks = [], []
-    for interaction in range(int(reported.max(initial=0)).bit_length()):
-        chosen = np.flatnonzero(reported & (1 << interaction))
+    for decision in range(int(reported.max(initial=0)).bit_length()):
+        chosen = np.flatnonzero(reported & (1 << decision))
         next_items.append(items[chosen])
-        next_masks.append(masks[chosen] | np.int32(1 << interaction))
+        next_masks.append(masks[chosen] | np.int32(1 << decision))
     if not next_items:
         return items[:0], masks[:0]
     return np.concatenate(next_items), np.concatenate(next_masks)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum
 
+import numpy as np
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
@@ -47,6 +49,30 @@ class Patch:
     count_u: int
     count_v: int
     power: wp.vec3
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenCells:
+    """Some cells of a lattice, one row a cell.
+
+    Attributes:
+        cell: Which cells, shape [n, 2] int64.
+        offset: How far from the middle of each its photon starts, in lattice steps, shape [n, 2]; None starts there.
+    """
+
+    cell: np.ndarray
+    offset: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.cell)
+
+    @classmethod
+    def of_patch(cls, patch: Patch, numbers: np.ndarray | None = None) -> ChosenCells:
+        """Cells of ``patch`` by number, u + count_u · v from its first one; None for all."""
+        if numbers is None:
+            numbers = np.arange(patch.count_u * patch.count_v)
+        down, across = np.divmod(np.asarray(numbers, np.int64), patch.count_u)
+        return cls(np.stack([patch.first_u + across, patch.first_v + down], axis=1))
 
 
 @wp.func

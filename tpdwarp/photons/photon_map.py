@@ -36,15 +36,18 @@ class PhotonMap:
         dxdt: D_t x in the world, over ``duration`` of the shutter, shape [n, 3].
         receiver_motion: Motion of the receiver's material over the same time, shape [n, 3].
         flux: Flux carried, shape [n, 3].
-        emission: Lattice coordinates on the light, shape [n, 2].
+        emission: Lattice coordinates on the light at the middle of the segment, shape [n, 2].
         shift: Lattice steps by which a photon that rides on its surface moves over it on the light, shape [n, 2].
         receiver: Number of the object that it landed on, shape [n].
         bounces: Specular interactions on the way, shape [n].
+        path: A number that tells the ways apart that light takes over bodies and their facets, shape [n] uint32.
+        share: Part of the flux of its cell that it carries, shape [n].
         incidence: −ω/|ω·n|, where n is ``normal``: its product with a shading normal is by how much more light falls
             on that; shape [n, 3], no rows where all receivers are flat.
         trajectory: How its way curves and its footprint changes; None where it goes straight.
         time: Middle of the photons' part of the shutter, −½ … ½.
         duration: Length of that part.
+        part: Which of the parts of a segment these photons stand for, from 1 on; 0 for the whole segment.
     """
 
     ids: np.ndarray
@@ -59,10 +62,13 @@ class PhotonMap:
     shift: np.ndarray
     receiver: np.ndarray
     bounces: np.ndarray
+    path: np.ndarray
+    share: np.ndarray
     incidence: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     trajectory: TrajectoryColumns | None = None
     time: float = 0.0
     duration: float = 1.0
+    part: int = 0
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -72,7 +78,8 @@ class PhotonMap:
         """A map without photons."""
         three, two = np.zeros((0, 3), np.float32), np.zeros((0, 2), np.float32)
         whole = np.zeros(0, np.int32)
-        return cls(np.zeros(0, np.int64), *[three] * 7, two, two, whole, whole)
+        paths, shares = np.zeros(0, np.uint32), np.zeros(0, np.float32)
+        return cls(np.zeros(0, np.int64), *[three] * 7, two, two, whole, whole, paths, shares)
 
     def rows(self, chosen: np.ndarray) -> PhotonMap:
         """Some of the photons, by index or mask."""

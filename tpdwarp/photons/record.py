@@ -9,6 +9,9 @@ import numpy as np
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap, joined
 
+# Ids of photons that stand for a whole segment are smaller.
+PART_IDS = 1 << 56
+
 
 @dataclass(frozen=True, eq=False)
 class PhotonRecord:
@@ -44,23 +47,27 @@ class PhotonRecord:
 
 
 def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]) -> PhotonRecord:
-    """The photons of a whole shutter in scene units; ids of later maps follow those of earlier ones.
+    """The photons of a whole shutter in scene units; ids of later segments follow those of earlier ones.
+
+    Photons that stand for part of a segment have ids of their own, ``PART_IDS`` further for each part before.
 
     ``dxdt`` is D_t x' − q̇, relative to the receiver's own motion (the paper, section 2: velocity is relative).
 
     Args:
-        maps: At least one, with the lattices that it comes from.
+        maps: At least one, with the lattices that it comes from; those of parts of a segment follow that of its whole.
         paths: Prim paths of the objects.
     """
     norm = maps[0][1].normalization
-    ids = sum(plan.id_count for _, plan in maps)
-    first = 0
+    ids = sum(plan.id_count for photons, plan in maps if photons.part == 0)
+    first = own = 0
     rows: dict[str, list[np.ndarray]] = {}
     for photons, plan in maps:
+        if photons.part == 0:
+            first, own = first + own, plan.id_count
         mask, cell = np.divmod(photons.ids, plan.id_count)
         relative = (photons.dxdt - photons.receiver_motion) / photons.duration
         values = {
-            "ids": mask * ids + first + cell,
+            "ids": mask * ids + first + cell + photons.part * PART_IDS,
             "positions": norm.world_points(photons.position),
             "normals": photons.normal.astype(np.float64),
             "dxdu": norm.world_vectors(photons.dxdu),
@@ -73,5 +80,4 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
         }
         for name, value in values.items():
             rows.setdefault(name, []).append(value)
-        first += plan.id_count
     return PhotonRecord(**{name: joined(parts) for name, parts in rows.items()}, receiver_paths=paths)

@@ -16,9 +16,9 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import interface_at, scatter, transfer_to
-from tpdwarp.photons.branching import first_open_interaction, reported_paths, take_branch
+from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
 from tpdwarp.photons.differentials import riding_shift
-from tpdwarp.photons.emission import Patch, cell_flux, emit
+from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap, joined
@@ -30,6 +30,8 @@ from tpdwarp.scene.requirements import Requirements
 # Reflected branches below this part of the emitted flux are given up and accounted as lost. Chosen, not derived: half a
 # step of eight bits.
 SMALLEST_BRANCH = 2.0e-3
+# Light is followed through so many interactions however little is left, then as long as that is above the cutoff.
+FIRST_INTERACTIONS = wp.constant(8)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Rays end there, in the tracer's units, in which the scene is of unit size. From so far away a rounding of a direction
@@ -73,6 +75,8 @@ class PhotonArrays:
     shift: wp.array(dtype=wp.vec2)
     receiver: wp.array(dtype=wp.int32)
     bounces: wp.array(dtype=wp.int32)
+    path: wp.array(dtype=wp.uint32)
+    share: wp.array(dtype=wp.float32)
     incidence: wp.array(dtype=wp.vec3)
     fate: wp.array(dtype=wp.int32)
     reported: wp.array(dtype=wp.int32)
@@ -89,6 +93,12 @@ class TracingVariant:
     riding: bool
     jittered: bool
     smooth_receivers: bool
+
+
+@wp.func
+def prolonged(path: wp.uint32, step: int) -> wp.uint32:
+    """The number of a path (its FNV-1a hash) that goes on by ``step``."""
+    return (path ^ wp.uint32(step)) * wp.uint32(16777619)
 
 
 @wp.func
@@ -120,6 +130,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         # In
         cells: wp.array(dtype=wp.int32),
         masks: wp.array(dtype=wp.int32),
+        offsets: wp.array(dtype=wp.vec2),
+        tags: wp.array(dtype=wp.int32),
         bounces: int,
         smallest_branch: float,
         seed: int,
@@ -137,18 +149,23 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         if wp.static(jittered):
             place_in_cell = wp.vec2(wp.randf(stream), wp.randf(stream))
         coordinates = wp.vec2(float(index_u), float(index_v)) + place_in_cell
-        beam = emit(patch, coordinates)
-        emitted = cell_flux(patch, coordinates)
+        place = coordinates
+        if offsets.shape[0] > 0:
+            place += offsets[cell]
+        beam = emit(patch, place)
+        emitted = cell_flux(patch, place)
         flux = emitted
         absorbed = wp.vec3(0.0, 0.0, 0.0)
         culled = wp.vec3(0.0, 0.0, 0.0)
         mask = masks[i]
-        first_open = first_open_interaction(mask)
+        first_open = first_open_decision(mask)
         cutoff = smallest_branch * wp.max(emitted)
         reported = int(0)
         fate = int(FATE_DEPTH)
         count = int(0)
+        decision = int(0)
         retried = int(0)
+        path = wp.uint32(1)
         start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
         beam.magnitude = patch.magnitude
 
@@ -164,6 +181,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     fate = FATE_DIRECT
                 break
             retried += hit.retried
+            if tags.shape[0] > 0:
+                path = prolonged(path, tags[hit.triangle])
             beam = transfer_to(beam, hit, wp.static(moves))
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
@@ -197,17 +216,23 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             at = interface_at(surfaces, hit, beam.w, dielectric, wp.static(moves))
             reflected = True
             if dielectric:
-                branch = take_branch(mask, bounce, first_open, at.reflectance, flux, cutoff)
+                branch = take_branch(mask, decision, first_open, at.reflectance, flux, cutoff)
                 reflected = branch.reflected
                 flux = branch.throughput
                 reported = reported | branch.reported
                 culled += branch.culled
+                decision += branch.decided
+                if bounce >= FIRST_INTERACTIONS and wp.max(flux) < cutoff:
+                    culled += flux
+                    flux = wp.vec3(0.0, 0.0, 0.0)
+                    break
             else:
                 tinted = wp.cw_mul(flux, surfaces.tint[material])
-                if bounce >= first_open:
+                if decision >= first_open:
                     absorbed += flux - tinted
                 flux = tinted
             beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
+            path = prolonged(path, int(reflected))
             start = 0.0
             count += 1
 
@@ -225,6 +250,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         out.culled[i] = culled
         out.emission[i] = coordinates
         out.bounces[i] = count
+        out.path[i] = path
+        out.share[i] = wp.max(flux) / wp.max(wp.max(emitted), 1.0e-30)
         out.fate[i] = fate
         out.reported[i] = reported
         out.retried[i] = retried
@@ -234,7 +261,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
 
 _COLUMNS = (
     "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver", "bounces",
-    "incidence",
+    "path", "share", "incidence",
 )  # fmt: skip
 
 
@@ -250,7 +277,8 @@ def trace_photons(
     seed: int = 0,
     weight: float = 1.0,
     smallest_branch: float = SMALLEST_BRANCH,
-    chosen: Callable[[Patch], np.ndarray] | None = None,
+    chosen: Callable[[Lattice, Patch], ChosenCells] | None = None,
+    tags: np.ndarray | None = None,
 ) -> tuple[PhotonMap, EnergyAccount]:
     """Traces the lattice photons of ``plan`` through ``geometry``.
 
@@ -259,7 +287,9 @@ def trace_photons(
         jittered: Emit from random points of the lattice cells instead of their centres.
         weight: Part of the frame's exposure that these photons stand for; scales all flux.
         smallest_branch: Reflected branches below this fraction of the emitted flux are given up and accounted lost.
-        chosen: Gives the cells of a patch to emit (u + count_u · v from its first cell); None emits all.
+        chosen: Gives the cells of a lattice to emit; None emits all of the patch.
+        tags: A number for each triangle, by which paths are told apart, shape [m] int32; None tells them by how they
+            branch alone.
 
     Returns:
         The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
@@ -273,26 +303,32 @@ def trace_photons(
     kernel = tracing_kernel(variant)
     left_out = () if needs.smooth_receivers else ("incidence",)
     columns = [name for name in _COLUMNS if name not in left_out]
+    device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     for lattice, patch in plan.patches(scene):
         patch.power = weight * patch.power
-        cells = chosen(patch) if chosen else np.arange(patch.count_u * patch.count_v)
-        cells = cells.astype(np.int32)
+        offsets = np.zeros((0, 2), np.float32)
+        if chosen:
+            cells, offsets = _placed(chosen(lattice, patch), patch)
+        else:
+            cells = np.arange(patch.count_u * patch.count_v, dtype=np.int32)
+        device_offsets = launcher.array(offsets, wp.vec2)
         masks = np.zeros(len(cells), np.int32)
         account.add(EnergyAccount(counts={"emitted": len(cells)}))
         while len(cells):
             out = launcher.rows(PhotonArrays, len(cells), but=left_out)
-            inputs = [geometry.surfaces, patch, launcher.array(cells, wp.int32), launcher.array(masks, wp.int32)]
+            paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), device_offsets, device_tags]
+            inputs = [geometry.surfaces, patch, *paths]
             launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
             fate, reported = out.fate.numpy(), out.reported.numpy()
             _tally(account, out, fate, masks, plan.normalization.power)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
             if len(keep):
                 rows = {name: getattr(out, name).numpy()[keep] for name in columns}
-                rows["ids"] = _ids(rows["emission"], masks[keep], lattice, plan.id_count)
+                rows["ids"] = _ids(cells[keep], patch, masks[keep], lattice, plan.id_count)
                 landed.append(rows)
             cells, masks = reported_paths(cells, masks, reported)
             # Before the next pass makes its own.
-            del out, inputs, fate, reported
+            del out, inputs, paths, fate, reported
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return PhotonMap.empty(), account
@@ -320,8 +356,23 @@ def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: n
             account.lost[cause] = account.lost.get(cause, 0.0) + float(value)
 
 
-def _ids(emission: np.ndarray, masks: np.ndarray, lattice: Lattice, id_count: int) -> np.ndarray:
+def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the chosen cells in ``patch``, which is cut to hold just them, and the offset of each of its cells."""
+    if not len(chosen):
+        return np.zeros(0, np.int32), np.zeros((0, 2), np.float32)
+    first, last = chosen.cell.min(axis=0), chosen.cell.max(axis=0)
+    (patch.first_u, patch.first_v), (patch.count_u, patch.count_v) = map(int, first), map(int, last - first + 1)
+    u, v = (chosen.cell - first).T
+    numbers = (u + patch.count_u * v).astype(np.int32)
+    if chosen.offset is None:
+        return numbers, np.zeros((0, 2), np.float32)
+    offsets = np.zeros((patch.count_u * patch.count_v, 2), np.float32)
+    offsets[numbers] = chosen.offset
+    return numbers, offsets
+
+
+def _ids(cells: np.ndarray, patch: Patch, masks: np.ndarray, lattice: Lattice, id_count: int) -> np.ndarray:
     """Identities of photons: their cell in the lattice and their path, shape [n] int64."""
-    cell = np.floor(emission).astype(np.int64)
-    u, v = cell[:, 0] % lattice.wrap[0], cell[:, 1] % lattice.wrap[1]
+    down, across = np.divmod(cells.astype(np.int64), patch.count_u)
+    u, v = (patch.first_u + across) % lattice.wrap[0], (patch.first_v + down) % lattice.wrap[1]
     return masks.astype(np.int64) * id_count + lattice.first_id + v * lattice.wrap[0] + u

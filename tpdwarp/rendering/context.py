@@ -26,7 +26,7 @@ class RenderContext:
 
     def __init__(self, source: SceneSource, settings: Settings, loader: SceneLoader | None = None) -> None:
         self.source, self.settings = source, settings
-        self.loader = loader or SceneLoader(source, Launcher(settings.device, settings.threads))
+        self.loader = loader or SceneLoader(source, Launcher(settings.device, settings.threads), settings.bounces)
         self.launcher, self.normalization = self.loader.launcher, self.loader.normalization
         self.tracer = PhotonTracer(self.loader, settings)
         self.segmentation = Segmentation(self.tracer)

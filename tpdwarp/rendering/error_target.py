@@ -28,7 +28,7 @@ from tpdwarp.errors import logger
 from tpdwarp.rendering.pilot import Pilot
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.fit import FEWEST_KEYFRAME_PHOTONS
+from tpdwarp.trajectories.keyframes import FEWEST_KEYFRAME_PHOTONS
 from tpdwarp.trajectories.segments import most_breaks_inside, motion_breaks_within
 
 # Frames that are looked at. Chosen, not derived, as is all below that does not say otherwise; what they do together is

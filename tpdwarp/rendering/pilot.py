@@ -43,7 +43,7 @@ class Pilot:
         self._settings = replace(settings, target_error=None, aovs=("caustic",))
         self._shutters, self._size = shutters, (width, height)
         self._pixels = pixel_grid(width, height, PILOT_PIXELS, settings.seed)
-        loader = _KeepingLoader(source, Launcher(settings.device, settings.threads))
+        loader = _KeepingLoader(source, Launcher(settings.device, settings.threads), settings.bounces)
         self._context = RenderContext(source, self._settings, loader)
         self._seen: dict[tuple[Shutter, int], _Seen] = {}
 
@@ -86,8 +86,8 @@ class _Seen:
 class _KeepingLoader(SceneLoader):
     """A loader that keeps the scenes that it loaded last."""
 
-    def __init__(self, source: SceneSource, launcher: Launcher) -> None:
-        super().__init__(source, launcher)
+    def __init__(self, source: SceneSource, launcher: Launcher, bounces: int | None) -> None:
+        super().__init__(source, launcher, bounces)
         self._kept: OrderedDict[Shutter, LoadedScene] = OrderedDict()
 
     def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:

@@ -8,8 +8,8 @@ import numpy as np
 
 from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
 
-MAX_BOUNCES = 16
-INTERNAL_REFLECTIONS = 6
+# Specular interactions followed at most: light that is totally reflected so often keeps its flux, and never gets out.
+MOST_BOUNCES = 64
 # Normals within this cosine of their triangle's (0.4°) shade it as flat: irradiance differs by less than 1 % of sin θ.
 FLAT_COSINE = 0.99997
 
@@ -70,18 +70,17 @@ def is_smooth_receiver(mesh: MeshAtShutter) -> bool:
     return bool(np.any((cosines < FLAT_COSINE) & (indices >= 0) & (length > 0)))
 
 
-def requirements_of(scene: SceneAtShutter) -> Requirements:
-    """Decides what ``scene`` requires."""
+def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requirements:
+    """Decides what ``scene`` requires; ``bounces`` limits the interactions followed along a path."""
     interactions = [{material.interaction for material in mesh.materials} for mesh in scene.meshes]
-    dielectrics = sum(Interaction.DIELECTRIC in kinds for kinds in interactions)
-    mirrors = sum(Interaction.MIRROR in kinds for kinds in interactions)
-    bounces = 2 * dielectrics + 2 * mirrors + (INTERNAL_REFLECTIONS if dielectrics or mirrors else 0)
+    dielectrics = any(Interaction.DIELECTRIC in kinds for kinds in interactions)
+    mirrors = any(Interaction.MIRROR in kinds for kinds in interactions)
     return Requirements(
         moving_meshes=tuple(mesh.path for mesh in scene.meshes if mesh.moves),
         moving_lights=tuple(light.path for light in scene.lights if light.moves),
         moving_camera=scene.camera is not None and scene.camera.moves,
-        refraction=dielectrics > 0,
-        reflection=mirrors > 0,
-        smooth_receivers=(dielectrics > 0 or mirrors > 0) and any(map(is_smooth_receiver, scene.meshes)),
-        bounces=min(bounces, MAX_BOUNCES),
+        refraction=dielectrics,
+        reflection=mirrors,
+        smooth_receivers=(dielectrics or mirrors) and any(map(is_smooth_receiver, scene.meshes)),
+        bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors else 0,
     )

@@ -25,64 +25,44 @@ import numpy as np
 from tpdwarp.clock import Clock
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
-from tpdwarp.photons.tracer import PhotonTracer
-from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.keyframes import (
-    KEYFRAME_DURATION,
+    END,
     LARGEST_DISAGREEMENT,
     LARGEST_DRIFT,
     KeyframeState,
     ShutterKeyframes,
     disagreement,
-    keyframe_shutters,
 )
 from tpdwarp.trajectories.neighbours import differences, neighbours
 
-# Photons of a keyframe: a sixteenth of those traced (a quarter of the cells along either axis), no fewer than these.
-FEWEST_KEYFRAME_PHOTONS = 1024
-PHOTONS_PER_KEYFRAME_PHOTON = 16
 
-
-def fit_trajectories(
-    photons: PhotonMap, plan: EmissionPlan, tracer: PhotonTracer, loaded: LoadedScene, clock: Clock
-) -> tuple[PhotonMap, int]:
+def fit_trajectories(photons: PhotonMap, plan: EmissionPlan, keyframes: ShutterKeyframes, clock: Clock) -> PhotonMap:
     """``photons`` with their trajectories.
 
     Args:
-        photons: Traced through ``loaded``.
+        photons: Traced at mid shutter; ``photons.dxdt`` spans the shutter of ``keyframes``.
         plan: Their lattices.
-        tracer: Traces keyframes.
-        loaded: The scene over the (sub-)shutter that ``photons.dxdt`` spans.
+        keyframes: What they are fitted to.
         clock: Where the time goes.
-
-    Returns:
-        The photons, and the number of photons emitted for keyframes.
     """
-    sparse = tracer.plan(
-        min(plan.photons, max(FEWEST_KEYFRAME_PHOTONS, plan.photons // PHOTONS_PER_KEYFRAME_PHOTON)), clock
-    )
-    opening, _, closing = keyframe_shutters(loaded.scene.shutter)
-    keyframes = ShutterKeyframes(tracer, sparse, opening, closing, clock)
     before, after = keyframes.around(photons, plan)
-    middle = keyframes.at_middle(photons, plan, loaded)
+    middle = keyframes.at_middle(photons, plan)
     with clock.stage("trace"):
         changes = _acceleration_and_jerk(photons, before, middle, after)
-        if tracer.settings.emission == "lattice":
+        if keyframes.tracer.settings.emission == "lattice":
             rates = [differences(photons.dxdt, pairs) for pairs in neighbours(photons, plan)]
         else:
             rates = [np.zeros_like(photons.dxdt)] * 2
-        return replace(photons, trajectory=TrajectoryColumns(*changes, *rates)), keyframes.emitted
+        return replace(photons, trajectory=TrajectoryColumns(*changes, *rates))
 
 
 def _acceleration_and_jerk(
     photons: PhotonMap, before: KeyframeState, middle: KeyframeState, after: KeyframeState
 ) -> tuple[np.ndarray, np.ndarray]:
     """D_tt x and D_ttt x over the shutter, shape [n, 3]; zero where keyframes are not valid, or disagree."""
-    # Keyframes take D_t x over some time each, so that the middles of those lie within the ends of the shutter.
-    half = 0.5 * (1.0 - KEYFRAME_DURATION)
     back, ahead = before.position - middle.position, after.position - middle.position
-    by_place = (ahead + back) / half**2, 3.0 * (ahead - back - 2.0 * half * middle.dxdt) / half**3
-    by_velocity = (after.dxdt - before.dxdt) / (2.0 * half), (before.dxdt + after.dxdt - 2.0 * middle.dxdt) / half**2
+    by_place = (ahead + back) / END**2, 3.0 * (ahead - back - 2.0 * END * middle.dxdt) / END**3
+    by_velocity = (after.dxdt - before.dxdt) / (2.0 * END), (before.dxdt + after.dxdt - 2.0 * middle.dxdt) / END**2
     place_is_known = (np.maximum(before.drift, after.drift) < LARGEST_DRIFT)[:, None]
     follows = before.valid & middle.valid & after.valid
     follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT

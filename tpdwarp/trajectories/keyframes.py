@@ -8,11 +8,13 @@ on the light; there its keyframes are looked up.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
@@ -20,6 +22,11 @@ from tpdwarp.scene.device.loading import LoadedScene
 
 # Part of the shutter over which keyframes take D_t x at either end of it.
 KEYFRAME_DURATION = 0.125
+# Middles of these parts, from that of the shutter.
+END = 0.5 * (1.0 - KEYFRAME_DURATION)
+# Photons of a keyframe: a sixteenth of those traced (a quarter of the cells along either axis), no fewer than these.
+FEWEST_KEYFRAME_PHOTONS = 1024
+PHOTONS_PER_KEYFRAME_PHOTON = 16
 # Photons whose D_t x differs by more than this part from the mean of their keyframes' go straight: they lie beside an
 # edge (or the shutter is too long for one segment). At 1 the error of one long trace falls, but a turned scene then
 # differs by 5 % (tests/properties).
@@ -63,12 +70,14 @@ class KeyframeState:
 
 
 class ShutterKeyframes:
-    """Keyframes at either end of a shutter.
+    """Keyframes at either end of a shutter, and in its middle once they are wanted.
 
     Args:
         tracer: Traces them.
         plan: Their lattices.
-        opening, closing: When they are traced.
+        middle: The scene at mid shutter, where the photons are traced.
+        opening, closing: The scenes as the shutter opens and closes, over ``KEYFRAME_DURATION`` of it.
+        tags: Tell paths apart, for keyframes and photons alike.
         clock: Where the time goes.
 
     Attributes:
@@ -76,43 +85,71 @@ class ShutterKeyframes:
     """
 
     def __init__(
-        self, tracer: PhotonTracer, plan: EmissionPlan, opening: Shutter, closing: Shutter, clock: Clock
+        self,
+        tracer: PhotonTracer,
+        plan: EmissionPlan,
+        middle: LoadedScene,
+        opening: LoadedScene,
+        closing: LoadedScene,
+        tags: PathTags,
+        clock: Clock,
     ) -> None:
-        self._tracer, self._plan, self._clock = tracer, plan, clock
-        self.emitted = 0
-        self._opening, self._closing = (
-            self._traced(tracer.load(end, clock), 1.0 / KEYFRAME_DURATION) for end in (opening, closing)
+        self.tracer, self.plan, self.tags, self.emitted = tracer, plan, tags, 0
+        self.middle, self.opening, self.closing = middle, opening, closing
+        self._clock = clock
+        self._grids: dict[float, _KeyframeGrids] = {}
+
+    @classmethod
+    def over(cls, tracer: PhotonTracer, plan: EmissionPlan, loaded: LoadedScene, clock: Clock) -> ShutterKeyframes:
+        """Keyframes of the shutter of ``loaded``, for photons on the lattices of ``plan``."""
+        sparse = tracer.plan(
+            min(plan.photons, max(FEWEST_KEYFRAME_PHOTONS, plan.photons // PHOTONS_PER_KEYFRAME_PHOTON)), clock
         )
+        opening, _, closing = (tracer.load(end, clock) for end in keyframe_shutters(loaded.scene.shutter))
+        with clock.stage("plan"):
+            tags = PathTags(loaded.scene, plan.photons)
+        return cls(tracer, sparse, loaded, opening, closing, tags, clock)
 
     def around(self, photons: PhotonMap, plan: EmissionPlan) -> tuple[KeyframeState, KeyframeState]:
         """Photons of mid shutter, as it opens and as it closes; ``photons.shift`` is that over the whole of it."""
-        half = 0.5 * (1.0 - KEYFRAME_DURATION)
-        return (
-            self._looked_up(self._opening, photons, plan, -half),
-            self._looked_up(self._closing, photons, plan, half),
-        )
+        return self._looked_up(photons, plan, -END), self._looked_up(photons, plan, END)
 
-    def at_middle(self, photons: PhotonMap, plan: EmissionPlan, loaded: LoadedScene) -> KeyframeState:
+    def at_middle(self, photons: PhotonMap, plan: EmissionPlan) -> KeyframeState:
         """Photons of mid shutter as keyframes see them, in the scene that the photons were traced through."""
-        return self._looked_up(self._traced(loaded, 1.0), photons, plan, 0.0)
+        return self._looked_up(photons, plan, 0.0)
 
-    def _traced(self, loaded: LoadedScene, rate: float) -> _KeyframeGrids:
-        photons, account = self._tracer.trace(loaded, self._plan, self._clock, jittered=False)
+    def photons(self, part: float) -> PhotonMap:
+        """The keyframes' own photons at ``-END``, 0 or ``END``."""
+        return self._at(part).photons
+
+    def traced(self, part: float, plan: EmissionPlan, **options: Any) -> PhotonMap:
+        """Photons of ``plan`` at ``-END``, 0 or ``END`` of the shutter; ``options`` are those of the tracer."""
+        loaded = self.middle if part == 0.0 else self.opening if part < 0.0 else self.closing
+        tags = self.tags.of(loaded.scene)
+        photons, account = self.tracer.trace(loaded, plan, self._clock, jittered=False, tags=tags, **options)
         self.emitted += account.counts.get("emitted", 0)
-        with self._clock.stage("trace"):
-            return _KeyframeGrids(photons, self._plan, rate)
+        return photons
 
-    def _looked_up(self, grids: _KeyframeGrids, photons: PhotonMap, plan: EmissionPlan, part: float) -> KeyframeState:
+    def _at(self, part: float) -> _KeyframeGrids:
+        if part not in self._grids:
+            photons = self.traced(part, self.plan)
+            with self._clock.stage("trace"):
+                rate = 1.0 if part == 0.0 else 1.0 / KEYFRAME_DURATION
+                self._grids[part] = _KeyframeGrids(photons, self.plan, rate)
+        return self._grids[part]
+
+    def _looked_up(self, photons: PhotonMap, plan: EmissionPlan, part: float) -> KeyframeState:
         """Keyframes at the part ``part`` (−½ … ½) of the shutter, at the places on the light that photons have then."""
+        grids = self._at(part)
         count = len(photons)
         found = KeyframeState(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, bool), np.zeros(count))
-        for key, rows in _rows_by_path(photons, plan):
-            fine, coarse = plan.lattices[key[0]], self._plan.lattices[key[0]]
+        for key, rows in rows_by_path(photons, plan):
+            fine, coarse = plan.lattices[key[0]], self.plan.lattices[key[0]]
             scale = np.divide(fine.step, coarse.step)
             offset = np.subtract(fine.origin, coarse.origin) / coarse.step
             drift = part * photons.shift[rows]
             place = (photons.emission[rows] + drift.astype(np.float64)) * scale + offset
-            value, found.valid[rows] = grids.at(key, place, photons.receiver[rows])
+            value, found.valid[rows] = grids.at(key, place, photons.path[rows])
             found.dxdt[rows], found.position[rows] = value[:, :3], value[:, 3:]
             found.drift[rows] = np.abs(drift * scale).max(axis=1)
         return found
@@ -132,28 +169,29 @@ class _KeyframeGrids:
     """
 
     def __init__(self, photons: PhotonMap, plan: EmissionPlan, rate: float) -> None:
+        self.photons = photons
         self._grids: dict[Key, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-        for key, rows in _rows_by_path(photons, plan):
+        for key, rows in rows_by_path(photons, plan):
             cell = np.floor(photons.emission[rows]).astype(np.int64)
             first = cell.min(axis=0)
             size = cell.max(axis=0) - first + 1
-            values, receivers = np.zeros((*size, 6)), np.full(size, -1, np.int64)
+            values, paths = np.zeros((*size, 6)), np.full(size, -1, np.int64)
             at = tuple((cell - first).T)
             values[at] = np.concatenate([rate * photons.dxdt[rows], photons.position[rows]], axis=1)
-            receivers[at] = photons.receiver[rows]
-            self._grids[key] = first, values, receivers
+            paths[at] = photons.path[rows]
+            self._grids[key] = first, values, paths
 
-    def at(self, key: Key, coordinates: np.ndarray, receiver: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, key: Key, coordinates: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """D_t x and x [n, 6] at lattice ``coordinates`` [n, 2], interpolated bilinearly, and whether they are valid.
 
-        Values are valid where at least three of the four photons around took this path to ``receiver`` [n].
+        Values are valid where at least three of the four photons around took ``path`` [n], too.
         """
         if key not in self._grids:
             return np.zeros((len(coordinates), 6)), np.zeros(len(coordinates), bool)
-        first, values, receivers = self._grids[key]
+        first, values, paths = self._grids[key]
         place = coordinates - 0.5 - first
         # Outside the outermost photons, by up to a cell, it is as on the line that they make.
-        last = np.array(receivers.shape) - 1
+        last = np.array(paths.shape) - 1
         near = np.all((place > -1) & (place < last + 1), axis=1)
         place = place.clip(0, last)
         corner = np.minimum(np.floor(place).astype(np.int64), np.maximum(last - 1, 0))
@@ -161,9 +199,9 @@ class _KeyframeGrids:
         corners = [corner + offset for offset in ((0, 0), (1, 0), (0, 1), (1, 1))]
         found, valid = [], []
         for cell in corners:
-            inside = np.all((cell >= 0) & (cell < receivers.shape), axis=1)
+            inside = np.all((cell >= 0) & (cell < paths.shape), axis=1)
             u, v = np.where(inside[:, None], cell, 0).T
-            valid.append(inside & (receivers[u, v] == receiver))
+            valid.append(inside & (paths[u, v] == path))
             found.append(values[u, v])
         a, b, c, d = found
         # A missing corner lies on the plane through the other three.
@@ -175,7 +213,7 @@ class _KeyframeGrids:
         return value, near & (np.sum(valid, axis=0) >= 3)
 
 
-def _rows_by_path(photons: PhotonMap, plan: EmissionPlan) -> list[tuple[Key, np.ndarray]]:
+def rows_by_path(photons: PhotonMap, plan: EmissionPlan) -> list[tuple[Key, np.ndarray]]:
     """Rows of the photons of each lattice of ``plan`` on each path, by (lattice, mask)."""
     mask, lattice, foreseen = plan.paths_of(photons.ids)
     planned = np.flatnonzero(foreseen)

@@ -1,4 +1,4 @@
-"""Photons from cells side by side on the light that took the same path to the same receiver."""
+"""Photons from cells side by side on the light that took the same path."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Pairs = tuple[np.ndarray, np.ndarray]
 
 
 def neighbours(photons: PhotonMap, plan: EmissionPlan) -> tuple[Pairs, Pairs]:
-    """Rows of photons and of those one cell on in u, and likewise in v, on the same path and receiver."""
+    """Rows of photons and of those one cell on in u, and likewise in v, on the same path."""
     mask, lattice, _ = plan.paths_of(photons.ids)
     cell = np.floor(photons.emission).astype(np.int64)
     pairs = []
@@ -19,7 +19,7 @@ def neighbours(photons: PhotonMap, plan: EmissionPlan) -> tuple[Pairs, Pairs]:
         order = np.lexsort((cell[:, axis], cell[:, 1 - axis], lattice, mask))
         a, b = order[:-1], order[1:]
         beside = (cell[b, axis] - cell[a, axis] == 1) & (cell[b, 1 - axis] == cell[a, 1 - axis])
-        beside &= (lattice[a] == lattice[b]) & (mask[a] == mask[b]) & (photons.receiver[a] == photons.receiver[b])
+        beside &= (lattice[a] == lattice[b]) & (mask[a] == mask[b]) & (photons.path[a] == photons.path[b])
         pairs.append((a[beside], b[beside]))
     return pairs[0], pairs[1]
 

@@ -34,6 +34,7 @@ import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import SceneSource, Shutter
@@ -182,10 +183,12 @@ def _errors_over(tracer: PhotonTracer, whole: Shutter, plan: EmissionPlan) -> Se
     """Errors of the photons that land over the shutter of a frame; None where keyframes say nothing of any."""
     clock, settings = Clock(), tracer.settings
     opening, middle, closing = keyframe_shutters(whole)
-    photons, _ = tracer.trace(tracer.load(middle, clock), plan, clock, jittered=False)
+    scenes = [tracer.load(shutter, clock) for shutter in (middle, opening, closing)]
+    keyframes = ShutterKeyframes(tracer, plan, *scenes, PathTags(scenes[0].scene, plan.photons), clock)
+    photons = keyframes.photons(0.0)
     # Traced over a short time, wanted over the whole shutter.
     photons = replace(photons, dxdt=photons.dxdt / KEYFRAME_DURATION, shift=photons.shift / KEYFRAME_DURATION)
-    before, after = ShutterKeyframes(tracer, plan, opening, closing, clock).around(photons, plan)
+    before, after = keyframes.around(photons, plan)
     rows = np.flatnonzero(before.valid & after.valid)
     if not len(rows):
         return None

@@ -15,7 +15,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import interface_at, scatter, transfer_to
-from tpdwarp.photons.branching import first_open_interaction, reported_paths, take_branch
+from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
 from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import closest_hit, diffuse_color, occluded, shading_normal
@@ -157,8 +157,9 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool, smooth_recei
         end = camera.far / depth_scale
         throughput = wp.vec3(1.0, 1.0, 1.0)
         mask = masks[i]
-        first_open = first_open_interaction(mask)
+        first_open = first_open_decision(mask)
         reported = int(0)
+        decision = int(0)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
 
@@ -208,12 +209,13 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool, smooth_recei
                 at = interface_at(surfaces, hit, beam.w, dielectric, wp.static(moves))
                 reflected = True
                 if dielectric:
-                    branch = take_branch(mask, bounce, first_open, at.reflectance, throughput, smallest_throughput)
+                    branch = take_branch(mask, decision, first_open, at.reflectance, throughput, smallest_throughput)
                     reflected = branch.reflected
                     throughput = branch.throughput
                     if not reflected:
                         throughput = throughput * wp.pow(at.eta, radiance_power)
                     reported = reported | branch.reported
+                    decision += branch.decided
                 else:
                     throughput = wp.cw_mul(throughput, surfaces.tint[material])
                 beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))

@@ -36,6 +36,7 @@ class SceneLoader:
     Args:
         source: Where scenes come from.
         launcher: The device.
+        bounces: Specular interactions followed along a path; None for as many as light takes.
 
     Attributes:
         normalization: The tracer's units, the same for every frame.
@@ -44,8 +45,8 @@ class SceneLoader:
         InputError: None of the reference scenes can be used.
     """
 
-    def __init__(self, source: SceneSource, launcher: Launcher) -> None:
-        self.source, self.launcher = source, launcher
+    def __init__(self, source: SceneSource, launcher: Launcher, bounces: int | None = None) -> None:
+        self.source, self.launcher, self._bounces = source, launcher, bounces
         self.normalization = _normalization(reference_scenes(source), source.file)
 
     def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
@@ -68,7 +69,7 @@ class SceneLoader:
     def _packed(self, scene: SceneAtShutter, clock: Clock) -> LoadedScene:
         with clock.stage("build"):
             require_within_range(scene, self.normalization, self.source.file)
-            needs = requirements_of(scene)
+            needs = requirements_of(scene, self._bounces)
             with_motions = needs.photon_motion or needs.view_motion
             geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=with_motions)
         return LoadedScene(scene, geometry, needs)

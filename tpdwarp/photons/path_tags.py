@@ -1,0 +1,93 @@
+"""Path tags: numbers of triangles by which the ways are told apart that light takes through a scene.
+
+Light that goes through the same bodies and facets in the same order changes smoothly over the light and in time. Two
+triangles have one tag where they belong to one smooth surface, or to one plane facet of it, of one mesh.
+"""
+
+from __future__ import annotations
+
+import math
+from zlib import crc32
+
+import numpy as np
+
+from tpdwarp.photons.lattice_shape import specular_faces
+from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter
+
+# Facets that fewer photons than this fall on have hardly any that is not at their border.
+FEWEST_PHOTONS_ON_FACET = 64
+# Facets are one where their normals, and their distances from the middle as parts of the mesh, differ by less.
+SAME_PLANE = 1e-3
+# Corners of a plane facet have one normal up to rounding; on the crest of a wave they differ by its curvature.
+SAME_NORMAL = 1e-6
+
+
+class PathTags:
+    """Tags of the triangles of an animation over one shutter, told by mesh: so they stay as bodies come and go.
+
+    Args:
+        scene: The scene that shows which facets there are.
+        photons: Photons that fall on it.
+    """
+
+    def __init__(self, scene: SceneAtShutter, photons: int) -> None:
+        least = min(1.0, FEWEST_PHOTONS_ON_FACET / photons)
+        self._facets = {mesh.path: facets_of(mesh, least) for mesh in scene.meshes if mesh.specular}
+
+    def of(self, scene: SceneAtShutter) -> np.ndarray:
+        """A tag for each triangle of ``scene``, in the order of its meshes, shape [m] int32."""
+        tags = [self._tags(mesh) for mesh in scene.meshes]
+        return np.concatenate(tags) if tags else np.zeros(0, np.int32)
+
+    def _tags(self, mesh: MeshAtShutter) -> np.ndarray:
+        count = len(mesh.triangles)
+        facets = self._facets.get(mesh.path)
+        if facets is None or len(facets) != count:
+            facets = np.zeros(count, np.int32)
+        return np.int32(crc32(mesh.path.encode()) & 0x7FFFFF00) ^ facets
+
+
+def facets_of(mesh: MeshAtShutter, least: float) -> np.ndarray:
+    """Numbers, from 1 on, of plane facets that make up more than the part ``least`` of ``mesh``; else 0; [m] int32."""
+    facets = np.zeros(len(mesh.triangles), np.int32)
+    flat = np.flatnonzero(specular_faces(mesh) & _is_flat(mesh))
+    if not len(flat):
+        return facets
+    a, b, c = (mesh.points[mesh.triangles[flat, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    areas = np.linalg.norm(normals, axis=1)
+    normals /= np.maximum(areas, np.finfo(float).tiny)[:, None]
+    centre = 0.5 * (mesh.points.min(axis=0) + mesh.points.max(axis=0))
+    size = max(float(np.ptp(mesh.points, axis=0).max()), np.finfo(float).tiny)
+    planes = np.column_stack([normals, np.einsum("ij,ij->i", (a + b + c) / 3.0 - centre, normals) / size])
+    numbers = _clusters(planes)
+    part = np.bincount(numbers, weights=areas) / max(float(_areas(mesh).sum()), np.finfo(float).tiny)
+    large = np.flatnonzero(part > least)
+    names = np.zeros(len(part), np.int32)
+    names[large] = 1 + np.arange(len(large), dtype=np.int32)
+    facets[flat] = names[numbers]
+    return facets
+
+
+def _is_flat(mesh: MeshAtShutter) -> np.ndarray:
+    """Which triangles have one normal all over, shape [m]."""
+    if mesh.normals is None:
+        return np.ones(len(mesh.triangles), bool)
+    indices = mesh.normal_indices
+    same = np.all(indices == indices[:, :1], axis=1)
+    others = np.flatnonzero(~same)
+    corners = mesh.normals[indices[others]]
+    same[others] = np.abs(corners - corners[:, :1]).max(axis=(1, 2)) < SAME_NORMAL
+    return same | np.any(indices < 0, axis=1)
+
+
+def _areas(mesh: MeshAtShutter) -> np.ndarray:
+    a, b, c = (mesh.points[mesh.triangles[:, corner]] for corner in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+
+def _clusters(rows: np.ndarray) -> np.ndarray:
+    """Numbers of groups of ``rows`` [n, k] that are the same up to ``SAME_PLANE``, shape [n]."""
+    # Whole numbers of steps, which planes along the axes lie on, are not where rounding cuts.
+    keys = np.floor(rows / SAME_PLANE + 1.0 / math.pi).astype(np.int64)
+    return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
