@@ -38,7 +38,7 @@ class Temporal:
             if opening:
                 loaded = tracer.loader.load_opening(seen.scene.shutter, clock)
                 photons, account = tracer.trace(loaded, plan, clock, weight=duration, **options)
-                # Footprints stand at mid shutter and sweep to both sides: the same way, seen from its middle.
+                # Footprints stand at mid shutter and sweep to both sides: the same path, seen from its middle.
                 traced = [replace(photons, position=photons.position + 0.5 * photons.dxdt)]
             elif settings.path == "curved" and settings.kernel == "bspline" and moves:
                 traced, account = _along_keyframes(tracer, plan, seen, duration, options, clock)

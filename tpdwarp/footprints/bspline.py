@@ -6,8 +6,8 @@ sides; weights integrate to one there, and |det M| scales them to the surface.
 
 The degree is two. A B-spline of degree d blurs light by its variance (d + 1)/12 cells²: the cubic one errs more at
 folds and costs nine sixteenths more; the linear one errs less there, but leaves the lattice's creases in smooth light
-(``scripts/benchmarks/run.py accuracy``). Averaged over the filter width of a query, its translates still sum to one;
-those of a B-spline that is stretched beyond its cells do not.
+(measured with ``scripts/benchmarks/run.py accuracy`` while there were all three). Averaged over the filter width of a
+query, its translates still sum to one; those of a B-spline that is stretched beyond its cells do not.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
-# Decisions that a mask has bits for; where a path has more, reflected branches are culled.
+# Decisions that a mask, of 32 bits with a sign, has bits for; where a path has more, reflected branches are culled.
 MOST_DECISIONS = wp.constant(31)
 
 

@@ -1,11 +1,11 @@
 """Lattice shape: along which axes the lattice of a distant light lies, and how much finer it is along u than along v.
 
-Where specular surfaces bend light in one direction only, as a swell or a rod does, the light on the receiver varies in
-that direction alone, and photons side by side in the other tell the same. The blur of footprints goes with h_u² G_u +
-h_v² G_v, where h are lattice steps and G the mean squares of how normals turn along u and v; at equal cells of h_u h_v
-it is least at h_v/h_u = √(G_u/G_v). That holds for a sheet, such as water, that is all the light sees: at the ends of
-a rod, say, light stops whatever normals do, and long cells would blur them. Its axes are those along which the tensor
-∫ ∂_a N · ∂_b N is diagonal: what surfaces do to light has axes of its own, whatever the light's roll.
+Where specular surfaces deflect light in one direction only, as a swell or a rod does, the light on the receiver varies
+in that direction alone, and photons side by side in the other carry the same light. The blur of footprints goes with
+h_u² G_u + h_v² G_v, where h are lattice steps and G the mean squares of how normals turn along u and v; at equal cells
+of h_u h_v it is least at h_v/h_u = √(G_u/G_v). That holds for a sheet, such as water, that is all the light sees: at
+the ends of a rod, say, light stops whatever normals do, and long cells would blur them. Its axes are those along which
+the tensor ∫ ∂_a N · ∂_b N is diagonal: what surfaces do to light has axes of its own, whatever the light's roll.
 """
 
 from __future__ import annotations
@@ -18,19 +18,24 @@ import numpy as np
 
 from tpdwarp.scene.description import Interaction, LightAtShutter, MeshAtShutter, SceneAtShutter
 
-# Ratios beyond this gain nothing more: light varies along the other direction, too.
+# Ratios beyond this gain nothing more: light varies along the other direction, too. Chosen, not derived.
 LARGEST_ASPECT = 16.0
-# Where light grazes, normals turn without bound along its plane.
+# Where light grazes, normals turn without bound along its plane; triangles under a smaller cosine are left out. Chosen,
+# not derived.
 LEAST_COSINE = 0.25
-# How much a sheet's area in the plane of the light may differ from that of the rectangle around it.
+# How much a sheet's area in the plane of the light may differ from that of the rectangle around it, as a part of it.
+# Chosen, not derived.
 SHEET = 0.05
-# A rectangle has to be smaller than the one along the light's own axes by this factor to be worth a turn.
+# A rectangle has to be smaller than the one along the light's own axes by this factor to be worth a turn. Chosen, not
+# derived: so many photons more would meet something specular.
 LEAST_GAIN = 0.95
-# Turns that differ by less [rad] are one: a row of 100 cells ends within two cells of where it would.
+# Turns that differ by less [rad] are one: a row of 100 cells ends within two cells of where it would. Chosen, not
+# derived.
 SAME_TURN = 0.02
-# Strips in which points are looked through for a convex hull.
+# Strips in which points are looked through for a convex hull, which is exact to one part in as many.
 STRIPS = 1024
-# Light that surfaces turn by less than this is nearly even.
+# Where normals turn by less than this over the whole sheet [rad] its light is nearly even, and cells stay square.
+# Chosen, not derived.
 FLAT = 0.1
 
 
@@ -72,7 +77,7 @@ def turned(axes: np.ndarray, turn: float) -> np.ndarray:
 def lattice_shape(views: Sequence[tuple[LightAtShutter, SceneAtShutter]]) -> LatticeShape:
     """The shape that suits all stills; the light's own axes and square cells where nothing speaks for others.
 
-    What is no sheet, or bends light alike in all directions, gets the rectangle of least area around it. The turn is
+    What is no sheet, or deflects light alike in all directions, gets the rectangle of least area around it. The turn is
     one from the light's own axes, so that the lattice of a light that turns turns with it.
     """
     seen = [(light, [mesh for mesh in scene.meshes if mesh.specular]) for light, scene in views]

@@ -1,4 +1,4 @@
-"""Path tags: numbers of triangles by which the ways are told apart that light takes through a scene.
+"""Path tags: numbers of triangles that tell paths of light through a scene apart, by the surfaces that they meet.
 
 Light that goes through the same bodies and facets in the same order changes smoothly over the light and in time. Two
 triangles have one tag where they belong to one smooth surface, or to one plane facet of it, of one mesh.
@@ -14,16 +14,17 @@ import numpy as np
 from tpdwarp.photons.lattice_shape import specular_faces
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter
 
-# Facets that fewer photons than this fall on have hardly any that is not at their border.
+# Facets that fewer photons than this fall on have hardly any that is not at their border: of 8 × 8 cells, 28 are.
 FEWEST_PHOTONS_ON_FACET = 64
-# Facets are one where their normals, and their distances from the middle as parts of the mesh, differ by less.
+# Facets are one where their normals, and their distances from the middle as parts of the mesh, differ by less. Chosen,
+# not derived: far more than rounding, far less than what turns light by a pixel.
 SAME_PLANE = 1e-3
 # Corners of a plane facet have one normal up to rounding; on the crest of a wave they differ by its curvature.
 SAME_NORMAL = 1e-6
 
 
 class PathTags:
-    """Tags of the triangles of an animation over one shutter, told by mesh: so they stay as bodies come and go.
+    """Tags of the triangles of an animation over one shutter, made for each mesh: so they stay as bodies come and go.
 
     Args:
         scene: The scene that shows which facets there are.

@@ -39,12 +39,12 @@ class PhotonMap:
         emission: Lattice coordinates on the light at the middle of the segment, shape [n, 2].
         shift: Lattice steps by which a photon that rides on its surface moves over it on the light, shape [n, 2].
         receiver: Number of the object that it landed on, shape [n].
-        bounces: Specular interactions on the way, shape [n].
-        path: A number that tells the ways apart that light takes over bodies and their facets, shape [n] uint32.
+        bounces: Specular interactions of the path, shape [n].
+        path: A number that tells paths apart by the bodies and facets that they meet, shape [n] uint32.
         share: Part of the flux of its cell that it carries, shape [n].
         incidence: −ω/|ω·n|, where n is ``normal``: its product with a shading normal is by how much more light falls
             on that; shape [n, 3], no rows where all receivers are flat.
-        trajectory: How its way curves and its footprint changes; None where it goes straight.
+        trajectory: How it curves, and how the footprint changes along it; None where it is straight.
         time: Middle of the photons' part of the shutter, −½ … ½.
         duration: Length of that part.
         part: Which of the parts of a segment these photons stand for, from 1 on; 0 for the whole segment.
@@ -89,5 +89,5 @@ class PhotonMap:
 
 
 def joined(parts: list[np.ndarray]) -> np.ndarray:
-    """The rows of all ``parts``; a single one is not copied, for ten million photons fill memory."""
+    """The rows of all ``parts``; where there is but one it is not copied, for ten million photons fill memory."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

@@ -31,6 +31,7 @@ from tpdwarp.scene.requirements import Requirements
 # step of eight bits.
 SMALLEST_BRANCH = 2.0e-3
 # Light is followed through so many interactions however little is left, then as long as that is above the cutoff.
+# Chosen, not derived.
 FIRST_INTERACTIONS = wp.constant(8)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
@@ -288,7 +289,7 @@ def trace_photons(
         weight: Part of the frame's exposure that these photons stand for; scales all flux.
         smallest_branch: Reflected branches below this fraction of the emitted flux are given up and accounted lost.
         chosen: Gives the cells of a lattice to emit; None emits all of the patch.
-        tags: A number for each triangle, by which paths are told apart, shape [m] int32; None tells them by how they
+        tags: A number for each triangle, by which paths differ, shape [m] int32; without, they differ by how they
             branch alone.
 
     Returns:

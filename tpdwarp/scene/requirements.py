@@ -9,6 +9,7 @@ import numpy as np
 from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
 
 # Specular interactions followed at most: light that is totally reflected so often keeps its flux, and never gets out.
+# Chosen, not derived.
 MOST_BOUNCES = 64
 # Normals within this cosine of their triangle's (0.4°) shade it as flat: irradiance differs by less than 1 % of sin θ.
 FLAT_COSINE = 0.99997

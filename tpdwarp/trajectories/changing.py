@@ -1,4 +1,4 @@
-"""Light that begins and ends within the shutter: cells whose photons take other ways at its ends than in its middle.
+"""Light that begins and ends within the shutter: cells whose photons take other paths at its ends than in its middle.
 
 A board passes over the water, a facet turns into view, total reflection sets in, a ball's shadow crosses a caustic:
 there, neither D_u x nor D_t x say anything of what the photon of mid shutter stands for at other times. Such cells are
@@ -28,13 +28,15 @@ from tpdwarp.trajectories.keyframes import END, LARGEST_DRIFT, ShutterKeyframes
 
 # Photons that carry less than this part of their cell's flux are no reason to trace the cell again; nor are those of
 # wide footprints, whose share counts by the root of how much narrower others are: what a photon adds to the mean square
-# goes with its flux by the root of its area.
+# goes with its flux by the root of its area. Chosen, not derived.
 LEAST_SHARE = 0.2
-# Nor are cells which carry less than this part of the light together.
+# Nor are cells which carry less than this part of the light together. Chosen, not derived: as little as a branch that
+# is given up.
 LEAST_LIGHT = 0.002
-# Parts of the shutter in which cells are traced again.
+# Parts of the shutter in which cells are traced again. Chosen, not derived: as short as keyframes are.
 PARTS = 8
 
+# When keyframes are traced, as parts of the shutter from its middle.
 TIMES = (-END, 0.0, END)
 
 
@@ -106,7 +108,7 @@ class ChangingCells:
 
 
 def changing_cells(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> ChangingCells | None:
-    """The cells of ``plan`` whose light takes other ways within the shutter; None where none matter."""
+    """The cells of ``plan`` whose light takes other paths within the shutter; None where none matter."""
     suspects = _suspects(keyframes, plan, clock)
     if not suspects:
         return None
@@ -220,14 +222,14 @@ def _areas(photons: PhotonMap) -> np.ndarray:
 
 
 def _typical_area(photons: PhotonMap) -> float:
-    """The area that half of the light falls on narrower footprints than."""
+    """The median area of footprints, weighted by flux: half of the light falls in smaller ones."""
     areas, flux = _areas(photons), photons.flux.sum(axis=1, dtype=np.float64)
     order = np.argsort(areas)
     return float(areas[order][np.searchsorted(np.cumsum(flux[order]), 0.5 * flux.sum())]) if len(order) else 0.0
 
 
 def _change(maps: list[PhotonMap], plan: EmissionPlan, number: int, window: Window, typical: float) -> np.ndarray:
-    """Cells in which a photon that matters takes a way that none takes in the middle, or at either end of the shutter.
+    """Cells in which a photon that matters takes a path that none takes in the middle, or at either end of the shutter.
 
     Args:
         maps: Photons at the opening, in the middle and at the closing.
