@@ -49,6 +49,7 @@ class KernelCache:
     def __init__(self) -> None:
         self._token = _CompilerToken()
         self._swept: set[str] = set()
+        self._roomy: set[str] = set()
 
     def start_warp(self, quietly: Callable[[], AbstractContextManager[None]]) -> None:
         """Starts Warp; with a cache in the temporary folder where its own cannot be made.
@@ -98,20 +99,31 @@ class KernelCache:
 
     def _load(self, module: wp.Module, device: Any, block_dim: int) -> None:
         if not os.path.isdir(self._folder(module, block_dim)):
-            reason = _no_room(wp.config.kernel_cache_dir)
-            if reason:
-                self._fall_back(wp.config.kernel_cache_dir, reason)
+            self._require_room()
         folder = self._folder(module, block_dim)
-        with self._token.turn(wp.config.kernel_cache_dir, folder), _own_headers():
-            compiles = not os.path.isdir(folder)
-            try:
+        with self._token.turn(wp.config.kernel_cache_dir, folder):
+            if os.path.isdir(folder):
                 module.load(device, block_dim)
+                return
+            try:
+                with _own_headers():
+                    module.load(device, block_dim)
             except BaseException:
                 for left in glob.glob(f"{glob.escape(folder)}_p{os.getpid()}_t*"):
                     shutil.rmtree(left, ignore_errors=True)
                 raise
-            if compiles:
-                _note_sums(folder)
+            _note_sums(folder)
+
+    def _require_room(self) -> None:
+        """Leaves a cache into which kernels cannot be compiled; looked at once, with room for all of them."""
+        folder = wp.config.kernel_cache_dir
+        if folder not in self._roomy:
+            reason = _no_room(folder)
+            if reason:
+                self._fall_back(folder, reason)
+                self._require_room()
+            else:
+                self._roomy.add(folder)
 
     def _folder(self, module: wp.Module, block_dim: int) -> str:
         return os.path.join(wp.config.kernel_cache_dir, module.get_module_identifier(block_dim))

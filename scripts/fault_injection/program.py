@@ -88,6 +88,12 @@ def finish(process: subprocess.Popen[bytes], timeout: float = TIMEOUT) -> Ended:
     return Ended(code, out.decode("utf-8", "replace"), err.decode("utf-8", "replace"), time.monotonic() - started)
 
 
+def cpu_seconds(process: subprocess.Popen[bytes]) -> float:
+    """Processor time that a running process has used."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def run(arguments: list[object], **options) -> Ended:
     """Runs ``tpdwarp`` to its end."""
     return finish(start(arguments, **options))

@@ -167,8 +167,10 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_a_signal_during_an_import_is_heard_after_it():
-    process = start(["info", "none.usda"], "-c", SIGNALLED_WHILE_IMPORTING)
+@pytest.mark.parametrize("call", ["main()", "main(sys.argv[1:])"])
+def test_a_signal_during_an_import_is_heard_at_once_by_the_program_and_after_it_by_callers(call):
+    # Only a process of the program's own may be ended within an import.
+    process = start(["info", "none.usda"], "-c", SIGNALLED_WHILE_IMPORTING.replace("main(sys.argv[1:])", call))
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (143, "", "error: interrupted\n")
 
