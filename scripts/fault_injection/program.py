@@ -18,7 +18,7 @@ from tpdwarp.io.images import read_image
 ROOT = Path(__file__).parent.parent.parent
 # Nothing here takes a minute on an idle core; a hang is a finding, not the end of the script.
 TIMEOUT = 300.0
-FRAMES = 6
+FRAMES = 12
 SMALL = ("-w", "32", "--samples", "1", "--photons", "4096", "--threads", "2", "-f", f"1:{FRAMES}")
 
 
