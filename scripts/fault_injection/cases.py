@@ -26,6 +26,7 @@ from scripts.fault_injection.program import (
     start,
 )
 from scripts.fault_injection.table import Row
+from tpdwarp.device import Launcher
 
 SKIP = "--skip-existing-frames"
 
@@ -222,7 +223,8 @@ def two_at_once(bench: Bench) -> Iterator[Row]:
 
 def kernel_caches(bench: Bench) -> Iterator[Row]:
     """A cache that is damaged or cannot be used costs no frame."""
-    wp.init()
+    # Starts Warp without its greeting.
+    Launcher()
     whole = Path(wp.config.kernel_cache_dir)
     temporary = bench.new("tmp")
 
