@@ -227,6 +227,18 @@ def test_a_reader_that_leaves_early_is_no_traceback(tmp_path):
     assert process.wait(60) == 1
 
 
+def test_an_interruption_before_the_program_has_begun_is_no_traceback(tmp_path):
+    # Python runs this before the program, in place of a keyboard.
+    (tmp_path / "argparse.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    script = (
+        "import runpy, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        f"sys.path.insert(0, {str(tmp_path)!r}); runpy.run_module('tpdwarp', run_name='__main__')"
+    )
+    process = start([], "-c", script)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (-signal.SIGINT, "", "")
+
+
 def test_python_m_tpdwarp_is_the_program():
     process = start(["-m", "tpdwarp", "--version"])
     assert process.communicate(timeout=60)[0] == f"tpdwarp {tpdwarp.__version__}\n"
