@@ -13,6 +13,8 @@ import pytest
 
 import tpdwarp
 from tpdwarp import kernel_cache
+from tpdwarp.compiler_token import CompilerToken
+from tpdwarp.io.digests import DIGESTS, has_its_digests
 
 ROOT = Path(tpdwarp.__file__).parent.parent
 
@@ -94,7 +96,7 @@ def break_object(module, how):
     if how == "no metadata":
         (next(module.glob("*.meta"))).write_bytes(b"")
     elif how == "no sums":
-        (module / kernel_cache._SUMS).unlink()
+        (module / DIGESTS).unlink()
         binary.write_bytes(b"")
     else:
         data = bytearray(binary.read_bytes())
@@ -122,14 +124,14 @@ def test_damaged_kernels_are_compiled_anew_with_one_line_each(compiled, tmp_path
     assert str(module) in said[-1] and said[-1].endswith("compiled anew")
     # Where nothing else tells that an object is damaged, LLVM finds out and has a word of its own.
     assert len(said) == (2 if how == "no sums" else 1)
-    assert kernel_cache._is_sound(str(module)) and (module / kernel_cache._SUMS).exists()
+    assert has_its_digests(str(module)) and (module / DIGESTS).exists()
 
 
 def test_a_cache_that_cannot_be_written_is_used_for_what_it_holds(compiled, tmp_path):
     cache = tmp_path / "cache"
     shutil.copytree(compiled / "cache", cache)
     # A file where the lock would be: neither locked nor removed.
-    (next(cache.iterdir()) / kernel_cache._CompilerToken.NAME).symlink_to("/dev/full")
+    (next(cache.iterdir()) / CompilerToken.NAME).symlink_to("/dev/full")
     assert run(compiled / "program.py", cache)[1] == []
 
 

@@ -9,37 +9,26 @@ from __future__ import annotations
 import atexit
 import contextlib
 import glob
-import json
 import os
 import re
 import shutil
 import stat
 import tempfile
-import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import Any
 
 import warp as wp
 
+from tpdwarp.compiler_token import CompilerToken
 from tpdwarp.errors import logger, shortened
-from tpdwarp.io.digests import file_digest
+from tpdwarp.io.digests import has_its_digests, note_digests
 from tpdwarp.io.files import host_name, is_running
 from tpdwarp.io.locks import FileLock
-from tpdwarp.stopping import pause
 
-# Precompiled headers and the objects of all kernels take 40 MB; LLVM ends the process when a disk is full.
+# The kernels of all methods took 8 MB, a precompiled header 5 MB; LLVM ends the process when a disk is full.
 ROOM_BYTES = 64 << 20
-# Another process that compiles is waited for so long: all kernels take 15 to 100 s on a machine of two busy cores.
-LONGEST_WAIT_SECONDS = 300.0
-POLL_SECONDS = 0.05
-# A process needs its next kernel within that time of the last, so that it is not overtaken by one that would have to
-# compile the headers first (2 s).
-KEPT_SECONDS = 1.5
 
-_SUMS = "tpdwarp.sums.json"
 _BUILD = re.compile(r"wp_.+_p([0-9]+)_t[0-9]+")
 
 
@@ -47,8 +36,9 @@ class KernelCache:
     """The cache that this process uses; one a process, as Warp has one."""
 
     def __init__(self) -> None:
-        self._token = _CompilerToken()
+        self._token = CompilerToken()
         self._swept: set[str] = set()
+        self._roomy: set[str] = set()
 
     def start_warp(self, quietly: Callable[[], AbstractContextManager[None]]) -> None:
         """Starts Warp; with a cache in the temporary folder where its own cannot be made.
@@ -78,7 +68,7 @@ class KernelCache:
         if loaded is not None and loaded.module_hash == module.get_module_hash(block_dim):
             return
         folder = self._folder(module, block_dim)
-        if os.path.isdir(folder) and not _is_sound(folder):
+        if os.path.isdir(folder) and not has_its_digests(folder):
             self._discard(folder, "is damaged")
         was_cached = os.path.isdir(folder)
         try:
@@ -98,20 +88,31 @@ class KernelCache:
 
     def _load(self, module: wp.Module, device: Any, block_dim: int) -> None:
         if not os.path.isdir(self._folder(module, block_dim)):
-            reason = _no_room(wp.config.kernel_cache_dir)
-            if reason:
-                self._fall_back(wp.config.kernel_cache_dir, reason)
+            self._require_room()
         folder = self._folder(module, block_dim)
-        with self._token.turn(wp.config.kernel_cache_dir, folder), _own_headers():
-            compiles = not os.path.isdir(folder)
-            try:
+        with self._token.turn(wp.config.kernel_cache_dir, folder):
+            if os.path.isdir(folder):
                 module.load(device, block_dim)
+                return
+            try:
+                with _own_headers():
+                    module.load(device, block_dim)
             except BaseException:
                 for left in glob.glob(f"{glob.escape(folder)}_p{os.getpid()}_t*"):
                     shutil.rmtree(left, ignore_errors=True)
                 raise
-            if compiles:
-                _note_sums(folder)
+            note_digests(folder)
+
+    def _require_room(self) -> None:
+        """Leaves a cache into which kernels cannot be compiled; looked at once, with room for all of them."""
+        folder = wp.config.kernel_cache_dir
+        if folder not in self._roomy:
+            reason = _no_room(folder)
+            if reason:
+                self._fall_back(folder, reason)
+                self._require_room()
+            else:
+                self._roomy.add(folder)
 
     def _folder(self, module: wp.Module, block_dim: int) -> str:
         return os.path.join(wp.config.kernel_cache_dir, module.get_module_identifier(block_dim))
@@ -137,7 +138,7 @@ class KernelCache:
 
     def _sweep(self, folder: str) -> None:
         """Removes what processes that were killed while compiling have left behind."""
-        lock = FileLock(os.path.join(folder, _CompilerToken.NAME))
+        lock = FileLock(os.path.join(folder, CompilerToken.NAME))
         # Who compiles on another host sharing the cache holds it: processes there cannot be looked for.
         if lock.acquire():
             try:
@@ -152,58 +153,6 @@ class KernelCache:
             number = left.rsplit("-", 1)[-1]
             if number.isdigit() and not is_running(int(number)):
                 shutil.rmtree(left, ignore_errors=True)
-
-
-class _CompilerToken:
-    """Held by the one process that compiles into a cache, until it has needed no kernel for a while."""
-
-    NAME = ".tpdwarp.compiling"
-
-    def __init__(self) -> None:
-        self._lock: FileLock | None = None
-        self._guard = threading.Lock()
-        self._released_at = 0.0
-        atexit.register(self._release)
-
-    @contextlib.contextmanager
-    def turn(self, cache: str, folder: str) -> Iterator[None]:
-        """While entered, either ``folder`` is there, or nobody else compiles (or has for far too long)."""
-        deadline = time.monotonic() + LONGEST_WAIT_SECONDS
-        while not os.path.isdir(folder) and not self._take(cache) and time.monotonic() < deadline:
-            pause(POLL_SECONDS)
-        try:
-            yield
-        finally:
-            with self._guard:
-                if self._lock is not None:
-                    self._released_at = time.monotonic() + KEPT_SECONDS
-                    timer = threading.Timer(KEPT_SECONDS, self._release_if_idle)
-                    timer.daemon = True
-                    timer.start()
-
-    def _take(self, cache: str) -> bool:
-        with self._guard:
-            # Not given back while this process compiles.
-            self._released_at = float("inf")
-            if self._lock is not None and os.path.dirname(self._lock.path) == cache:
-                return True
-            lock = FileLock(os.path.join(cache, self.NAME))
-            if not lock.acquire():
-                return False
-            self._lock = lock
-            return True
-
-    def _release_if_idle(self) -> None:
-        with self._guard:
-            if time.monotonic() < self._released_at:
-                return
-        self._release()
-
-    def _release(self) -> None:
-        with self._guard:
-            if self._lock is not None:
-                self._lock.release()
-                self._lock = None
 
 
 def own_folder() -> str:
@@ -232,27 +181,6 @@ def _no_room(folder: str) -> str:
     except OSError as error:
         return error.strerror or str(error)
     return ""
-
-
-def _note_sums(folder: str) -> None:
-    sums = {path.name: file_digest(str(path)) for path in sorted(Path(folder).iterdir()) if path.is_file()}
-    # Without them the module is taken as it is.
-    with contextlib.suppress(OSError):
-        temporary = Path(folder) / f".{os.getpid()}.{_SUMS}"
-        temporary.write_text(json.dumps(sums))
-        os.replace(temporary, Path(folder) / _SUMS)
-
-
-def _is_sound(folder: str) -> bool:
-    """Whether the files of a compiled module are those that were compiled, as far as that is known."""
-    try:
-        sums = json.loads((Path(folder) / _SUMS).read_text())
-        return all(file_digest(os.path.join(folder, name)) == digest for name, digest in sums.items())
-    except FileNotFoundError:
-        # Of another version, or without hashes.
-        return not (Path(folder) / _SUMS).exists()
-    except (OSError, ValueError, AttributeError):
-        return False
 
 
 @contextlib.contextmanager

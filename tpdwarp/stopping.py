@@ -10,7 +10,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -48,23 +48,28 @@ class _State:
     asked_at = 0.0
     deadline: float | None = None
     limit = 0.0
+    leave: Callable[[int], None] | None = None
+    working = False
 
 
 _state = _State()
 
 
 @contextmanager
-def signals_stop(for_good: bool = False) -> Iterator[None]:
+def signals_stop(leave: Callable[[int], None] | None = None) -> Iterator[None]:
     """While entered, SIGINT, SIGTERM and SIGHUP raise :class:`Stopped` in the main thread.
 
     Signals that are ignored stay so (``nohup``, jobs in the background). Elsewhere than in the main thread, which
     alone may handle signals, this does nothing.
 
     Args:
-        for_good: Whether the signals are ignored afterwards, in place of what they did before.
+        leave: Ends the process, given the signal. Called for one that comes while modules are still being imported and
+            nothing has begun that would have to be cleaned up: imports take seconds, and cannot be left half way. With
+            it, signals are ignored afterwards, for then only the interpreter's end follows; without, they do what they
+            did before.
     """
     before = {}
-    _state.signal_number = None
+    _state.signal_number, _state.leave, _state.working = None, leave, False
     try:
         for number in SIGNALS:
             if signal.getsignal(number) not in (signal.SIG_IGN, None):
@@ -75,8 +80,13 @@ def signals_stop(for_good: bool = False) -> Iterator[None]:
         yield
     finally:
         for number, handler in before.items():
-            signal.signal(number, signal.SIG_IGN if for_good else handler)
-        _state.signal_number = None
+            signal.signal(number, handler if leave is None else signal.SIG_IGN)
+        _state.signal_number = _state.leave = None
+
+
+def work_begins() -> None:
+    """Says that from now on there may be something to clean up."""
+    _state.working = True
 
 
 @contextmanager
@@ -133,8 +143,12 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
     unwinding = _state.signal_number is not None and now - _state.asked_at < PATIENCE_SECONDS
     if _state.signal_number is None:
         _state.signal_number, _state.asked_at = number, now
-    if not unwinding and not _importing(frame):
+    if unwinding:
+        return
+    if not _importing(frame):
         raise Stopped(_state.signal_number)
+    if _state.leave is not None and not _state.working:
+        _state.leave(number)
 
 
 def _on_alarm(number: int, frame: FrameType | None) -> None:

@@ -18,7 +18,7 @@ from tpdwarp.io.images import read_image
 ROOT = Path(__file__).parent.parent.parent
 # Nothing here takes a minute on an idle core; a hang is a finding, not the end of the script.
 TIMEOUT = 300.0
-FRAMES = 6
+FRAMES = 12
 SMALL = ("-w", "32", "--samples", "1", "--photons", "4096", "--threads", "2", "-f", f"1:{FRAMES}")
 
 
@@ -86,6 +86,12 @@ def finish(process: subprocess.Popen[bytes], timeout: float = TIMEOUT) -> Ended:
         code = HANGS
     code = 128 - code if code < HANGS else code
     return Ended(code, out.decode("utf-8", "replace"), err.decode("utf-8", "replace"), time.monotonic() - started)
+
+
+def cpu_seconds(process: subprocess.Popen[bytes]) -> float:
+    """Processor time that a running process has used."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def run(arguments: list[object], **options) -> Ended:

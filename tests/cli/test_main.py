@@ -168,8 +168,10 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-def test_a_signal_during_an_import_is_heard_after_it():
-    process = start(["info", "none.usda"], "-c", SIGNALLED_WHILE_IMPORTING)
+@pytest.mark.parametrize("call", ["main()", "main(sys.argv[1:])"])
+def test_a_signal_during_an_import_is_heard_at_once_by_the_program_and_after_it_by_callers(call):
+    # Only a process of the program's own may be ended within an import.
+    process = start(["info", "none.usda"], "-c", SIGNALLED_WHILE_IMPORTING.replace("main(sys.argv[1:])", call))
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (143, "", "error: interrupted\n")
 
@@ -224,6 +226,18 @@ def test_a_reader_that_leaves_early_is_no_traceback(tmp_path):
     assert "Traceback" not in process.stderr.read()
     process.stderr.close()
     assert process.wait(60) == 1
+
+
+def test_an_interruption_before_the_program_has_begun_is_no_traceback(tmp_path):
+    # Python runs this before the program, in place of a keyboard.
+    (tmp_path / "argparse.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    script = (
+        "import runpy, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        f"sys.path.insert(0, {str(tmp_path)!r}); runpy.run_module('tpdwarp', run_name='__main__')"
+    )
+    process = start([], "-c", script)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (-signal.SIGINT, "", "")
 
 
 def test_python_m_tpdwarp_is_the_program():

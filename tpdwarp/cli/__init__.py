@@ -33,8 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     mend_streams()
     try:
-        # Behind the process's own command line only the interpreter's end follows, whose code must be this one.
-        with signals_stop(for_good=arguments is None):
+        # Behind the process's own command line only the interpreter's end follows.
+        with signals_stop(_leave if arguments is None else None):
             return _run(arguments)
     except KeyboardInterrupt as error:
         return _interrupted(error)
@@ -66,6 +66,12 @@ def _run(arguments: Sequence[str] | None) -> int:
 def _interrupted(error: KeyboardInterrupt, resumable: str = "") -> int:
     number = error.number if isinstance(error, Stopped) else signal.SIGINT
     return _say(error, f"interrupted{resumable}", SIGNALLED + number)
+
+
+def _leave(number: int) -> None:
+    """Ends the process where nothing has to be cleaned up yet."""
+    _say(Stopped(number), "interrupted", SIGNALLED + number)
+    os._exit(SIGNALLED + number)
 
 
 def _say(error: BaseException, line: str, code: int) -> int:

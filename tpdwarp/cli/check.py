@@ -12,6 +12,7 @@ from tpdwarp.cli.report import warnings_shown
 from tpdwarp.errors import FrameError, InputError, shortened
 from tpdwarp.io.terminal import say
 from tpdwarp.jobs.progress import KINDS, OccasionalProgress, Progress, progress_of
+from tpdwarp.stopping import work_begins
 
 SUMMARY = "compare frames and debug layers with a baseline"
 EPILOG = (
@@ -93,6 +94,7 @@ def run(options: argparse.Namespace) -> int:
 
         say(f"{write_default_limits(options.baseline, options.limits)} written", sys.stdout)
         return DONE
+    work_begins()
     try:
         with warnings_shown(shown), tempfile.TemporaryDirectory(prefix="tpdwarp-check-") as temporary:
             return _check(options, options.frames or temporary, shown)

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tpdwarp.errors import FrameError, InputError
+from tpdwarp.stopping import work_begins
 
 # Another program's scheme in front of a name; one letter is a drive.
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
@@ -63,6 +64,7 @@ def complete_or_absent(path: str | os.PathLike[str]) -> Iterator[str]:
     """
     folder, name = os.path.split(os.fspath(path))
     target = Path(os.path.realpath(folder or os.curdir)) / name
+    work_begins()
     owner = f"{host_name()}-{os.getpid():x}-{secrets.token_hex(4)}"
     temporary = target.with_name(f".{target.stem[:40]}.{owner}.tmp{target.suffix}")
     try:

@@ -6,6 +6,8 @@ import contextlib
 import errno
 import os
 
+from tpdwarp.stopping import work_begins
+
 try:
     import fcntl
 except ImportError:  # Elsewhere than on POSIX systems
@@ -32,6 +34,7 @@ class FileLock:
         """
         if fcntl is None:
             return True
+        work_begins()
         while True:
             try:
                 descriptor = os.open(self.path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
@@ -41,7 +44,11 @@ class FileLock:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 os.close(descriptor)
-                return error.errno not in _HELD
+                if error.errno in _HELD:
+                    return False
+                with contextlib.suppress(OSError):
+                    os.unlink(self.path)
+                return True
             except BaseException:
                 os.close(descriptor)
                 raise
