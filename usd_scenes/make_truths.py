@@ -1,7 +1,7 @@
 """Makes the truths of the scenes of solids anew, one after the other; each takes some minutes of two cores.
 
-    python -m usd_scenes.make_truths                   # all of them
-    python -m usd_scenes.make_truths ball-gliding      # one
+python -m usd_scenes.make_truths                   # all of them
+python -m usd_scenes.make_truths ball-gliding      # one
 """
 
 from __future__ import annotations

@@ -90,7 +90,8 @@ def waves_over_a_sphere() -> Scene:
     water = _water(WAVES, level=1.6, run=0.125)
     points, triangles, normals = shapes.sphere()
     points = points * 0.45 + [0.0, 0.0, 0.6]
-    sphere = _mesh("Sphere", (points - [0.1, 0, 0], shapes.moved(points, (0.1, 0, 0))), triangles, DIFFUSE, normals=(normals,) * 2)
+    ends = (shapes.moved(points, (-0.1, 0.0, 0.0)), shapes.moved(points, (0.1, 0.0, 0.0)))
+    sphere = _mesh("Sphere", ends, triangles, DIFFUSE, normals=(normals,) * 2)
     meshes = [_floor(), water, sphere]
     return _scene("waves-over-a-sphere", meshes, [_sun(10.0)], (0.0, 0.0, 1.3), 1.6, view_is_clear=False)
 
@@ -135,7 +136,7 @@ def two_lights(ratio: float) -> Scene:
     """A lamp's caustic through a lens that a roof keeps the sun from, while the sun lights a ball elsewhere."""
     points, triangles, normals = shapes.lens(0.4, 0.9)
     points = shapes.moved(points, (-3.0, 0.0, 0.8))
-    ends = (points - [0, 0.08, 0], shapes.moved(points, (0, 0.08, 0)))
+    ends = (shapes.moved(points, (0.0, -0.08, 0.0)), shapes.moved(points, (0.0, 0.08, 0.0)))
     lens = _mesh("Lens", ends, triangles, DIELECTRIC, normals=(normals,) * 2)
     roof = _still("Roof", shapes.rectangle(2.4, 2.4), (-3.0, 0.0, 2.2), DIFFUSE)
     wall_points, wall_triangles = shapes.rectangle(2.0, 8.0)

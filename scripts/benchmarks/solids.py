@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Error of the renderer on moving solids against brute force in double precision, and what it costs.
 
-    .venv/bin/python scripts/benchmarks/solids.py                         # every scene whose truth is kept
-    .venv/bin/python scripts/benchmarks/solids.py ball-gliding --quick    # 16 384 photons only
+.venv/bin/python scripts/benchmarks/solids.py                         # every scene whose truth is kept
+.venv/bin/python scripts/benchmarks/solids.py ball-gliding --quick    # 16 384 photons only
 """
 
 from __future__ import annotations

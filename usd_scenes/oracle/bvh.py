@@ -73,9 +73,7 @@ def vertex_normal(surfaces: Surfaces, index: wp.int32, s: wp.float64) -> wp.vec3
 
 
 @wp.func
-def first_hit(
-    surfaces: Surfaces, x: wp.vec3d, w: wp.vec3d, s: wp.float64, left: wp.int32, limit: wp.float64
-) -> Hit:
+def first_hit(surfaces: Surfaces, x: wp.vec3d, w: wp.vec3d, s: wp.float64, left: wp.int32, limit: wp.float64) -> Hit:
     """The nearest triangle along x + λw for 0 < λ < ``limit``, but for triangle ``left`` (Möller and Trumbore)."""
     hit = Hit()
     hit.triangle = -1

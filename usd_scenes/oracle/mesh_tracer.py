@@ -1,7 +1,7 @@
 """Plain photons in double precision through moving triangles: both Fresnel branches, no differentials.
 
-Each photon has a time of its own. Kernels run as one thread that loops over its photons, so that one stack of pending branches and plain sums serve;
-threads each launch their own (the call releases Python's lock).
+Each photon has a time of its own. Kernels run as one thread that loops over its photons, so that one stack of pending
+branches and plain sums serve; threads each launch their own (the call releases Python's lock).
 """
 
 from __future__ import annotations
