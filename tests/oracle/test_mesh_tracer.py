@@ -139,6 +139,23 @@ def test_a_lamp_under_a_mirror_shines_as_its_image_does(moves):
     assert truth.irradiance.mean() == pytest.approx(expected.mean(), rel=truth.error)
 
 
+@pytest.mark.parametrize("tilt, leaves", [(-20.0, 85.0), (80.0, 45.0)])
+def test_shading_normals_turn_light_unless_it_would_go_into_the_surface(tilt, leaves):
+    """A mirror at x = 1, a unit above the floor, lit by light that goes towards +x and 45 degrees down.
+
+    Turned down by 20 degrees, normals send it off 45 + 40 degrees below the level. Turned up by 80 degrees they would
+    send it on into the mirror, which then reflects as it stands.
+    """
+    points, triangles = shapes.rectangle(0.02, 0.02)
+    upright = shapes.moved(points @ shapes.rotation((0, 1, 0), -90.0).T, (1.0, 0.0, 1.0))
+    angle = math.radians(tilt)
+    normals = np.tile([-math.cos(angle), 0.0, math.sin(angle)], (4, 1))
+    mirror = Mesh("/mirror", (upright, upright), triangles, MIRROR, 1.5, 1.0, (normals, normals))
+    truth = irradiance(scene([floor(), mirror], sun(45.0), camera(3.0, 300)), 1 << 10, parts=2)
+    middle = ((np.arange(300) + 0.5) / 100 - 1.5) @ truth.irradiance.sum(axis=0) / truth.irradiance.sum()
+    assert middle == pytest.approx(1.0 - 1.0 / math.tan(math.radians(leaves)), abs=0.01)
+
+
 def test_the_edge_of_a_moving_board_is_a_ramp():
     water = still("/water", flat_sheet(3.0, 1.0), (0, 0, 0), DIELECTRIC, 1.33)
     points, triangles = shapes.rectangle(2.0, 4.0)
