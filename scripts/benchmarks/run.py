@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
-CASES = ("frame_time", "accuracy", "presets", "comparison", "target_error", "rounding", "check_frames")
+CASES = ("frame_time", "accuracy", "presets", "comparison", "target_error", "rounding", "check_frames", "solids")
 
 
 def main() -> int:

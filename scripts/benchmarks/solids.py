@@ -1,0 +1,155 @@
+#!/usr/bin/env python3
+"""Error of the renderer on moving solids against brute force in double precision, and what it costs.
+
+.venv/bin/python scripts/benchmarks/solids.py                         # every scene whose truth is kept
+.venv/bin/python scripts/benchmarks/solids.py ball-gliding --quick    # 16 384 photons only
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import tpdwarp
+from usd_scenes.brute_force import Truth
+from usd_scenes.kept_truths import FOLDER, kept_truth
+from usd_scenes.solids import SCENES, write
+from usd_scenes.stage import CAMERA, FRAME
+
+PHOTONS = (1 << 12, 1 << 14, 1 << 16, 1 << 18)
+MOST_PHOTONS = 1 << 20
+SETTINGS: dict[str, dict[str, Any]] = {"default": {}, "auto": {"segments": "auto"}}
+SAMPLES = 4
+# A ball, a flat solid, an edge in time: together a few seconds at 16 384 photons.
+QUICK_SCENES = ("ball-gliding", "cube-turning", "board-over-water")
+QUICK_PHOTONS = (1 << 14,)
+
+
+def run(
+    scenes: Sequence[str] = (), photons: Sequence[int] = PHOTONS, settings: Sequence[str] = tuple(SETTINGS)
+) -> list[dict[str, object]]:
+    """Errors of each scene at each number of photons; prints them as they come.
+
+    Args:
+        scenes: Names of scenes; none for all whose truth is kept.
+        photons: Photons a frame.
+        settings: Names of :data:`SETTINGS`.
+
+    Returns:
+        A row a render: ``scene``, ``settings``, ``photons``, ``relative_rmse`` (by the truth's mean, within its mask),
+        ``truth_error`` (the truth's own), ``irradiance_ratio`` (of the means), ``deposited`` and ``lost`` (shares of
+        the flux sent, the latter by cause), ``true_deposited``, ``cpu_seconds`` and ``slope`` (of the error with
+        photons since the row before, or None).
+    """
+    rows: list[dict[str, object]] = []
+    print(f"  {'scene':22s} {'settings':9s} {'photons':>8s} {'rel.RMSE':>9s} {'slope':>6s} {'mean':>6s}", end=" ")
+    print(f"{'landed':>7s} {'(true)':>7s} {'lost':>8s} {'CPU s':>6s}")
+    for name in scenes or [name for name in SCENES if (FOLDER / f"{name}.npz").exists()]:
+        truth = kept_truth(SCENES[name]())
+        print(f"  {name}: the truth errs by {truth.error:.4f}", flush=True)
+        with tempfile.TemporaryDirectory() as folder:
+            stage = write(name, Path(folder))
+            for chosen in settings:
+                before: dict[str, object] | None = None
+                # Kernels are compiled, or loaded, by a render that is not timed.
+                _measured(stage, truth, photons=1 << 10, **SETTINGS[chosen])
+                for count in photons:
+                    row = {"scene": name, "settings": chosen, "photons": count, "slope": None}
+                    row |= _measured(stage, truth, photons=count, **SETTINGS[chosen])
+                    if before is not None:
+                        change = math.log(row["relative_rmse"] / before["relative_rmse"])
+                        row["slope"] = change / math.log(count / before["photons"])
+                    rows.append(row)
+                    before = row
+                    _print(row)
+    return rows
+
+
+def quick() -> list[dict[str, object]]:
+    """A few scenes with few photons and default settings; for tests."""
+    return run(QUICK_SCENES, QUICK_PHOTONS, ("default",))
+
+
+def _measured(stage: Path, truth: Truth, **settings: Any) -> dict[str, object]:
+    """One render compared with the truth."""
+    picture = stage.with_suffix(".exr")
+    start = time.process_time()
+    result = tpdwarp.render(
+        stage,
+        picture,
+        frames=FRAME,
+        camera=CAMERA,
+        image_width=truth.irradiance.shape[1],
+        aovs=("irradiance",),
+        exposure=1.0,
+        samples=SAMPLES,
+        **settings,
+    )
+    seconds = time.process_time() - start
+    found = _channel(picture, "irradiance.R")
+    difference, mean = (found - truth.irradiance)[truth.mask], truth.irradiance[truth.mask].mean()
+    energy = result.energy[float(FRAME)]
+    receivers = sum(watts for name, watts in truth.energy.items() if name.startswith("/"))
+    return {
+        "relative_rmse": float(np.sqrt(np.mean(difference**2)) / mean),
+        "truth_error": truth.error,
+        "irradiance_ratio": float(found[truth.mask].mean() / mean),
+        "deposited": energy.deposited / energy.sent,
+        "true_deposited": receivers / truth.energy["sent"],
+        "lost": {cause: watts / energy.sent for cause, watts in energy.lost.items() if watts},
+        "cpu_seconds": seconds,
+    }
+
+
+def _channel(path: Path, name: str) -> np.ndarray:
+    """One channel of an image, shape [height, width] float64."""
+    pixels = oiio.ImageBuf(str(path))
+    return pixels.get_pixels(oiio.FLOAT)[:, :, pixels.spec().channelindex(name)].astype(np.float64)
+
+
+def _print(row: dict[str, Any]) -> None:
+    slope = "" if row["slope"] is None else f"{row['slope']:.2f}"
+    causes = ", ".join(f"{cause} {share:.1e}" for cause, share in row["lost"].items())
+    print(
+        f"  {row['scene']:22s} {row['settings']:9s} {row['photons']:8d} {row['relative_rmse']:9.4f} {slope:>6s} "
+        f"{row['irradiance_ratio']:6.3f} {row['deposited']:7.4f} {row['true_deposited']:7.4f} "
+        f"{sum(row['lost'].values()):8.1e} {row['cpu_seconds']:6.2f}  {causes}",
+        flush=True,
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Measures errors on moving solids.")
+    parser.add_argument("scene", nargs="*", help=f"which of {', '.join(SCENES)}; by default all that have a truth")
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK_PHOTONS[0]} photons and default settings only")
+    parser.add_argument("--most", action="store_true", help=f"also {MOST_PHOTONS} photons")
+    parser.add_argument("--photons", type=int, action="append", help="photons a frame, in place of the usual numbers")
+    parser.add_argument("--json", type=Path, help="also write the rows to this file")
+    options = parser.parse_args()
+    for name in options.scene:
+        if name not in SCENES:
+            parser.error(f"there is no scene {name!r}; there are {', '.join(SCENES)}")
+    photons = tuple(options.photons or ((*PHOTONS, MOST_PHOTONS) if options.most else PHOTONS))
+    if options.quick:
+        rows = run(options.scene or QUICK_SCENES, QUICK_PHOTONS, ("default",))
+    else:
+        rows = run(options.scene, photons)
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=2) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
