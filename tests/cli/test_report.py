@@ -4,7 +4,7 @@ from tpdwarp.cli.report import report, summary_lines, warnings_shown
 from tpdwarp.errors import logger
 from tpdwarp.jobs.progress import Progress
 from tpdwarp.jobs.results import FrameOutcome, SequenceResult
-from tpdwarp.photons.record import EnergyAccount
+from tpdwarp.photons.energy import EnergyAccount
 
 
 class Listener(Progress):

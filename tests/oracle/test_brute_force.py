@@ -5,17 +5,16 @@ import math
 import numpy as np
 import pytest
 import warp as wp
-from usd_scenes.oracle.mesh_tracer import ROULETTE
-from usd_scenes.oracle.photon_histogram import clear_view
-from usd_scenes.oracle.sobol import coordinate, direction_numbers
 
 from usd_scenes import shapes
 from usd_scenes.brute_force import Camera, Light, Mesh, Scene, irradiance
 from usd_scenes.brute_force.description import DIELECTRIC, DIFFUSE, MIRROR, between
+from usd_scenes.brute_force.mesh_tracer import ROULETTE
+from usd_scenes.brute_force.photon_histogram import clear_view
+from usd_scenes.brute_force.sobol import coordinate, direction_numbers
+from usd_scenes.oracle import closed_forms
 from usd_scenes.oracle.surfaces import TriangleMesh
 from usd_scenes.oracle.tracer import trace
-
-from . import closed_forms
 
 DOWN = np.array([0.0, 0.0, -1.0])
 ROULETTE_SHARE = float(ROULETTE.value)
