@@ -28,7 +28,9 @@ from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
+from tpdwarp.usd.read.subdivision.surface import SCHEMES, levels_for
 from tpdwarp.usd.read.transforms import Transforms, union
+from tpdwarp.usd.read.values import text_at
 
 DEFAULT_WIDTH = 960
 MOST_PIXELS = 2**30
@@ -336,7 +338,22 @@ class StageScene:
     def _shape(self, prim: Usd.Prim) -> Shape | Primitive:
         if is_primitive(prim):
             return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
-        return Shape(UsdGeom.Mesh(prim), self.time_codes_per_second, self._cubic, self.warnings)
+        return Shape(
+            UsdGeom.Mesh(prim),
+            self.time_codes_per_second,
+            self._cubic,
+            lambda faces: self._levels(prim, faces),
+            self.warnings,
+        )
+
+    def _levels(self, prim: Usd.Prim, faces: int) -> int:
+        """How often the cage of a subdivision surface is refined."""
+        specular = self._materials.may_be_specular(prim, self.start)
+        return levels_for(faces, specular, self._subdivision_count, self._settings.complexity)
+
+    @cached_property
+    def _subdivision_count(self) -> int:
+        return sum(_is_subdivided(placed.prim) for placed in self._placed(self.start))
 
     def _segments(self, prim: Usd.Prim) -> int:
         """Segments of a circle of a primitive."""
@@ -418,6 +435,11 @@ class StageScene:
             may_be_visible(light.prim) and (light.power_varies or any(light.power(self.start)))
             for light in self._lights
         )
+
+
+def _is_subdivided(prim: Usd.Prim) -> bool:
+    """Whether a prim is a subdivision surface."""
+    return prim.IsA(UsdGeom.Mesh) and text_at(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr()) in SCHEMES
 
 
 def _interactions(mesh: MeshAtShutter | None) -> list[str]:
