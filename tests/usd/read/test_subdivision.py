@@ -305,7 +305,7 @@ def test_levels_are_bounded_by_what_they_cost():
     for faces in (6, 1000, 100_000):
         for surfaces in (1, 100, 10_000):
             levels = levels_for(faces, True, surfaces, 1.0)
-            assert levels >= 1 and (levels == 1 or faces * 4.0 ** (levels - 1) < MOST_FACES / surfaces)
+            assert levels >= 1 and (levels == 1 or faces * 4.0**levels <= MOST_FACES / surfaces)
     assert levels_for(FINEST_CAGE + 1, True, 1, 2.0) == 0
     assert levels_for(6, True, 1, 1.0) > levels_for(6, False, 1, 1.0)
 

@@ -6,6 +6,8 @@ tangents; T. DeRose, M. Kass, T. Truong (1998) for creases of finite sharpness.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from tpdwarp.usd.read.subdivision.connectivity import Connectivity, summed
@@ -168,23 +170,28 @@ class CatmullClark(Rules):
     def _smooth_limit(self, points: np.ndarray) -> np.ndarray:
         mesh = self.mesh
         n = np.maximum(mesh.valence, 1)[:, None].astype(float)
-        across = mesh.summed(mesh.indices, points[self._opposite()])
+        across = mesh.summed(mesh.indices, points[self._opposite])
         return (n * n * points + 4.0 * mesh.neighbours(points) + across) / (n * (n + 5.0))
 
     def _tangents(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         mesh = self.mesh
-        angle, step = self._angles()
-        weight = 1.0 + np.cos(step) + np.cos(0.5 * step) * np.sqrt(2.0 * (9.0 + np.cos(step)))
-        along, across = points[mesh.indices[mesh.after]], points[self._opposite()]
+        along, across = points[mesh.indices[mesh.after]], points[self._opposite]
         first, second = (
-            mesh.summed(
-                mesh.indices,
-                (weight * wave(angle))[:, None] * along + (wave(angle) + wave(angle + step))[:, None] * across,
-            )
-            for wave in (np.cos, np.sin)
+            mesh.summed(mesh.indices, weight * along + weight_across * across)
+            for weight, weight_across in self._tangent_weights
         )
         return first, second
 
+    @cached_property
+    def _tangent_weights(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Weights of the next vertex and of the one across at each corner, shapes [c, 1], for either tangent."""
+        angle, step = self._angles()
+        weight = 1.0 + np.cos(step) + np.cos(0.5 * step) * np.sqrt(2.0 * (9.0 + np.cos(step)))
+        return [
+            ((weight * wave(angle))[:, None], (wave(angle) + wave(angle + step))[:, None]) for wave in (np.cos, np.sin)
+        ]
+
+    @cached_property
     def _opposite(self) -> np.ndarray:
         """The vertex across the quadrilateral from each corner, shape [c]."""
         return self.mesh.indices[self.mesh.after[self.mesh.after]]
@@ -227,7 +234,12 @@ class Loop(Rules):
 
     def _tangents(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         mesh = self.mesh
-        angle, _ = self._angles()
         along = points[mesh.indices[mesh.after]]
-        first, second = (mesh.summed(mesh.indices, wave(angle)[:, None] * along) for wave in (np.cos, np.sin))
+        first, second = (mesh.summed(mesh.indices, weight * along) for weight in self._tangent_weights)
         return first, second
+
+    @cached_property
+    def _tangent_weights(self) -> list[np.ndarray]:
+        """Weights of the next vertex at each corner, shape [c, 1], for either tangent."""
+        angle, _ = self._angles()
+        return [wave(angle)[:, None] for wave in (np.cos, np.sin)]

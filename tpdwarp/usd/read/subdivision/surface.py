@@ -33,8 +33,11 @@ def levels_for(faces: int, specular: bool, surfaces: int, complexity: float) -> 
     """
     if faces > FINEST_CAGE:
         return 0
-    wanted = min(WANTED_SPECULAR_FACES if specular else WANTED_FACES, MOST_FACES / max(surfaces, 1))
-    levels = max(1, int(np.ceil(np.log2(max(wanted / max(faces, 1), 1.0)) / 2.0)))
+    wanted = WANTED_SPECULAR_FACES if specular else WANTED_FACES
+    needed, affordable = (
+        np.log2(max(most / max(faces, 1), 1.0)) / 2.0 for most in (wanted, MOST_FACES / max(surfaces, 1))
+    )
+    levels = max(1, min(int(np.ceil(needed)), int(affordable)))
     # Single precision and typed decimals: 1.1 is a level, 1.0999999 as well.
     extra = int(np.clip((complexity - 1.0) * 10.0 + 0.01, 0.0, 8.0))
     while extra > 0 and faces * 4.0 ** (levels + extra) > MOST_FACES:
