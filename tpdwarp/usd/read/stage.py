@@ -14,6 +14,7 @@ from pxr import Sdf, Usd, UsdGeom
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
+from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
 from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
@@ -69,7 +70,7 @@ class StageScene:
         self._cubic = settings.motion == "cubic"
         self._transforms = Transforms(self._cubic)
         self._materials = Materials(warnings, self._request.material_purpose)
-        self._shapes: dict[str, Shape | Primitive] = {}
+        self._shapes: dict[str, Shape | Primitive | Blobs] = {}
         purposes = _purposes(settings, self._request)
         contents = Walker(purposes, self._transforms, warnings).walk(stage)
         self._meshes = [
@@ -335,9 +336,11 @@ class StageScene:
             label, prim, self._shapes[key], placement, self._animation, self._cubic, self._materials, self.warnings
         )
 
-    def _shape(self, prim: Usd.Prim) -> Shape | Primitive:
+    def _shape(self, prim: Usd.Prim) -> Shape | Primitive | Blobs:
         if is_primitive(prim):
             return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
+        if is_blob(prim):
+            return Blobs(prim, self.warnings)
         return Shape(
             UsdGeom.Mesh(prim),
             self.time_codes_per_second,
