@@ -54,7 +54,7 @@ class Settings:
         tdpm_neighbours: Photons in an estimate of ``tdpm``.
         tdpm_between: In-between frames of ``tdpm``; else times are random.
         image_width: Width in pixels; None takes the render settings' resolution, or 960.
-        complexity: As in usdrecord; no effect on polygonal meshes.
+        complexity: As in usdrecord: each tenth above 1 refines subdivision surfaces once more.
         purposes: Purposes rendered beside ``default``.
         mask: Prim paths that alone are read; empty for all.
         camera: Camera path or name; empty takes the render settings' camera, or the only one.
