@@ -68,7 +68,7 @@ class StageSettings(_Group):
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
         image_width: Width in pixels; None takes the render settings' resolution, or 960.
-        complexity: As in usdrecord; no effect on polygonal meshes.
+        complexity: As in usdrecord: each tenth above 1 refines subdivision surfaces once more.
         purposes: Purposes rendered beside ``default``.
         mask: Prim paths that alone are read; empty for all.
         camera: Camera path or name; empty takes the render settings' camera, or the only one.

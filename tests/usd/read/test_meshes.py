@@ -291,27 +291,24 @@ def test_zero_normals_are_replaced_by_those_of_their_faces(small):
     np.testing.assert_allclose(found.normal_motions[found.normal_indices[0, 1]], [0, -0.6, -0.2], atol=1e-7)
 
 
-@pytest.mark.parametrize(("scheme", "smooth"), [("catmullClark", True), ("loop", True), ("bilinear", False)])
-def test_subdivision_surfaces_are_their_control_polygons_and_say_so(small, scheme, smooth):
-    mesh = small.mesh(
-        points=(*SQUARE, (1, 0, -1), (1, 1, -1)), counts=(4, 4), indices=(0, 1, 2, 3, 1, 4, 5, 2), scheme=scheme
-    )
-    mesh.CreateNormalsAttr([Gf.Vec3f(0, 1, 0)] * 6)
+def test_authored_normals_of_subdivision_surfaces_are_ignored_as_usd_asks(small):
+    mesh = small.mesh(scheme="catmullClark")
+    mesh.CreateNormalsAttr([Gf.Vec3f(0, 1, 0)] * 4)
+    scene = small.open()
+    np.testing.assert_allclose(unit_normals_of(only(scene.at(Shutter.still(1)))), [[0, 0, 1]])
+    assert scene.warnings.messages == []
+
+
+def unit_normals_of(mesh):
+    return np.unique(mesh.normals[mesh.normal_indices].reshape(-1, 3).round(12), axis=0)
+
+
+def test_bilinear_surfaces_are_their_polygons(small):
+    mesh = small.mesh(scheme="bilinear")
+    mesh.CreateNormalsAttr([Gf.Vec3f(0, 1, 0)] * 4)
     scene = small.open()
     found = only(scene.at(Shutter.still(1)))
-    assert (found.normals is not None) == smooth
-    if smooth:
-        np.testing.assert_allclose(found.normals[1], [math.sqrt(0.5), 0, math.sqrt(0.5)], atol=1e-15)
-    assert len([m for m in scene.warnings.messages if "control polygons" in m and "normals are ignored" in m]) == 1
-
-
-def test_smooth_normals_move_with_the_points(small):
-    folded = CORNERS[[0, 1, 2, 3]].copy()
-    folded[2:, 2] = 1
-    small.moving("/Mesh", {1: CORNERS, 2: folded}, scheme="catmullClark")
-    found = only(small.open().at(Shutter(1, 1, 2)))
-    np.testing.assert_allclose(found.normals[0], np.array([0, -0.5, 1]) / math.sqrt(1.25), atol=1e-15)
-    np.testing.assert_allclose(found.normal_motions[0], [0, -math.sqrt(0.5), math.sqrt(0.5) - 1], atol=1e-15)
+    assert len(found.triangles) == 2 and found.normals is None and scene.warnings.messages == []
 
 
 def test_polygons_without_normals_are_flat(small):

@@ -69,7 +69,7 @@ def test_a_light_that_is_lit_later_is_usable(small):
     assert small.open().at(Shutter.still(5)).lights[0].power == (1, 1, 1)
 
 
-@pytest.mark.parametrize("kind", ["NurbsPatch", "TetMesh", "BasisCurves", "Points"])
+@pytest.mark.parametrize("kind", ["NurbsPatch", "TetMesh", "NurbsCurves", "HermiteCurves"])
 def test_other_shapes_are_said_once_and_left_out(small, kind):
     small.mesh()
     getattr(UsdGeom, kind).Define(small.stage, "/Other")

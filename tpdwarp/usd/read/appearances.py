@@ -125,8 +125,9 @@ def _display_colors(
         warnings(path, f"holds colours outside 0 … {BRIGHTEST:g}, which are clamped")
         colors = np.clip(colors, 0.0, BRIGHTEST)
     interpolation = str(primvar.GetInterpolation())
-    indices = topology.elements(interpolation, len(colors), point_count)
-    if indices is None:
+    spread = topology.spread(colors, interpolation, point_count)
+    if spread is None:
         warnings(path, f"does not fit its interpolation ({interpolation}) and is ignored")
         return None, None, curve.varies
+    colors, indices = spread
     return colors, np.ascontiguousarray(indices, dtype=np.int32), curve.varies

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 
 from tpdwarp.errors import WarnOnce
+from tpdwarp.usd.read.blobs import is_blob
 from tpdwarp.usd.read.instances import Instancer, Prototype
 from tpdwarp.usd.read.lights import is_light
 from tpdwarp.usd.read.primitives import is_primitive
@@ -24,7 +25,7 @@ class Contents:
     """The prims that matter, in stage order.
 
     Attributes:
-        meshes: Meshes and primitives of an included purpose, native instances included.
+        meshes: Meshes, primitives, points and curves of an included purpose, native instances included.
         instancers: Point instancers of an included purpose that are not nested in another's prototype.
         lights: Lights that are rendered.
         cameras: Cameras.
@@ -128,7 +129,7 @@ class Walker:
 
 def is_drawn(prim: Usd.Prim) -> bool:
     """Whether a prim has a shape that is rendered."""
-    return prim.IsA(UsdGeom.Mesh) or is_primitive(prim)
+    return prim.IsA(UsdGeom.Mesh) or is_primitive(prim) or is_blob(prim)
 
 
 def visibility_varies(prim: Usd.Prim) -> bool:

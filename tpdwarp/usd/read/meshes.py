@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, Shutter
 from tpdwarp.usd.read.appearances import Appearance, appearance_of
+from tpdwarp.usd.read.blobs import Blobs
 from tpdwarp.usd.read.jumps import Jump, settled
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
@@ -81,7 +82,7 @@ class PlacedMesh:
         self,
         label: str,
         prim: Usd.Prim,
-        shape: Shape | Primitive,
+        shape: Shape | Primitive | Blobs,
         placement: Placement,
         animation: tuple[float, float],
         cubic: bool,

@@ -20,6 +20,8 @@ from tpdwarp.usd.read.motion import touched
 from tpdwarp.usd.read.normals import area_vectors, smooth_normals, unit
 from tpdwarp.usd.read.primvars import flattened, require_finite
 from tpdwarp.usd.read.samples import SampledArray, of_attribute
+from tpdwarp.usd.read.subdivision.cages import cage_of, faces_at_boundary
+from tpdwarp.usd.read.subdivision.surface import SCHEMES, Surface
 from tpdwarp.usd.read.topology import Topology, triangulate
 from tpdwarp.usd.read.transforms import union
 from tpdwarp.usd.read.values import ROWS, indices_at, text_at, value_at
@@ -51,10 +53,19 @@ class Shape:
         mesh: The mesh.
         time_codes_per_second: Converts ``velocities`` to displacements by time code.
         cubic: Whether points and normals are interpolated by the cubic Hermite through their samples.
+        levels: Gives how often a subdivision surface is refined whose cage has so many faces.
         warnings: Takes what is not supported, and names the file in errors.
     """
 
-    def __init__(self, mesh: UsdGeom.Mesh, time_codes_per_second: float, cubic: bool, warnings: WarnOnce) -> None:
+    def __init__(
+        self,
+        mesh: UsdGeom.Mesh,
+        time_codes_per_second: float,
+        cubic: bool,
+        levels: Callable[[int], int],
+        warnings: WarnOnce,
+    ) -> None:
+        self.levels = levels
         self.mesh, self.warnings = mesh, warnings
         self.path, self.file = str(mesh.GetPath()), warnings.file
         self._per_second, self._cubic = time_codes_per_second, cubic
@@ -68,6 +79,7 @@ class Shape:
         self._faces_vary = any(attribute.ValueMightBeTimeVarying() for attribute in self._face_attributes)
         self._same_faces: dict[tuple[float, float], bool] = {}
         self._last: tuple[list[np.ndarray], Topology] | None = None
+        self._surface: tuple[Topology, Surface | None] | None = None
         self._still: list[ShapeAtShutter | None] = []
         linked = self._linked if self._faces_vary else None
         attribute = mesh.GetPointsAttr()
@@ -117,12 +129,37 @@ class Shape:
             self.warnings(self.path, "the mesh has no faces and is left out")
             return None
         points = self._moving_points(connected, base, stored)
+        surface = self._subdivided(topology, len(stored)) if self._scheme in SCHEMES else None
+        if surface is not None:
+            return _on_surface(surface, points, len(stored))
         normals = elements = None
         if self._normals is not None:
             normals, elements = self._normals_over(connected, first, last, middle, base, topology, points, len(stored))
-        if normals is None and self._scheme in ("catmullClark", "loop"):
+        if normals is None and self._scheme in SCHEMES:
             normals, elements = (lambda time: smooth_normals(points(time), topology)), (lambda faces: faces.triangles)
         return ShapeAtShutter(topology, len(stored), points, normals, elements)
+
+    def _subdivided(self, topology: Topology, point_count: int) -> Surface | None:
+        """The surface of the cage last read, known by its ``topology``; None where it is rendered as it is."""
+        if self._surface is None or self._surface[0] is not topology:
+            self._surface = topology, self._make_surface(point_count)
+        return self._surface[1]
+
+    def _make_surface(self, point_count: int) -> Surface | None:
+        counts, indices, holes = self._last[0]
+        levels = self.levels(len(counts))
+        as_it_is = "a subdivision surface is rendered as its control polygons"
+        if levels == 0:
+            self.warnings(self.path, f"{as_it_is}, which are fine enough")
+            return None
+        if counts.min() < 3 or (self._scheme == "loop" and counts.max() > 3):
+            self.warnings(self.path, f"{as_it_is}: it has faces that its scheme does not take")
+            return None
+        cage = cage_of(self.mesh, counts, indices, point_count, self.warnings)
+        if text_at(self.mesh.GetInterpolateBoundaryAttr()) == UsdGeom.Tokens.none:
+            holes = np.union1d(holes, faces_at_boundary(cage))
+        left_handed = text_at(self.mesh.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded
+        return Surface(self._scheme, cage, levels, holes, left_handed)
 
     def _moving_points(self, connected: bool, base: float | None, stored: np.ndarray) -> Callable[[float], np.ndarray]:
         # A cubic takes velocities for its tangents.
@@ -283,13 +320,7 @@ class Shape:
         primvar = UsdGeom.PrimvarsAPI(self.mesh).GetPrimvar("normals")
         attribute = self.mesh.GetNormalsAttr()
         authored = primvar.HasValue() or attribute.HasAuthoredValue()
-        if self._scheme != "none":
-            ignored = ", and its authored normals are ignored, as USD asks for subdivision surfaces" if authored else ""
-            self.warnings(
-                self.path,
-                f"the {self._scheme} subdivision surface is rendered as its control polygons{ignored} "
-                "(author subdivisionScheme = none for a polygonal mesh)",
-            )
+        # Subdivision surfaces have normals of their own: USD asks that authored ones be ignored.
         if self._scheme != "none" or not authored:
             return None, "", ""
         if primvar.HasValue():
@@ -322,6 +353,28 @@ class Shape:
                     f"{self.path}.velocities", "is ignored: points without time samples do not say when they hold"
                 )
         return span
+
+
+def _on_surface(
+    surface: Surface, cage_points: Callable[[float], np.ndarray], point_count: int
+) -> ShapeAtShutter | None:
+    """The shape of a subdivision surface; primvars are those of its cage of ``point_count`` points."""
+    known: dict[float, np.ndarray] = {}
+
+    def refined(time: float) -> np.ndarray:
+        # Points and normals are asked for at one time after the other.
+        if time not in known:
+            known.clear()
+            known[time] = surface.refined(cage_points(time))
+        return known[time]
+
+    return ShapeAtShutter(
+        surface.topology,
+        point_count,
+        lambda time: surface.points(refined(time)),
+        lambda time: surface.normals(refined(time)),
+        surface.normal_elements,
+    )
 
 
 def _frozen(shape: ShapeAtShutter | None, time: float) -> ShapeAtShutter | None:

@@ -14,6 +14,7 @@ from pxr import Sdf, Usd, UsdGeom
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import StageSettings
+from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
 from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
@@ -28,8 +29,10 @@ from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
+from tpdwarp.usd.read.subdivision.surface import SCHEMES, levels_for
 from tpdwarp.usd.read.transforms import Transforms, union
 from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
+from tpdwarp.usd.read.values import text_at
 
 DEFAULT_WIDTH = 960
 MOST_PIXELS = 2**30
@@ -68,7 +71,7 @@ class StageScene:
         self._cubic = settings.motion == "cubic"
         self._transforms = Transforms(self._cubic)
         self._materials = Materials(warnings, self._request.material_purpose)
-        self._shapes: dict[str, Shape | Primitive] = {}
+        self._shapes: dict[str, Shape | Primitive | Blobs] = {}
         purposes = _purposes(settings, self._request)
         contents = Walker(purposes, self._transforms, warnings).walk(stage)
         self._meshes = [
@@ -346,10 +349,27 @@ class StageScene:
             label, prim, self._shapes[key], placement, self._animation, self._cubic, self._materials, self.warnings
         )
 
-    def _shape(self, prim: Usd.Prim) -> Shape | Primitive:
+    def _shape(self, prim: Usd.Prim) -> Shape | Primitive | Blobs:
         if is_primitive(prim):
             return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
-        return Shape(UsdGeom.Mesh(prim), self.time_codes_per_second, self._cubic, self.warnings)
+        if is_blob(prim):
+            return Blobs(prim, self.warnings)
+        return Shape(
+            UsdGeom.Mesh(prim),
+            self.time_codes_per_second,
+            self._cubic,
+            lambda faces: self._levels(prim, faces),
+            self.warnings,
+        )
+
+    def _levels(self, prim: Usd.Prim, faces: int) -> int:
+        """How often the cage of a subdivision surface is refined."""
+        specular = self._materials.may_be_specular(prim, self.start)
+        return levels_for(faces, specular, self._subdivision_count, self._settings.complexity)
+
+    @cached_property
+    def _subdivision_count(self) -> int:
+        return sum(_is_subdivided(placed.prim) for placed in self._placed(self.start))
 
     def _segments(self, prim: Usd.Prim) -> int:
         """Segments of a circle of a primitive."""
@@ -431,6 +451,11 @@ class StageScene:
             may_be_visible(light.prim) and (light.power_varies or any(light.power(self.start)))
             for light in self._lights
         )
+
+
+def _is_subdivided(prim: Usd.Prim) -> bool:
+    """Whether a prim is a subdivision surface."""
+    return prim.IsA(UsdGeom.Mesh) and text_at(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr()) in SCHEMES
 
 
 def _interactions(mesh: MeshAtShutter | None) -> list[str]:

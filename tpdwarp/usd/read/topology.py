@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,12 +32,10 @@ class Topology:
     def mirrored(self) -> Topology:
         """The same triangles wound the other way round."""
         order = [0, 2, 1]
-        return Topology(
-            np.ascontiguousarray(self.triangles[:, order]),
-            np.ascontiguousarray(self.corners[:, order]),
-            self.faces,
-            self.face_count,
-            self.corner_count,
+        return replace(
+            self,
+            triangles=np.ascontiguousarray(self.triangles[:, order]),
+            corners=np.ascontiguousarray(self.corners[:, order]),
         )
 
     @cached_property
@@ -66,6 +64,13 @@ class Topology:
         if interpolation == "uniform":
             return np.repeat(self.faces[:, None], 3, axis=1)
         return self.corners if interpolation == "faceVarying" else self.triangles
+
+    def spread(
+        self, values: np.ndarray, interpolation: str, point_count: int
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """A primvar's values [n, k], and the one at each triangle corner [m, 3]; None where they do not fit."""
+        elements = self.elements(interpolation, len(values), point_count)
+        return None if elements is None else (values, elements)
 
 
 def triangulate(

@@ -73,11 +73,13 @@ class Inputs:
         """A number at the first of these inputs that is authored; the mean of a colour.
 
         Raises:
-            InputError: Something else than numbers.
+            InputError: Something else than numbers, or none at all.
         """
         value = self.value(*names)
-        if value is None or value.numbers is None or value.numbers.size == 0:
+        if value is None or value.numbers is None:
             return default
+        if value.numbers.size == 0:
+            raise InputError("holds no number (author a finite value)", self.warnings.file, self.source(*names))
         return float(np.mean(value.numbers))
 
     def color(self, names: tuple[str, ...], default: Color) -> Color:
