@@ -22,7 +22,8 @@ def dealt(patch: Patch, count: int, seed: int = 0) -> np.ndarray:
     """The instant of each cell, shape [count_v, count_u]; −1 where none has it."""
     numbers = np.full(patch.count_u * patch.count_v, -1)
     for number in range(count):
-        cells = cells_at_time(number, count, seed)(patch)
+        chosen = cells_at_time(number, count, seed)(None, patch).cell
+        cells = chosen[:, 0] - patch.first_u + patch.count_u * (chosen[:, 1] - patch.first_v)
         assert np.all(numbers[cells] == -1)
         numbers[cells] = number
     return numbers.reshape(patch.count_v, patch.count_u)

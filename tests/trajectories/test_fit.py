@@ -16,6 +16,7 @@ from tpdwarp.rendering.context import RenderContext
 from tpdwarp.scene.description import SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.fit import fit_trajectories
+from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from usd_scenes.oracle import Wave, irradiance_average
 from usd_scenes.oracle.caustic_1d import landing
 
@@ -27,9 +28,10 @@ def fitted_photons(source, shutter: Shutter = OPEN, **changes) -> tuple[PhotonMa
     context, clock = RenderContext(source, settings), Clock()
     tracer = context.tracer
     plan, loaded = tracer.plan(settings.photons), tracer.load(shutter)
-    photons, _ = tracer.trace(loaded, plan, clock)
-    found, emitted = fit_trajectories(photons, plan, tracer, loaded, clock)
-    assert emitted > 0
+    keyframes = ShutterKeyframes.over(tracer, plan, loaded, clock)
+    photons, _ = tracer.trace(loaded, plan, clock, tags=keyframes.tags.of(loaded.scene))
+    found = fit_trajectories(photons, plan, keyframes, clock)
+    assert keyframes.emitted > 0
     return found, context
 
 

@@ -1,0 +1,148 @@
+"""Laws of light that begins or ends within the shutter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.estimators.frames import OPEN, STILL_SCENE, irradiance
+from tests.photons.shapes import ball, box, floor, glass, moving
+from tests.photons.traced import sun
+from tests.view.scenes import Source, looking_down, quad, steady, wave_source
+from tpdwarp.clock import Clock
+from tpdwarp.photons.path_tags import PathTags, facets_of
+from tpdwarp.photons.record import PART_IDS
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.frame import Frame, render_frame, trace_frame
+from tpdwarp.scene.description import MeshAtShutter, Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.trajectories.changing import PARTS, changing_cells
+from tpdwarp.trajectories.keyframes import ShutterKeyframes
+from usd_scenes.oracle import Wave
+from usd_scenes.oracle.closed_forms import fresnel_reflectance, lit_edge_profile, snell
+
+RETRACED = "cells traced again in time"
+SETTINGS = Settings(photons=4096, segments=1, samples=1, aovs=("irradiance",))
+GLIDE = 0.6
+WATER = quad("/water", (-2, -2), (2, 2), 1.0, glass(1.33))
+
+
+def shaded_water(motion: float = GLIDE) -> Source:
+    """Flat water under a sun, and a board above it that covers x > 0 at mid shutter and glides along x."""
+    board = quad("/board", (0, -3), (6, 3), 2.0, motion=(motion, 0, 0))
+    return steady([floor(), WATER, board], (sun(),), looking_down((-1, 1, -0.125, 0.125), height=0.5))
+
+
+def rendered(source: Source, columns: int = 128, **changes) -> Frame:
+    return render_frame(RenderContext(source, Settings.of(SETTINGS, **changes)), OPEN, columns, 16)
+
+
+def changing(source: Source, photons: int = 4096):
+    context, clock = RenderContext(source, Settings.of(SETTINGS, photons=photons)), Clock()
+    tracer = context.tracer
+    plan, loaded = tracer.plan(photons), tracer.load(OPEN)
+    return changing_cells(ShutterKeyframes.over(tracer, plan, loaded, clock), plan, clock)
+
+
+@pytest.mark.parametrize("photons", [4096, 16384])
+def test_the_edge_of_a_gliding_board_smears_light_into_a_ramp(photons):
+    found = irradiance(rendered(shaded_water(), photons=photons))
+    x = (np.arange(128) + 0.5) / 64 - 1
+    passed = 1 - fresnel_reflectance(0.0, 1.0, 1.33)
+    exact = passed * lit_edge_profile(x, GLIDE)
+    # Each cell knows within which eighth of the shutter it is covered: a mean square of 1/8²/12 where the ramp is, 0.3
+    # of the image.
+    step = passed / PARTS / 12**0.5 * (GLIDE / 2) ** 0.5
+    assert np.sqrt(np.mean((found - exact) ** 2)) < step
+    # Light in the middle of the ramp is light for half of the shutter.
+    assert found[:, 62:66].mean() == pytest.approx(passed / 2, abs=passed / PARTS / 2)
+
+
+def test_the_board_takes_away_as_much_light_as_it_covers_on_average():
+    moving_board, still = (trace_frame(RenderContext(shaded_water(m), SETTINGS), OPEN) for m in (GLIDE, 0.0))
+    energy = moving_board.energy
+    assert energy.counts[RETRACED] > 0
+    # The edge passes the same places to either side of the middle: half of the water is lit, to a row of cells.
+    assert energy.sent == pytest.approx(still.energy.sent, rel=2 / 64)
+    assert energy.deposited + energy.escaped + energy.lost_total == pytest.approx(energy.sent, rel=1e-6)
+
+
+def test_each_photon_has_an_id_of_its_own_and_the_others_keep_theirs():
+    whole = trace_frame(RenderContext(shaded_water(0.0), SETTINGS), OPEN).photons
+    found = trace_frame(RenderContext(shaded_water(), SETTINGS), OPEN).photons
+    assert len(np.unique(found.ids)) == len(found)
+    parts = found.ids // PART_IDS
+    assert set(parts) == set(range(PARTS + 1))
+    assert np.isin(found.ids[parts == 0], whole.ids).all()
+    # Where a board glides on, cells are covered or uncovered for good: in later parts are fewer or more of the same.
+    first, last = (set(found.ids[parts == part] % PART_IDS) for part in (1, PARTS))
+    assert first < last or last < first
+
+
+def test_parts_of_the_shutter_share_the_flux_and_carry_displacements_of_the_whole():
+    source = steady(
+        [floor(), moving(WATER, (0, 0, 0.2)), quad("/board", (0, -3), (6, 3), 2.0, motion=(GLIDE, 0, 0))],
+        (sun((0.5, 0, -1)),),
+    )
+    photons = trace_frame(RenderContext(source, SETTINGS), OPEN).photons
+    of_part = photons.ids >= PART_IDS
+    np.testing.assert_allclose(photons.flux[of_part].max() * PARTS, photons.flux[~of_part].max(), rtol=1e-5)
+    # Water that rises by w shifts the light below each of its points by w tan θ_t, of which rounding leaves 1e-4.
+    below = photons.receivers == photons.receiver_paths.index("/floor")
+    theta = snell(np.arctan(0.5), 1.0, 1.33)
+    for rows in (below & of_part, below & ~of_part):
+        np.testing.assert_allclose(photons.dxdt[rows], [[0.2 * np.tan(theta), 0, 0]] * rows.sum(), atol=1e-4)
+
+
+def gliding_ball(way=(0.4, 0.1, 0.0)) -> Source:
+    body = ball("/ball", (0, 0, 1.2), 0.5, 24, glass())
+    return steady([floor(), replace(moving(body, way), normal_motions=np.zeros_like(body.normals))], (sun(),))
+
+
+def turning_box(angle: float) -> Source:
+    body = box("/box", (-0.4, -0.4, 0.6), (0.4, 0.4, 1.4), glass())
+
+    def at(shutter: Shutter):
+        c, s = np.cos(angle * shutter.middle + 0.4), np.sin(angle * shutter.middle + 0.4)
+        axis = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        points = (body.points - (0, 0, 1)) @ axis.T + (0, 0, 1)
+        spin = np.cross((0, -angle * shutter.exposure, 0), points - (0, 0, 1))
+        placed = replace(body, points=points, motions=spin if shutter.exposure else None)
+        return replace(steady([floor(), placed], (sun(),)).scene(Shutter(0, 0.5, 0.5)), shutter=shutter)
+
+    return Source(at)
+
+
+@pytest.mark.parametrize(
+    "source", [wave_source(Wave()), wave_source(Wave(wavelength=0.65, speed=0.65 / 8)), gliding_ball(), STILL_SCENE]
+)
+def test_waves_and_bodies_that_glide_with_their_light_are_traced_once(source):
+    assert changing(source) is None
+
+
+def test_light_that_leaves_by_another_facet_is_traced_again():
+    cells = changing(turning_box(0.1))
+    assert cells is not None and 0 < len(cells) < 2048
+
+
+def test_facets_are_planes_and_smooth_surfaces_have_none():
+    cube = box("/box", (-1, -1, -1), (1, 1, 1), glass())
+    assert len(np.unique(facets_of(cube, 0.01))) == 6 and facets_of(cube, 0.01).min() == 1
+    assert not facets_of(ball("/ball", (0, 0, 0), 1.0, 8, glass()), 0.0).any()
+    # A ball of 384 facets has none that are worth it, if a hundredth of it has to be one.
+    assert not facets_of(ball("/ball", (0, 0, 0), 1.0, 8, glass(), smooth=False), 0.01).any()
+
+
+def test_tags_tell_meshes_apart_by_their_path_whatever_their_number():
+    def meshes(*paths: str) -> list[MeshAtShutter]:
+        return [replace(WATER, path=path) for path in paths]
+
+    def scene(*paths: str):
+        return steady(meshes(*paths)).at(OPEN)
+
+    tags = PathTags(scene("/a", "/b"), 4096)
+    both, other = tags.of(scene("/a", "/b")), tags.of(scene("/b"))
+    np.testing.assert_array_equal(both[2:], other)
+    assert both[0] != both[2]
