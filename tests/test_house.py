@@ -25,6 +25,7 @@ ORDER = (
     ("presets", "stopping"),
     ("workers",),
     ("settings", "io"),
+    ("compiler_token",),
     ("kernel_cache",),
     ("device",),
     ("scene",),
