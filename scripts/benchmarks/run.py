@@ -14,7 +14,9 @@ import sys
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parent
-CASES = ("frame_time", "accuracy", "presets", "comparison", "target_error", "rounding", "check_frames", "solids")
+CASES = (
+    "frame_time", "accuracy", "presets", "comparison", "target_error", "rounding", "check_frames", "solids", "house",
+)  # fmt: skip
 
 
 def main() -> int:
