@@ -312,7 +312,7 @@ def rendered(path: Path, edit, frames: str = "2", **options) -> tuple[dict[float
     return result.failed, channels
 
 
-REFUSED = {
+LEFT_OUT = {
     "NaN in points": (first_x("nan"), "/World/Floor.points: holds NaN"),
     "infinity in points": (first_x("inf"), "/World/Floor.points: holds NaN"),
     "NaN in normals": (
@@ -329,6 +329,8 @@ REFUSED = {
     "infinity in a transform": (xform("(0, inf, 0)"), "/World/Floor: its transform holds NaN"),
     "a transform out of range": (xform("(1e200, 0, 0)"), "/World/Floor: its transform holds numbers beyond 1e+30"),
     "a scale out of range": (xform("(1e308, 1e308, 1)", "scale"), "/World/Floor: its transform holds numbers beyond"),
+}
+REFUSED = {
     "a camera that is nowhere": (
         lambda t: t.replace("translate = (0, 0, 10)", "translate = (0, nan, 10)"),
         "/World/Camera: its transform holds NaN",
@@ -338,6 +340,15 @@ REFUSED = {
         "/World/Camera: its transform holds numbers beyond 1e+30",
     ),
 }
+
+
+@pytest.mark.parametrize("what", LEFT_OUT)
+def test_what_holds_numbers_that_are_none_and_no_caustic_is_left_out_and_said(tmp_path, what, caplog):
+    edit, message = LEFT_OUT[what]
+    failed, _ = rendered(tmp_path / "bad.usda", edit)
+    lines = [record.getMessage() for record in caplog.records]
+    said = [line for line in lines if message in line and "left out" in line]
+    assert not failed and len(said) == 1 and str(tmp_path / "bad.usda") in said[0]
 
 
 @pytest.mark.parametrize("what", REFUSED)
