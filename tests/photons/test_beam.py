@@ -34,7 +34,7 @@ def interact(
 ):
     i = wp.tid()
     beam = beams[i]
-    hit = closest_hit(surfaces, beam.x, beam.w, beam.lift, surfaces.magnitude, 0.0, 100.0, True, wp.rand_init(1, i))
+    hit = closest_hit(surfaces, beam.x, beam.w, beam.offset, surfaces.magnitude, 0.0, 100.0, True, wp.rand_init(1, i))
     arrived = transfer_to(beam, hit, True)
     at = interface_at(surfaces, hit, beam.w, dielectric, True)
     out[i] = scatter(surfaces, arrived, hit, at, reflected, True)
@@ -141,4 +141,4 @@ def test_a_beam_starts_on_the_side_that_it_leaves_to():
     down = {"x": np.array([[0.1, 0.1, 1.0]]), "w": np.array([[0.0, 0.0, -1.0]])}
     for material, reflected, side in ((MIRROR, True, 1), (glass(), False, -1), (glass(), True, 1)):
         beams, _ = interaction(scene_of([leaning(0.1, material), floor(-1.0, 1.0, DIFFUSE)]), down, reflected)
-        assert np.sign(beams["lift"][0, 2]) == side
+        assert np.sign(beams["offset"][0, 2]) == side

@@ -26,9 +26,9 @@ print(json.dumps({"package": tpdwarp.__file__, **ratios}))
 MUTATIONS = {
     "nothing": None,
     "n·q̇ in transfer": ("differentials.py", "wp.dot(n_g, y - motion)", "wp.dot(n_g, y)"),
-    "the drift in D_t n": ("beam.py", "normal_variation(s, hit, arrived.dxdt - hit.motion) + s.rate", "s.rate"),
+    "the drift in D_t n": ("beam.py", "normal_variation(s, hit, incident.dxdt - hit.motion) + s.rate", "s.rate"),
     "the sign of D_t x": ("tracing.py", "out.dxdt[i] = beam.dxdt", "out.dxdt[i] = -beam.dxdt"),
-    "the receiver's own motion": ("tracing.py", "photons.dxdt - photons.receiver_motion", "photons.dxdt"),
+    "the receiver's own motion": ("record.py", "photons.dxdt - photons.receiver_motion", "photons.dxdt"),
 }
 
 
