@@ -122,7 +122,7 @@ class LightSettings(_Group):
     """
 
     photons: int = 65536
-    segments: int | str = 1
+    segments: int | str = "auto"
     bounces: int | None = None
     target_error: float | None = None
     estimator: str = "tpd"

@@ -13,7 +13,7 @@ from usd_scenes.oracle import Wave
 
 OPEN = Shutter(0, 0, 1)
 STILL_SCENE = steady([floor(), bumpy("/water", WATER, 1.0, False)], (SUN,), looking_down(height=0.6))
-SETTINGS = Settings(photons=4096, samples=2, accumulation_times=16, aovs=("irradiance",))
+SETTINGS = Settings(photons=4096, segments=1, samples=2, accumulation_times=16, aovs=("irradiance",))
 COLUMNS, ROWS = 64, 8
 
 

@@ -30,8 +30,8 @@ def fitted_photons(source, shutter: Shutter = OPEN, **changes) -> tuple[PhotonMa
     plan, loaded = tracer.plan(settings.photons), tracer.load(shutter)
     keyframes = ShutterKeyframes.over(tracer, plan, loaded, clock)
     photons, _ = tracer.trace(loaded, plan, clock, tags=keyframes.tags.of(loaded.scene))
-    found = fit_trajectories(photons, plan, keyframes, clock)
-    assert keyframes.emitted > 0
+    found, account = fit_trajectories(photons, plan, keyframes, clock)
+    assert account.counts["keyframes"] == keyframes.emitted > 0
     return found, context
 
 

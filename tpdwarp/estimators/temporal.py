@@ -10,7 +10,7 @@ from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, light_of
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.energy import EnergyAccount
-from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.lattices import FEWEST_OF_SEVERAL, EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
@@ -51,6 +51,8 @@ class Temporal:
             ]
             energy.add(account)
         energy.counts["segments traced"] = count
+        if plan.starved_lights:
+            energy.counts[f"lights with fewer than {FEWEST_OF_SEVERAL} photons"] = plan.starved_lights
         moves = any(seen.requirements.photon_motion for seen in scenes)
         yield Part(maps, energy, light_of(maps, energy, moves, tracer, pixel, clock), plan, scenes, shutter)
 
@@ -72,8 +74,9 @@ def _along_keyframes(
     changing = changing_cells(keyframes, plan, clock) if tracer.settings.emission == "lattice" else None
     tags, others = keyframes.tags.of(seen.scene), changing.others if changing else None
     photons, account = tracer.trace(seen, plan, clock, weight=weight, chosen=others, tags=tags, **options)
-    traced = [fit_trajectories(photons, plan, keyframes, clock)]
-    account.counts["keyframes"] = keyframes.emitted
+    photons, fitted = fit_trajectories(photons, plan, keyframes, clock)
+    account.add(fitted)
+    traced = [photons]
     if changing:
         for part, shutter in enumerate(seen.scene.shutter.segments(PARTS)):
             time = (part + 0.5) / PARTS - 0.5

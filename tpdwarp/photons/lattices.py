@@ -49,6 +49,8 @@ NEARBY = 1.0e-2
 # light's caustic, as parts of it, fall with its photons.
 SHARING_POWER = 1.0 / 8.0
 LEAST_WEIGHT = 0.1
+# Photons without which a light beside others counts as starved.
+FEWEST_OF_SEVERAL = 1024
 # Lattice coordinates are single precision, of 24 bits: beyond this cell they no longer resolve a quarter of one.
 LARGEST_CELL_NUMBER = 2**22
 
@@ -106,6 +108,15 @@ class EmissionPlan:
         mask, number = np.divmod(ids, self.id_count)
         lattice = np.searchsorted([entry.first_id for entry in self.lattices], number, side="right") - 1
         return mask, lattice, number < self.planned_ids
+
+    @property
+    def starved_lights(self) -> int:
+        """How many of several lights have so few photons that what they light is a few dozen cells across."""
+        counts: dict[str, float] = {}
+        for lattice in self.lattices:
+            # Ids repeat after twice as many cells along either side.
+            counts[lattice.light] = counts.get(lattice.light, 0.0) + math.prod(lattice.wrap) / 4.0
+        return sum(count < FEWEST_OF_SEVERAL for count in counts.values()) if len(counts) > 1 else 0
 
     @property
     def id_count(self) -> int:

@@ -23,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 
 from tpdwarp.clock import Clock
+from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
 from tpdwarp.trajectories.keyframes import (
@@ -36,7 +37,9 @@ from tpdwarp.trajectories.keyframes import (
 from tpdwarp.trajectories.neighbours import differences, neighbours
 
 
-def fit_trajectories(photons: PhotonMap, plan: EmissionPlan, keyframes: ShutterKeyframes, clock: Clock) -> PhotonMap:
+def fit_trajectories(
+    photons: PhotonMap, plan: EmissionPlan, keyframes: ShutterKeyframes, clock: Clock
+) -> tuple[PhotonMap, EnergyAccount]:
     """``photons`` with their trajectories.
 
     Args:
@@ -44,28 +47,35 @@ def fit_trajectories(photons: PhotonMap, plan: EmissionPlan, keyframes: ShutterK
         plan: Their lattices.
         keyframes: What they are fitted to.
         clock: Where the time goes.
+
+    Returns:
+        The photons, and an account that counts the keyframes' photons and those that go straight all the same.
     """
     before, after = keyframes.around(photons, plan)
     middle = keyframes.at_middle(photons, plan)
     with clock.stage("trace"):
-        changes = _acceleration_and_jerk(photons, before, middle, after)
+        follows = before.valid & middle.valid & after.valid
+        follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT
+        changes = _acceleration_and_jerk(before, middle, after, follows)
         if keyframes.tracer.settings.emission == "lattice":
             rates = [differences(photons.dxdt, pairs) for pairs in neighbours(photons, plan)]
         else:
             rates = [np.zeros_like(photons.dxdt)] * 2
-        return replace(photons, trajectory=TrajectoryColumns(*changes, *rates))
+        counts = {"keyframes": keyframes.emitted}
+        if not follows.all():
+            counts["straight for want of keyframes"] = int(np.sum(~follows))
+        return replace(photons, trajectory=TrajectoryColumns(*changes, *rates)), EnergyAccount(counts=counts)
 
 
 def _acceleration_and_jerk(
-    photons: PhotonMap, before: KeyframeState, middle: KeyframeState, after: KeyframeState
+    before: KeyframeState, middle: KeyframeState, after: KeyframeState, follows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """D_tt x and D_ttt x over the shutter, shape [n, 3]; zero where keyframes are not valid, or disagree."""
+    """D_tt x and D_ttt x over the shutter, shape [n, 3]; zero for photons that do not follow them."""
+    # Keyframes take D_t x over some time each, so that the middles of those lie within the ends of the shutter.
     back, ahead = before.position - middle.position, after.position - middle.position
     by_place = (ahead + back) / END**2, 3.0 * (ahead - back - 2.0 * END * middle.dxdt) / END**3
     by_velocity = (after.dxdt - before.dxdt) / (2.0 * END), (before.dxdt + after.dxdt - 2.0 * middle.dxdt) / END**2
     place_is_known = (np.maximum(before.drift, after.drift) < LARGEST_DRIFT)[:, None]
-    follows = before.valid & middle.valid & after.valid
-    follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT
     second, third = (
         np.where(follows[:, None], np.where(place_is_known, place, velocity), 0.0).astype(np.float32)
         for place, velocity in zip(by_place, by_velocity, strict=True)

@@ -7,9 +7,11 @@ that is on average
 
     |D_tt x|/(24 L K²) for straight trajectories,  |D_tttt x|/(1240 L K⁴) for curved ones,  h² K/(8L²) for the blur
 
-as means over the photons of a coarse trace, weighted by flux. L comes from the footprints themselves: irradiance goes
-with the inverse of their area; h is each photon's own width, which vanishes with L at folds. D_t x is known from
-keyframes as the shutter opens and closes, as it is for trajectories, which go straight where keyframes disagree: so a
+and √K times as much light as for one segment lies within a cell of where light ends; light that begins or ends within
+the shutter, or gains and loses flux as its surface turns, errs by a part of it ∝ 1/K. All are means over the photons of
+a coarse trace, weighted by flux. L comes from the footprints themselves: irradiance goes with the inverse of their
+area; h is each photon's own width, which vanishes with L at folds. D_t x is known from keyframes as the shutter opens
+and closes, as it is for trajectories, which go straight where keyframes disagree: so a
 few segments more may be far better. A curved trajectory that knows D_t x at the times ±σ misses (s⁴ − 2σ² s²)/24 of
 D_tttt x at the part s of the shutter, and that is as large as D_tt x by the ratio of D_ttt x to D_t x, as in a swing.
 (Those that know where they pass miss less, but axes that follow to first order only err more.)
@@ -39,6 +41,7 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.trajectories.changing import PARTS
 from tpdwarp.trajectories.keyframes import (
     KEYFRAME_DURATION,
     LARGEST_DISAGREEMENT,
@@ -47,7 +50,7 @@ from tpdwarp.trajectories.keyframes import (
     disagreement,
     keyframe_shutters,
 )
-from tpdwarp.trajectories.neighbours import Pairs, neighbours
+from tpdwarp.trajectories.neighbours import Pairs, differences, neighbours
 
 # Photons of the trace from which the number of segments is chosen. Chosen, not derived.
 PILOT_PHOTONS = 4096
@@ -57,6 +60,15 @@ FEWEST_PHOTONS = 256
 MOST_SEGMENTS = 64
 # Frames looked at, spread over the animation. Chosen, not derived.
 MOST_FRAMES = 4
+# Light ends at a border of the lattice within half a cell of where it should, and its edge is as blurred as the cells
+# are wide: there it errs as by the blur of what changes over a cell.
+BORDER_ERROR = 0.125
+# Light that begins or ends within the shutter errs by a quarter of itself on average if it counts for all or nothing;
+# traced in parts of the shutter by a quarter of one, half of which neighbours make up for that begin at other times.
+PASSING_ERROR = 0.25
+PASSING_ERROR_IN_PARTS = 0.125 / PARTS
+# Parts into which longer shutters are cut to be looked at.
+MOST_PARTS = 8
 # Beyond this quantile D_tt x belongs to light that appears and vanishes at edges, which no trajectory follows. Chosen,
 # not derived.
 LARGEST_QUANTILE = 0.95
@@ -109,7 +121,8 @@ class SegmentErrors:
         straight, curved: In time, for straight and for curved trajectories.
         disagreement: Of keyframes, as a part of D_t x; infinite where trajectories never curve.
         blur: In space.
-        unknown: Part of the light beside them that keyframes say nothing of, so that it goes straight.
+        border: One where light ends beside a photon: jagged lattice borders are blurred by whole cells.
+        passing: In time, for light that begins or ends within the shutter or changes its flux.
     """
 
     weight: np.ndarray
@@ -117,7 +130,8 @@ class SegmentErrors:
     curved: np.ndarray
     disagreement: np.ndarray
     blur: np.ndarray
-    unknown: np.ndarray
+    border: np.ndarray
+    passing: np.ndarray
 
     @classmethod
     def joined(cls, parts: Collection[SegmentErrors]) -> SegmentErrors:
@@ -131,8 +145,15 @@ class SegmentErrors:
         inside = np.array([[most_breaks_inside(breaks, k)] for k in segments])
         at_breaks = BREAK_ERROR * (inside > 0) / np.maximum(inside, 1) ** 2 * self.straight / count**2
         curved = np.where(follows, np.maximum(self.curved / count**4, at_breaks), self.straight / count**2)
-        in_time = (1.0 - self.unknown) * curved + self.unknown * self.straight / count**2
-        return (self.weight * (in_time + count * self.blur)).sum(axis=1)
+        in_time = curved + self.passing / count
+        in_space = count * self.blur + np.sqrt(count) * self.border
+        return (self.weight * (in_time + in_space)).sum(axis=1)
+
+    def over(self, parts: int) -> SegmentErrors:
+        """The errors over a shutter of ``parts`` times the length, through which motion goes on alike."""
+        longer = {"straight": self.straight * parts**2, "curved": self.curved * parts**4}
+        longer["passing"] = self.passing * parts
+        return replace(self, **longer, disagreement=self.disagreement * parts)
 
     def best(self, breaks: Collection[float], most: int = MOST_SEGMENTS) -> int:
         """The number of segments up to ``most`` that is nearly as good as the best."""
@@ -163,17 +184,25 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
         return 1
     plan = tracer.plan(min(photons, PILOT_PHOTONS))
     stills = tracer.source.reference_shutters()
+    chosen = stills[:: math.ceil(len(stills) / MOST_FRAMES)]
     found: list[SegmentErrors] = []
     breaks: set[float] = set()
-    for still in stills[:: math.ceil(len(stills) / MOST_FRAMES)]:
+    for still in chosen:
         # At whole frames, since it matters where in the shutter a stage's samples lie.
         frame = stills[0].middle + math.floor(still.middle - stills[0].middle)
         start = frame + shutter.open - shutter.frame
+        breaks |= motion_breaks_within(tracer.source, Shutter(frame, start, start + shutter.exposure))
+    # What swings to and fro within the shutter seems to be at rest as it opens and closes: looked at sample by sample,
+    # or frame by frame, it does not.
+    parts = max(math.ceil(shutter.exposure - AT_BREAK), min(len(breaks) + 1, MOST_PARTS))
+    for number in range(max(len(chosen), min(parts, MOST_FRAMES))):
+        still = chosen[number % len(chosen)]
+        frame = stills[0].middle + math.floor(still.middle - stills[0].middle)
+        start = frame + shutter.open - shutter.frame
         whole = Shutter(frame, start, start + shutter.exposure)
-        breaks |= motion_breaks_within(tracer.source, whole)
-        errors = _errors_over(tracer, whole, plan)
+        errors = _errors_over(tracer, whole.segments(parts)[number % parts], plan)
         if errors is not None:
-            found.append(errors)
+            found.append(errors.over(parts))
     if not found:
         return 1
     return SegmentErrors.joined(found).best(breaks, min(MOST_SEGMENTS, photons // FEWEST_PHOTONS))
@@ -189,14 +218,17 @@ def _errors_over(tracer: PhotonTracer, whole: Shutter, plan: EmissionPlan) -> Se
     # Traced over a short time, wanted over the whole shutter.
     photons = replace(photons, dxdt=photons.dxdt / KEYFRAME_DURATION, shift=photons.shift / KEYFRAME_DURATION)
     before, after = keyframes.around(photons, plan)
-    rows = np.flatnonzero(before.valid & after.valid)
+    known = before.valid & after.valid
+    # At borders of the lattice keyframes say nothing even in the middle of the shutter.
+    begins = keyframes.at_middle(photons, plan).valid & ~known
+    rows = np.flatnonzero(known)
     if not len(rows):
         return None
     known = photons.rows(rows)
     share = plan.photons / settings.photons
     curves = settings.path == "curved" and settings.kernel == "bspline" and settings.trace_at == "middle"
-    unknown = 1.0 - known.flux.sum() / photons.flux.sum()
-    return _errors(known, before.rows(rows), after.rows(rows), plan, share, curves, unknown)
+    passing = float(photons.flux[begins].sum() / photons.flux.sum())
+    return _errors(known, before.rows(rows), after.rows(rows), plan, share, curves, passing)
 
 
 def _errors(
@@ -206,7 +238,7 @@ def _errors(
     plan: EmissionPlan,
     share: float,
     curves: bool,
-    unknown: float,
+    passing: float,
 ) -> SegmentErrors:
     """Errors of photons of mid shutter, of which keyframes know the states ``before`` and ``after`` it.
 
@@ -214,7 +246,7 @@ def _errors(
         plan: Their lattices.
         share: Cell area of the full number of photons by that of the pilot's.
         curves: Whether trajectories curve.
-        unknown: Part of the light for which these photons stand without being it.
+        passing: Part of the light that begins or ends within the shutter.
     """
     flux = photons.flux.sum(axis=1).astype(np.float64)
     span = 1.0 - KEYFRAME_DURATION
@@ -224,14 +256,15 @@ def _errors(
     widths = [np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)]
     typical = [math.sqrt(share) * float(np.median(width)) for width in widths]
     if not max(typical) > 0:
-        return SegmentErrors(flux, 0.0 * flux, 0.0 * flux, apart, 0.0 * flux, 0.0 * flux)
+        return SegmentErrors(flux, *[0.0 * flux] * 2, apart, *[0.0 * flux] * 3)
     # Areas vanish at folds; no footprint is finer than the typical one.
     least = np.maximum(typical[0] * widths[1], typical[1] * widths[0])
     logs = np.log(np.hypot(np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1), least))
     # Cells are longer where light varies less, so each direction counts with its own.
+    beside = neighbours(photons, plan)
     changes = [
         np.minimum(_slope(logs, photons.position, pairs, 0.3 * size), 1.0 / max(size, np.finfo(float).tiny))
-        for pairs, size in zip(neighbours(photons, plan), typical, strict=True)
+        for pairs, size in zip(beside, typical, strict=True)
     ]
     blur = np.max(
         [
@@ -247,7 +280,33 @@ def _errors(
     )
     fourth = second * (third.sum() / max(first.sum(), np.finfo(float).tiny))
     in_time = change * second / 24.0, change * fourth / 1240.0
-    return SegmentErrors(flux, *in_time, apart, blur**2 / 8.0, np.full(len(photons), unknown))
+    border = BORDER_ERROR * math.sqrt(share) * _alone(photons, plan, beside)
+    # Cells that ride grow and shrink on the light by ∂_u s_u + ∂_v s_v, and so does their flux; photons keep theirs.
+    # That tells where light has moved on by the time.
+    growth = sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
+    gain = 0.25 * np.abs(growth) * np.minimum(1.0, change * first)
+    error = gain + passing * (PASSING_ERROR_IN_PARTS if curves else PASSING_ERROR)
+    return SegmentErrors(flux, *in_time, apart, blur**2 / 8.0, border, error)
+
+
+def _alone(photons: PhotonMap, plan: EmissionPlan, beside: Collection[Pairs]) -> np.ndarray:
+    """Half for each side along u or v, whichever has more, on which photons have no neighbour, shape [n].
+
+    Where a lattice ends, so does a sheet that fills it: its cells end just there.
+    """
+    _, lattice, _ = plan.paths_of(photons.ids)
+    cell = np.floor(photons.emission).astype(np.int64)
+    alone = np.zeros(len(photons))
+    for axis, (a, b) in enumerate(beside):
+        sides = np.zeros(len(photons))
+        for rows in (a, b):
+            sides[rows] += 0.5
+        for number in np.unique(lattice):
+            rows = lattice == number
+            along = cell[rows, axis]
+            sides[rows] += 0.5 * (along == along.min()) + 0.5 * (along == along.max())
+        alone = np.maximum(alone, 1.0 - np.minimum(sides, 1.0))
+    return alone
 
 
 def _slope(values: np.ndarray, positions: np.ndarray, pairs: Pairs, closest: float) -> np.ndarray:
