@@ -92,11 +92,12 @@ def traced(
     jittered: bool = False,
     seed: int = 0,
     smallest_branch: float = SMALLEST_BRANCH,
+    bounces: int | None = None,
 ) -> Traced:
     """Traces about ``photons`` photons through a scene."""
     source = scene if isinstance(scene, Written) else Written(scene)
     here = source.at(shutter)
-    launcher, needs = Launcher("cpu", threads), requirements_of(here)
+    launcher, needs = Launcher("cpu", threads), requirements_of(here, bounces)
     normalization = Normalization.of(source.at(source.reference_shutters()[0]))
     plan = plan_emission(source, photons, normalization)
     geometry = geometry_of(here, normalization, launcher, with_motions=needs.photon_motion)

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from tests.estimators.frames import OPEN, SETTINGS, STILL_SCENE, irradiance, rendered, traced
+from tests.photons.shapes import ball, glass
+from tests.photons.traced import lamp, sun
 from tests.view.scenes import SUN, WATER, Source, bumpy, floor, looking_down, wave_source
 from tpdwarp.clock import Clock
 from tpdwarp.errors import InputError
@@ -152,3 +154,39 @@ def test_centred_shutters_err_several_times_less_with_segments_that_begin_where_
     truth = light(photons=1 << 18, segments=16)
     auto, one, three = (np.sqrt(np.mean((light(segments=k) - truth) ** 2)) for k in ("auto", 1, 3))
     assert 5 * auto < one and 1.2 * auto < three
+
+
+def test_light_that_swings_a_whole_period_within_the_shutter_does_not_count_as_at_rest():
+    """The water stands in the same place as the shutter opens, in its middle and as it closes."""
+
+    def at(shutter: Shutter) -> SceneAtShutter:
+        water = bumpy("/water", WATER, 1.0, False)
+        sway = np.outer(np.sin(water.points[:, 0]), (0.1, 0, 0))
+        points = water.points + np.sin(4 * np.pi * shutter.middle) * sway
+        speed = 4 * np.pi * np.cos(4 * np.pi * shutter.middle) * shutter.exposure
+        moved = replace(water, points=points, motions=speed * sway if shutter.exposure else None)
+        return SceneAtShutter(shutter, (floor(), moved), (SUN,), looking_down(height=0.6))
+
+    class Sampled(Source):
+        def motion_breaks(self, shutter: Shutter) -> list[float]:
+            return [time for time in np.arange(-8, 9) / 8 if shutter.open < time < shutter.close]
+
+    assert chosen(Sampled(at), photons=1 << 16) >= 4
+
+
+def test_light_whose_flux_changes_as_it_goes_takes_more_segments():
+    """A ball that glides below a lamp catches more of its light the nearer it is; below a sun it catches the same."""
+    body, way = ball("/ball", (0, 0, 0.9), 0.4, 24, glass()), np.array([0.15, 0.05, 0.0])
+    still = np.zeros_like(body.normals)
+
+    def at(light) -> Source:
+        def scene(shutter: Shutter) -> SceneAtShutter:
+            placed = replace(body, points=body.points + (shutter.middle - 0.5) * way)
+            if shutter.exposure:
+                placed = replace(placed, motions=np.tile(way * shutter.exposure, (len(still), 1)), normal_motions=still)
+            return SceneAtShutter(shutter, (floor(), placed), (light,), looking_down(height=0.05))
+
+        return Source(scene)
+
+    counts = [chosen(at(light), photons=1 << 16) for light in (sun(), lamp((0.3, 0.2, 2.5)))]
+    assert counts[0] == 1 and counts[1] >= 3
