@@ -163,7 +163,8 @@ def rod() -> tuple[SceneSource, np.ndarray]:
 def rod_error(finer: int, **settings) -> float:
     """Error of pixels averaged from ``finer``² smaller ones, which keeps the widening of footprints out of it."""
     source, truth = rod()
-    frame = frame_of(source, Shutter(0, 0, 1), finer * PIXELS, finer * PIXELS, photons=12000, samples=1, segments=1, **settings)
+    settings = {"photons": 12000, "samples": 1, "segments": 1, **settings}
+    frame = frame_of(source, Shutter(0, 0, 1), finer * PIXELS, finer * PIXELS, **settings)
     # Photons are counted where they land: internal reflections make several of one.
     assert 14_000 < frame.energy.counts["landed"] < 20_000
     return relative_error(irradiance(frame).reshape(PIXELS, finer, PIXELS, finer).mean(axis=(1, 3)), truth)
