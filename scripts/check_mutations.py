@@ -28,8 +28,8 @@ import tpdwarp
 from tpdwarp.checks.calibrate import calibrate
 from tpdwarp.checks.findings import CheckResult
 from tpdwarp.checks.limits import LIMITS_FILE
-from tpdwarp.estimators import base
 from tpdwarp.io.images import read_image, write_frame
+from tpdwarp.photons import tracer
 from tpdwarp.photons.photon_map import PhotonMap
 from usd_scenes.authoring.wave import write_wave
 
@@ -101,17 +101,17 @@ class Shot:
 @contextlib.contextmanager
 def altered(photons: Photons) -> Iterator[None]:
     """While entered, the tracer's photons are changed."""
-    real = base.trace_photons
+    real = tracer.trace_photons
 
     def changed(*arguments: Any, **options: Any) -> Any:
         found, account = real(*arguments, **options)
         return photons(found), account
 
-    base.trace_photons = changed
+    tracer.trace_photons = changed
     try:
         yield
     finally:
-        base.trace_photons = real
+        tracer.trace_photons = real
 
 
 # A fault fills a folder with frames, or with a debug layer.
@@ -247,8 +247,7 @@ def nothing(folder: Path) -> None:
 
 
 def some(photons: PhotonMap, kept: np.ndarray) -> PhotonMap:
-    rows = {name: value[kept] for name, value in vars(photons).items() if isinstance(value, np.ndarray)}
-    return replace(photons, **rows)
+    return photons.rows(kept)
 
 
 def displaced(photons: PhotonMap, part: float) -> PhotonMap:

@@ -89,7 +89,8 @@ def test_accumulation_converges_to_the_truth():
 def rod_error(finer: int, **settings) -> float:
     """Error of pixels averaged from ``finer``² smaller ones, which keeps the widening of footprints out of it."""
     source, truth = rod_and_truth()
-    frame = frame_of(source, Shutter(0, 0, 1), finer * PIXELS, finer * PIXELS, photons=12000, samples=1, **settings)
+    settings = {"photons": 12000, "samples": 1, "segments": 1, **settings}
+    frame = frame_of(source, Shutter(0, 0, 1), finer * PIXELS, finer * PIXELS, **settings)
     # Photons are counted where they land: internal reflections make several of one.
     assert 14_000 < frame.energy.counts["landed"] < 20_000
     return relative_error(irradiance(frame).reshape(PIXELS, finer, PIXELS, finer).mean(axis=(1, 3)), truth)
@@ -104,7 +105,8 @@ def test_a_turning_glass_rod_is_as_exact_as_promised():
 
 
 def test_a_photon_that_does_not_ride_on_the_rod_is_several_times_worse():
-    assert rod_error(2, anchor="light") > 2 * 0.045
+    # Along keyframes, what slides off the rod would be traced again in time.
+    assert rod_error(2, anchor="light", path="straight") > 2 * 0.045
 
 
 @pytest.mark.slow

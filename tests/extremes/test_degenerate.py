@@ -24,7 +24,6 @@ from .cases import (
     GRID,
     MOST_LOST,
     MOTIONS,
-    SAME,
     SHUTTER,
     Source,
     assert_balanced,
@@ -75,9 +74,7 @@ def test_faces_without_area_and_coincident_ones_change_nothing(motion, how):
     if motion == "rigid":
         special = replace(special, normal_motions=np.zeros_like(special.normals))
     spoilt = replace(here, meshes=(*spoiled(special)[how], ground))
-    # A second solid lets photons bounce twice more: what two more reflections within the first one bring is new.
-    tolerance = 2e-3 if how == "the mesh twice" else SAME
-    assert_same_frame(render(spoilt), render(here), tolerance)
+    assert_same_frame(render(spoilt), render(here))
 
 
 SHAPES = {
@@ -100,6 +97,10 @@ SHAPES = {
 }
 
 
+SHATTERED = ("in pieces that cross", "thrown in all directions")
+"""What becomes shards within which light is caught."""
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_solids_of_no_sense_do_no_harm_and_what_is_lost_in_them_is_said(shape, caplog):
     here = MOTIONS["rigid"]()
@@ -107,8 +108,8 @@ def test_solids_of_no_sense_do_no_harm_and_what_is_lost_in_them_is_said(shape, c
     here = replace(here, meshes=(SHAPES[shape](body), ground))
     energy = render(here, most_lost=1.0).energy
     EnergyWatch(Source(here))(0, SHUTTER, energy)
-    assert ("of the flux sent (too many bounces" in caplog.text) == (energy.lost_total > MOST_LOST * energy.sent)
-    assert energy.lost_total < (0.7 if shape == "in pieces that cross" else MOST_LOST) * energy.sent + 1e-12
+    assert ("of the flux sent (" in caplog.text) == (energy.lost_total > MOST_LOST * energy.sent)
+    assert energy.lost_total < (0.7 if shape in SHATTERED else MOST_LOST) * energy.sent + 1e-12
 
 
 PASSING = (1 - fresnel_reflectance(0, 1.0, 1.5)) ** 2
@@ -117,8 +118,9 @@ GAPS = [1e-2, 1e-4, 1e-5, 1e-6, 1e-7, 0.0, -1e-7]
 
 
 def on_table(gap: float, motion: str, place=(0, 0, 0)) -> SceneAtShutter:
-    """A glass box that stands ``gap`` above a table, or stands and heaves its top."""
-    body = moving(box("/box", (-0.5, -0.5, gap), (0.5, 0.5, 0.5), glass()), (0.1, 0, 0))
+    """A glass box that glides ``gap`` above a table, or stands and heaves its top: light always goes straight."""
+    body = box("/box", (-0.5, -0.5, gap), (0.5, 0.5, 0.5), glass())
+    body = moving(body, (0.1, 0, 0) if motion == "rigid" else (0, 0, 0.1))
     if motion == "deforming":
         body = replace(body, motions=body.motions * (body.points[:, 2:] > 0.3))
     meshes = (replace(one, points=one.points + place) for one in (body, floor(half=1.5)))

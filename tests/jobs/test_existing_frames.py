@@ -66,7 +66,7 @@ def test_what_changes_no_pixel_does_not(tmp_path):
 
 def test_another_version_of_the_program_is_said(tmp_path, monkeypatch, caplog):
     path = write(tmp_path / "a.exr")
-    monkeypatch.setattr("tpdwarp.__version__", "9.9")
+    monkeypatch.setattr("tpdwarp.jobs.fingerprint.VERSION", "9.9")
     assert existing().kept(path, 12.0) is None
     assert "is of another program (0.1.0, now 9.9) and rendered anew" in caplog.text
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tpdwarp.errors import InputError
 from tpdwarp.footprints.gather import SMALLEST_COSINE
-from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
+from tpdwarp.footprints.irradiance import Irradiance, QueryArrays, has_shading_normals
 from tpdwarp.footprints.placing import LARGEST_SHADING_RATIO
 from tpdwarp.photons.photon_map import PhotonMap
 
@@ -84,7 +84,7 @@ class NearestField:
     ) -> Irradiance:
         """Irradiance at ``queries``, as :func:`tpdwarp.footprints.gather.gather` gives it; photons have no motion."""
         position, normal, receiver = (getattr(queries, name).numpy() for name in ("position", "normal", "receiver"))
-        shading = queries.shading_normal.numpy() if queries.shading_normal.shape[0] else normal
+        shading = queries.shading_normal.numpy() if has_shading_normals(queries) else normal
         light, found = np.zeros((len(receiver), 3)), np.zeros(len(receiver), np.int32)
         moves = queries.motion.numpy().any(axis=1) if query_moves else np.zeros(len(receiver), bool)
         for owner in np.unique(receiver[receiver >= 0]):

@@ -17,7 +17,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import PieceArrays
 from tpdwarp.footprints.bspline import trajectory_extent
 from tpdwarp.footprints.footprint_map import FootprintMap
-from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays, has_shading_normals
 from tpdwarp.footprints.parabolas import Parabola, parabola_at
 from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratio
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
@@ -284,7 +284,7 @@ def gather(
     out = irradiance_arrays(count, with_motion, launcher)
     if footprints.count:
         moves = footprints.moves or query_moves
-        shaded = footprints.shaded and queries.shading_normal.shape[0] > 0
+        shaded = footprints.shaded and has_shading_normals(queries)
         kernel = gather_kernel(form, moves, footprints.curved, shaded, query_moves, with_motion)
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
         inputs = [*photons, time_window(time, window), count, queries, out]

@@ -24,6 +24,11 @@ class QueryArrays:
     receiver: wp.array(dtype=wp.int32)
 
 
+def has_shading_normals(queries: QueryArrays) -> bool:
+    """Whether queries have shading normals of their own."""
+    return queries.shading_normal is not None and queries.shading_normal.shape[0] > 0
+
+
 @wp.struct
 class IrradianceArrays:
     """Irradiance [W per square tracer unit], flux-weighted sum of D_t x, sum of weights, overlapping footprints."""

@@ -12,7 +12,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.gather import SMALLEST_COSINE, irradiance_arrays, irradiance_of, time_window
-from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays, has_shading_normals
 from tpdwarp.footprints.placing import TimeWindow, place_footprint, shading_ratio
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, window_of
 from tpdwarp.footprints.shaping import FootprintArrays
@@ -57,7 +57,7 @@ def plain_gather(
     count = queries.position.shape[0]
     out = irradiance_arrays(count, False, launcher)
     moves = footprints.moves or queries.motion.shape[0] > 0
-    shaded = footprints.shaded and queries.shading_normal.shape[0] > 0
+    shaded = footprints.shaded and has_shading_normals(queries)
     kernel = plain_gather_kernel(form, moves, footprints.curved, shaded)
     inputs = [footprints.arrays, footprints.durations, footprints.run_size, time_window(time, window), queries, out]
     launcher(kernel, count, inputs)

@@ -33,6 +33,9 @@ class PathTags:
 
     def __init__(self, scene: SceneAtShutter, photons: int) -> None:
         least = min(1.0, FEWEST_PHOTONS_ON_FACET / photons)
+        # Of a surface that is written twice, rays meet now the one, now the other.
+        first: dict[tuple[int, int], str] = {}
+        self._names = {mesh.path: first.setdefault(_shape_of(mesh), mesh.path) for mesh in scene.meshes}
         self._facets = {mesh.path: facets_of(mesh, least) for mesh in scene.meshes if mesh.specular}
 
     def of(self, scene: SceneAtShutter) -> np.ndarray:
@@ -45,7 +48,12 @@ class PathTags:
         facets = self._facets.get(mesh.path)
         if facets is None or len(facets) != count:
             facets = np.zeros(count, np.int32)
-        return np.int32(crc32(mesh.path.encode()) & 0x7FFFFF00) ^ facets
+        name = self._names.get(mesh.path, mesh.path)
+        return np.int32(crc32(name.encode()) & 0x7FFFFF00) ^ facets
+
+
+def _shape_of(mesh: MeshAtShutter) -> tuple[int, int]:
+    return crc32(np.ascontiguousarray(mesh.points)), crc32(np.ascontiguousarray(mesh.triangles))
 
 
 def facets_of(mesh: MeshAtShutter, least: float) -> np.ndarray:

@@ -11,7 +11,7 @@ import warp as wp
 
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.irradiance import QueryArrays
+from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
@@ -77,7 +77,7 @@ class _Rows:
             "spot": spots[chosen],
             "first": np.full(len(chosen), int(points.first)),
         }
-        if points.queries.shading_normal is not None:
+        if has_shading_normals(points.queries):
             values["shading_normal"] = points.queries.shading_normal.numpy()[chosen]
         if self.moving:
             values["motion"] = points.queries.motion.numpy()[chosen]

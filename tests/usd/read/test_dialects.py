@@ -9,6 +9,7 @@ import pytest
 from pxr import Gf, Sdf, UsdGeom, UsdShade
 
 from tests.usd.stages import SmallStage
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Interaction, Shutter
 from tpdwarp.settings import Settings
@@ -304,7 +305,7 @@ def plain_picture(folder, interaction, color, ior):
 
 
 def picture(source):
-    frame = render_frame(source, Shutter.still(1), Settings(photons=1024, samples=1), 32, 24)
+    frame = render_frame(RenderContext(source, Settings(photons=1024, samples=1)), Shutter.still(1), 32, 24)
     return np.stack([frame.channels[name] for name in "RGB"]), (frame.energy.sent, frame.energy.deposited)
 
 
@@ -357,7 +358,7 @@ def test_a_thin_wall_passes_light_straight_on(tmp_path, thin):
     source, material, warnings = seen(tmp_path, thin)
     assert (material.interaction, material.ior) == (GLASS, 1.0)
     assert len(warnings) == 1 and "thin_walled" in warnings[0]
-    frame = render_frame(source, Shutter.still(1), Settings(photons=4096, samples=1), 32, 24)
+    frame = render_frame(RenderContext(source, Settings(photons=4096, samples=1)), Shutter.still(1), 32, 24)
     # All that meets the ball goes on to the floor, but what lands past the lattice's bounds.
     assert frame.energy.deposited == pytest.approx(frame.energy.sent - frame.energy.escaped, rel=1e-4)
     assert frame.energy.lost_total == pytest.approx(0, abs=1e-4 * frame.energy.sent)

@@ -115,7 +115,7 @@ def test_sizes_that_change_move_the_points(small):
     np.testing.assert_allclose(np.linalg.norm(mesh.points, axis=1), 1.5, atol=1e-12)
     np.testing.assert_allclose(mesh.motions, mesh.points / 1.5, atol=1e-12)
     np.testing.assert_allclose(mesh.normals, mesh.points / 1.5, atol=1e-12)
-    assert small.open().corners(Shutter(2, 2, 4)) == [3.0]
+    assert small.open().motion_breaks(Shutter(2, 2, 4)) == [3.0]
 
 
 def test_a_sphere_without_size_or_with_none_that_is_a_number_is_left_out(small):
