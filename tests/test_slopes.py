@@ -9,7 +9,8 @@ import pytest
 
 from tests.estimators.frames import irradiance, rendered
 from tests.view.scenes import wave_source
-from tpdwarp.photons import emission
+from tpdwarp.photons import lattices
+from tpdwarp.photons.lattice_shape import OWN_AXES
 from tpdwarp.scene.description import Shutter
 from usd_scenes.oracle import Wave, irradiance_average
 
@@ -35,7 +36,7 @@ def slope(steps: Sequence[float], errors: Sequence[float]) -> float:
 @pytest.fixture
 def square_cells(monkeypatch):
     """Lattices that do not care in which direction light varies."""
-    monkeypatch.setattr(emission, "elongation", lambda views: 1.0)
+    monkeypatch.setattr(lattices, "lattice_shape", lambda views: OWN_AXES)
 
 
 def test_the_error_in_space_falls_as_one_over_the_photons(square_cells):
