@@ -90,8 +90,8 @@ def test_about_the_critical_angle_light_passes_as_fresnel_has_it(beyond, motion)
     n = 1.5
     angle = math.asin(1 / n) + beyond
     inside = moving(upside_down(quad("/glass", (0, 0, 1), (1, 0, 0), (0, 1, 0), glass(n))), MOTIONS[motion])
-    # Straight trajectories: those of mid shutter alone, where the angle is what it is.
-    frame = render(scene([inside, *walls()], sun(towards(angle))), path="straight")
+    # One trace along straight trajectories: mid shutter alone, where the angle is what it is.
+    frame = render(scene([inside, *walls()], sun(towards(angle))), segments=1, path="straight")
     photons = frame.photons
     passed = photons.flux[photons.positions[:, 2] < 1 - 1e-4].sum() / frame.energy.sent
     # cos²θ_t is the difference of numbers of order one, each known to a few roundings.
@@ -163,7 +163,7 @@ def test_normals_past_the_horizon_send_no_light_through_the_wrong_side(spread, m
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     motions = 0.03 * random.normal(size=points.shape) if motion == "deforming" else np.tile([0.1, 0, 0], (25, 1))
     water = MeshAtShutter("/water", points, triangles, motions, normals, turns, triangles, (glass(),))
-    frame = render(scene([water, floor(half=30.0)], sun((0.2, 0.1, -1))), path="straight")
+    frame = render(scene([water, floor(half=30.0)], sun((0.2, 0.1, -1))), segments=1, path="straight")
     # Refracted light lands below; what is reflected leaves upwards, for there is nothing above.
     refracted = frame.photons.bounces == 1
     assert refracted.all() and 0.9 < frame.energy.deposited / frame.energy.sent < 0.965
