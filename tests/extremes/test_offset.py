@@ -75,7 +75,8 @@ def rendered(path: Path, offset: float) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("offset", OFFSETS)
 def test_transforms_of_a_stage_are_taken_in_double_precision(tmp_path, offset):
     near, far = rendered(tmp_path / "near.usda", 0.0), rendered(tmp_path / "far.usda", offset)
-    assert near["caustic.R"].max() > 0.05
+    # Seen through one interface of index 1.5, which leaves the square of that of the radiance.
+    assert near["caustic.R"].max() > 0.05 / 1.5**2
     for name, values in near.items():
         # Colours are stored as half: a unit in the last place there is 2⁻¹¹ of the value.
         tolerance = (SAME if name[0] in "ZmP" else 2.0**-11) * np.abs(values).max()

@@ -49,6 +49,9 @@ NEARBY = 1.0e-2
 # light's caustic, as parts of it, fall with its photons.
 SHARING_POWER = 1.0 / 8.0
 LEAST_WEIGHT = 0.1
+# Half floats hold 40 stops. A light fainter than that beside the brightest is in no picture with it, and takes no
+# photons that others would miss.
+FAINTEST = 2.0**-40
 # Photons without which a light beside others counts as starved.
 FEWEST_OF_SEVERAL = 1024
 # Lattice coordinates are single precision, of 24 bits: beyond this cell they no longer resolve a quarter of one.
@@ -214,7 +217,10 @@ def light_shares(candidates: Sequence[_Candidate]) -> dict[str, float]:
         if not candidate.spare:
             totals[candidate.light] = totals.get(candidate.light, 0.0) + candidate.power
     strongest = max(totals.values(), default=0.0)
-    weights = {light: max((power / strongest) ** SHARING_POWER, LEAST_WEIGHT) for light, power in totals.items()}
+    parts = {light: power / strongest for light, power in totals.items()}
+    weights = {
+        light: max(part**SHARING_POWER, LEAST_WEIGHT) if part >= FAINTEST else part for light, part in parts.items()
+    }
     whole = sum(weights.values())
     # A light alone keeps its power as it is, to the last bit.
     return {light: power / (weights[light] / whole) if len(totals) > 1 else power for light, power in totals.items()}
