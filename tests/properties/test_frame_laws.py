@@ -23,6 +23,12 @@ PIXELS = 12
 SETTINGS = Settings(photons=300, samples=1, threads=1, aovs=("irradiance", "motion"))
 BEAUTY = ("R", "G", "B")
 frame_law = examples(law, max_examples=20)
+# Which cells are traced again in time is decided by thresholds: roundings, or what else the scene holds, may put a cell
+# on either side of them. With 300 photons, a few such cells are more than the laws allow.
+PATHS = pytest.mark.parametrize(
+    "path",
+    ["straight", pytest.param("curved", marks=pytest.mark.xfail(strict=False, reason="cells traced again differ"))],
+)
 
 
 def rendered(scene: SceneAtShutter, **changes) -> Frame:
@@ -47,13 +53,13 @@ def assert_same_pixels(one: np.ndarray, other: np.ndarray) -> None:
         assert error.max() <= 0.2 * np.abs(a).max()
 
 
-@pytest.mark.xfail(strict=False, reason="cells traced again in time differ after a turn: 1.2 %, 1 % allowed")
+@PATHS
 @frame_law
 @given(scenes(suns()).map(with_camera), rotations(), vectors(-3, 3))
-def test_a_frame_does_not_change_when_everything_turns_and_shifts(scene, turn, shift):
-    one = rendered(scene)
+def test_a_frame_does_not_change_when_everything_turns_and_shifts(path, scene, turn, shift):
+    one = rendered(scene, path=path)
     assume(one.energy.deposited > 0)
-    assert_same_pixels(pixels(one), pixels(rendered(placed(scene, turn, shift))))
+    assert_same_pixels(pixels(one), pixels(rendered(placed(scene, turn, shift), path=path)))
 
 
 @frame_law
@@ -76,14 +82,14 @@ def test_pixels_are_linear_in_the_power_of_the_lights(scene, factor):
     np.testing.assert_allclose(pixels(other, motion), pixels(one, motion), rtol=1e-3, atol=1e-4)
 
 
-@pytest.mark.xfail(strict=False, reason="cells traced again in time differ backwards; not yet understood")
+@PATHS
 @frame_law
 @given(scenes().map(with_camera), st.sampled_from(("surface", "light")))
-def test_a_frame_is_the_same_when_time_runs_backwards_and_its_motion_is_mirrored(scene, anchor):
+def test_a_frame_is_the_same_when_time_runs_backwards_and_its_motion_is_mirrored(path, scene, anchor):
     meshes = tuple(replace(mesh, motions=None, normal_motions=None) if mesh.path == "/floor" else mesh
                    for mesh in scene.meshes)
     scene = replace(scene, meshes=meshes)
-    one, other = rendered(scene, anchor=anchor), rendered(backwards(scene), anchor=anchor)
+    one, other = (rendered(here, anchor=anchor, path=path) for here in (scene, backwards(scene)))
     assume(one.energy.deposited > 0)
     seen = ("irradiance.R", "irradiance.G", "irradiance.B")
     assert_same_pixels(pixels(one, seen), pixels(other, seen))
@@ -99,19 +105,19 @@ def test_the_order_of_meshes_does_not_change_a_pixel(scene, random):
     assert_same_pixels(pixels(rendered(scene)), pixels(rendered(replace(scene, meshes=tuple(meshes)))))
 
 
-@pytest.mark.xfail(strict=False, reason="lights share photons by a low power: lattices differ beside another")
+@PATHS
 @frame_law
 @given(scenes(suns()).map(with_camera), lamps(), st.integers(100, 300), st.integers(100, 300))
-def test_the_frame_of_two_lights_is_the_sum_of_the_frames_of_each(scene, second, n, m):
+def test_the_frame_of_two_lights_is_the_sum_of_the_frames_of_each(path, scene, second, n, m):
     scenes_alone = [replace(scene, lights=(light,)) for light in (scene.lights[0], second)]
     alone = [traced(one, count) for one, count in zip(scenes_alone, (n, m), strict=True)]
     assume(min(len(result.photons) for result in alone) >= 30)
     second = brightened(second, alone, (n, m))
     together = traced(replace(scene, lights=(scene.lights[0], second)), n + m)
     assume(lattice_steps(together) == lattice_steps(*alone))
-    a = rendered(scenes_alone[0], photons=n)
-    b = rendered(replace(scene, lights=(second,)), photons=m)
-    both = rendered(replace(scene, lights=(scene.lights[0], second)), photons=n + m)
+    a = rendered(scenes_alone[0], photons=n, path=path)
+    b = rendered(replace(scene, lights=(second,)), photons=m, path=path)
+    both = rendered(replace(scene, lights=(scene.lights[0], second)), photons=n + m, path=path)
     # Sums over footprints, in double precision but for each footprint's own.
     total = pixels(a) + pixels(b)
     np.testing.assert_allclose(pixels(both), total, rtol=1e-5, atol=1e-5 * total.max())
