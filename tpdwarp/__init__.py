@@ -7,6 +7,8 @@
     measured = tpdwarp.study("wave.usdc", report="study.html")
     differences = tpdwarp.check("out", "baseline", report="report.html")
     holdings = tpdwarp.info("wave.usdc")
+    pixels = tpdwarp.render_frame("wave.usdc", 12).channels
+    scene = tpdwarp.Scene("wave.usdc")  # stays open from frame to frame
 
 Names load what they need when they are first used, so that importing the package costs next to nothing.
 """
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from tpdwarp.checks.findings import CheckResult
     from tpdwarp.checks.run import check
     from tpdwarp.errors import FrameError, InputError
+    from tpdwarp.jobs.open_scene import RenderedFrame, Scene, irradiance, render_frame
     from tpdwarp.jobs.results import FrameOutcome, SequenceResult
     from tpdwarp.jobs.sequence import render, trace_photons, write_photons
     from tpdwarp.jobs.stage_info import info
@@ -38,6 +41,8 @@ __all__ = [
     "FrameError",
     "FrameOutcome",
     "InputError",
+    "RenderedFrame",
+    "Scene",
     "SequenceResult",
     "Settings",
     "StudyResult",
@@ -45,7 +50,9 @@ __all__ = [
     "TruthSettings",
     "check",
     "info",
+    "irradiance",
     "render",
+    "render_frame",
     "study",
     "trace_photons",
     "write_photons",
@@ -56,6 +63,8 @@ _HOMES = {
     "FrameError": "tpdwarp.errors",
     "FrameOutcome": "tpdwarp.jobs.results",
     "InputError": "tpdwarp.errors",
+    "RenderedFrame": "tpdwarp.jobs.open_scene",
+    "Scene": "tpdwarp.jobs.open_scene",
     "SequenceResult": "tpdwarp.jobs.results",
     "Settings": "tpdwarp.settings",
     "StudyResult": "tpdwarp.studies.result",
@@ -63,7 +72,9 @@ _HOMES = {
     "TruthSettings": "tpdwarp.studies.truth",
     "check": "tpdwarp.checks.run",
     "info": "tpdwarp.jobs.stage_info",
+    "irradiance": "tpdwarp.jobs.open_scene",
     "render": "tpdwarp.jobs.sequence",
+    "render_frame": "tpdwarp.jobs.open_scene",
     "study": "tpdwarp.studies.run",
     "trace_photons": "tpdwarp.jobs.sequence",
     "write_photons": "tpdwarp.jobs.sequence",

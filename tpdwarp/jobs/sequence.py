@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Any
 
+import numpy as np
+
 from tpdwarp.device import Launcher
 from tpdwarp.errors import InputError
 from tpdwarp.io.files import check_name
@@ -33,7 +35,7 @@ from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.default_time import DefaultTimeScene
 from tpdwarp.usd.read.frame_specs import frames_of
-from tpdwarp.usd.read.stage import StageScene
+from tpdwarp.usd.read.stage import StageLike, StageScene
 from tpdwarp.usd.write.debug_layer import DebugLayerWriter
 
 Frames = str | float | Iterable[float] | None
@@ -43,7 +45,7 @@ DEFAULT_TIME = math.nan
 
 
 def render(
-    scene: FilePath,
+    scene: StageLike,
     out: FilePath,
     *,
     frames: Frames = None,
@@ -64,7 +66,7 @@ def render(
     A frame that fails does not end the sequence; the result says which did, and why.
 
     Args:
-        scene: The stage.
+        scene: The stage: a file, an ``Sdf.Layer`` or a ``Usd.Stage``.
         out: Image file, with ``####`` where the frame number goes (see :class:`tpdwarp.io.frame_names.FrameNames`).
         frames: A specification such as ``1:24,30:40x2``, a frame, or several; None for the stage's whole range
             (its first frame where nothing changes).
@@ -102,7 +104,7 @@ def render(
     files = StageFiles(source)
     prepare_outputs(source, files, stats, debug_layer, [names.path(frame) for frame in wanted])
     watch = EnergyWatch(source)
-    chosen, target = _settled(source, chosen)
+    chosen, target = settled_settings(source, chosen)
     fingerprint = Fingerprint.of(chosen, files.digest)
     existing = ExistingFrames(fingerprint)
     layer = None if debug_layer is None else _debug_layer(debug_layer, source, chosen, wanted, curves)
@@ -137,7 +139,7 @@ def render(
 
 
 def write_photons(
-    scene: FilePath,
+    scene: StageLike,
     layer: FilePath,
     *,
     frames: Frames = None,
@@ -165,7 +167,7 @@ def write_photons(
     source, wanted = _open(scene, chosen, frames, default_time, strict)
     files = StageFiles(source)
     prepare_outputs(source, files, stats, layer)
-    chosen, target = _settled(source, chosen)
+    chosen, target = settled_settings(source, chosen)
     writer = _debug_layer(layer, source, chosen, wanted, curves)
     watch = EnergyWatch(source)
     context = _LazyContext(source, chosen)
@@ -184,7 +186,7 @@ def write_photons(
     return reports.finished(chosen, target, loop, time.perf_counter() - started)
 
 
-def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecord:
+def trace_photons(scene: StageLike, frame: float, **settings: Any) -> PhotonRecord:
     """The photons that land over the shutter of one frame of a USD stage.
 
     Args:
@@ -198,7 +200,7 @@ def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecor
     """
     chosen = chosen_settings(settings)
     source = open_scene(scene, chosen, math.isnan(frame))
-    chosen, _ = _settled(source, chosen)
+    chosen, _ = settled_settings(source, chosen)
     return trace_frame(RenderContext(source, chosen), shutter_of(source, frame, chosen)).photons
 
 
@@ -215,27 +217,27 @@ class _LazyContext:
         return self._context
 
 
-def chosen_settings(changes: Mapping[str, Any]) -> Settings:
-    """The default settings with ``changes``; lists become tuples.
+def chosen_settings(changes: Mapping[str, Any], settings: Settings | None = None) -> Settings:
+    """``settings`` (or the defaults) with ``changes``; lists become tuples, NumPy's numbers Python's.
 
     Raises:
         InputError: A name or a value is not usable.
     """
-    plain = {name: tuple(value) if isinstance(value, list) else value for name, value in changes.items()}
-    return Settings.of(None, **plain)
+    return Settings.of(settings, **{name: _plain(value) for name, value in changes.items()})
 
 
-def open_scene(scene: FilePath, settings: Settings, default_time: bool) -> StageScene:
+def open_scene(scene: StageLike, settings: Settings, default_time: bool) -> StageScene:
     """The stage, at its default time if that is asked for.
 
     Raises:
         InputError: The stage cannot be used.
     """
-    check_name(scene)
-    # A pipe would be waited for.
-    if os.path.exists(scene) and not os.path.isfile(scene) and not os.path.isdir(scene):
-        raise InputError("is no ordinary file (name a USD file)", file=os.fspath(scene))
-    return (DefaultTimeScene if default_time else StageScene).open(os.fspath(scene), settings)
+    if isinstance(scene, str | os.PathLike):
+        check_name(scene)
+        # A pipe would be waited for.
+        if os.path.exists(scene) and not os.path.isfile(scene) and not os.path.isdir(scene):
+            raise InputError("is no ordinary file (name a USD file)", file=os.fspath(scene))
+    return (DefaultTimeScene if default_time else StageScene).open(scene, settings)
 
 
 def shutter_of(source: StageScene, frame: float, settings: Settings) -> Shutter:
@@ -272,7 +274,7 @@ def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None
 
 
 def _open(
-    scene: FilePath, settings: Settings, frames: Frames, default_time: bool, strict: bool
+    scene: StageLike, settings: Settings, frames: Frames, default_time: bool, strict: bool
 ) -> tuple[StageScene, tuple[float, ...]]:
     asked = frames_asked(frames, default_time)
     # Tried here, so that a missing device is refused once and not by every frame.
@@ -283,8 +285,12 @@ def _open(
     return source, asked or source.frames()
 
 
-def _settled(source: StageScene, settings: Settings) -> tuple[Settings, ErrorTarget | None]:
-    """Settings without an open choice of photons, and what they were chosen for, if for anything."""
+def settled_settings(source: StageScene, settings: Settings) -> tuple[Settings, ErrorTarget | None]:
+    """Settings without an open choice of photons, and what they were chosen for, if for anything.
+
+    Raises:
+        InputError: The stage cannot be used, or has no camera.
+    """
     if settings.target_error is None:
         return settings, None
     return settled(source, settings, spread_shutters(source, settings), *source.resolution())
@@ -301,6 +307,12 @@ def spread_shutters(source: StageScene, settings: Settings) -> list[Shutter]:
     offsets = (round(still.middle - source.start) for still in source.reference_shutters())
     frames = [min(source.start + offset, source.end) for offset in dict.fromkeys(offsets)]
     return [shutter_of(source, frame, settings) for frame in frames]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | list | tuple):
+        return tuple(map(_plain, value))
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _is_newer(path: str, begun: float) -> bool:
