@@ -100,7 +100,7 @@ def test_variances_of_a_pixel_and_of_a_radial_footprint_add_up(kernel):
 @pytest.mark.parametrize("side", [0.02, 0.05, 0.5])
 @pytest.mark.parametrize("angle", [90, 60, 20, 3])
 def test_a_b_spline_is_as_wide_as_it_is_on_average_over_a_pixel(side, angle):
-    """Variances add up; those of a parallelogram's axes, of which the box takes what is orthogonal, to within a half."""
+    """Variances add up; those of a parallelogram's axes, whose orthogonal part the box takes, to within a half."""
     u, v = np.array([0.05, 0, 0]), 0.04 * np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle)), 0])
     found = shaped(photon_map([(0, 0, 0)], u, v), half_pixel=side / math.sqrt(12))
     half = 0.15 + 2 * side
