@@ -389,6 +389,44 @@ def with_text(pixels: np.ndarray, lines: Sequence[tuple[int, int, str]], size: i
     return np.array(image.get_pixels("uint8")).reshape(pixels.shape)
 
 
+@dataclass(frozen=True, eq=False)
+class TextureFile:
+    """An image that is spread over a surface.
+
+    Attributes:
+        pixels: Linear R, G, B and A (1 without alpha; grey gives R = G = B), rows from the top, shape [h, w, 4]
+            float32.
+        wrap_modes: How it goes on beyond its edges along s and t, as the file says; empty where it does not.
+    """
+
+    pixels: np.ndarray
+    wrap_modes: tuple[str, str]
+
+
+def read_texture(path: str | os.PathLike[str], encoding: str = "auto") -> TextureFile | None:
+    """An image's first subimage.
+
+    Args:
+        path: Image file.
+        encoding: As in :func:`mean_color`.
+
+    Returns:
+        None where the file is no image that can be read.
+    """
+    stored = _stored_texture(path)
+    if stored is None:
+        return None
+    pixels, spec = stored
+    decoded = _is_decoded(pixels, encoding)
+    planes = [_linear(pixels[..., k], decoded and k < 3) for k in range(pixels.shape[-1])]
+    if len(planes) < 3:
+        planes = [planes[0]] * 3 + planes[1:]
+    if len(planes) < 4:
+        planes.append(np.ones_like(planes[0]))
+    modes = str(spec.getattribute("wrapmodes") or "").split(",")
+    return TextureFile(np.stack(planes, axis=-1), (modes[0], modes[-1]))
+
+
 def mean_color(path: str | os.PathLike[str], encoding: str = "auto") -> np.ndarray | None:
     """Mean of an image's first subimage, shape [4]: linear R, G, B and A (1 without alpha); grey gives R = G = B.
 
@@ -400,6 +438,19 @@ def mean_color(path: str | os.PathLike[str], encoding: str = "auto") -> np.ndarr
     Returns:
         None where the file is no image that can be read.
     """
+    stored = _stored_texture(path)
+    if stored is None:
+        return None
+    pixels, _ = stored
+    decoded = _is_decoded(pixels, encoding)
+    means = [_channel_mean(pixels[..., k], decoded and k < 3) for k in range(pixels.shape[-1])]
+    if len(means) < 3:
+        means = [means[0]] * 3 + means[1:]
+    return np.array(means if len(means) == 4 else [*means, 1.0])
+
+
+def _stored_texture(path: str | os.PathLike[str]) -> tuple[np.ndarray, oiio.ImageSpec] | None:
+    """Up to four channels [h, w, c] as they are stored: eight bits, or else float32."""
     source = oiio.ImageInput.open(os.fspath(path))
     if source is None:
         oiio.geterror()
@@ -413,11 +464,20 @@ def mean_color(path: str | os.PathLike[str], encoding: str = "auto") -> np.ndarr
     if pixels is None:
         source.geterror()
         return None
-    decoded = encoding == "sRGB" or (encoding == "auto" and eight_bits and spec.nchannels >= 3)
-    means = [_channel_mean(pixels[..., k], decoded and k < 3) for k in range(pixels.shape[-1])]
-    if len(means) < 3:
-        means = [means[0]] * 3 + means[1:]
-    return np.array(means if len(means) == 4 else [*means, 1.0])
+    return pixels, spec
+
+
+def _is_decoded(pixels: np.ndarray, encoding: str) -> bool:
+    colored = pixels.dtype == np.uint8 and pixels.shape[-1] >= 3
+    return encoding == "sRGB" or (encoding == "auto" and colored)
+
+
+def _linear(channel: np.ndarray, srgb: bool) -> np.ndarray:
+    if channel.dtype == np.uint8:
+        values = np.arange(256) / 255.0
+        return (_decoded(values) if srgb else values).astype(np.float32)[channel]
+    values = np.where(np.isfinite(channel), channel, 0.0).astype(np.float32)
+    return _decoded(values.ravel()).reshape(values.shape).astype(np.float32) if srgb else values
 
 
 def _channel_mean(channel: np.ndarray, srgb: bool) -> float:

@@ -27,6 +27,7 @@ class Requirements:
         reflection: Whether there is a mirror (dielectrics reflect too, as part of refraction).
         smooth_receivers: Whether a diffuse surface is shaded by normals that are not those of its triangles.
         bounces: Specular interactions followed along a path.
+        textures: Whether an albedo differs over its surface by a texture.
     """
 
     moving_meshes: tuple[str, ...]
@@ -36,6 +37,7 @@ class Requirements:
     reflection: bool
     smooth_receivers: bool
     bounces: int
+    textures: bool = False
 
     @property
     def caustics(self) -> bool:
@@ -84,4 +86,8 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         reflection=mirrors,
         smooth_receivers=(dielectrics or mirrors) and any(map(is_smooth_receiver, scene.meshes)),
         bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors else 0,
+        textures=any(
+            mesh.coordinates is not None and any(material.texture is not None for material in mesh.materials)
+            for mesh in scene.meshes
+        ),
     )

@@ -178,6 +178,7 @@ class CameraView:
         passes = visible_points(
             surfaces, lights, camera, films, loaded.requirements, self._launcher,
             moves=self._moves, segments=count, scales_radiance=self._settings.refracted_radiance == "scaled",
+            textures=loaded.textures, samples=self._settings.samples,
         )
         while True:
             with self._clock.stage("view"):

@@ -19,6 +19,7 @@ from tpdwarp.photons.branching import first_open_decision, reported_paths, take_
 from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import closest_hit, diffuse_color, occluded, shading_normal
+from tpdwarp.scene.device.textures import TextureArrays, on_plane, textured_color
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.view.camera import Camera, camera_ray
@@ -120,7 +121,9 @@ def query_motion(motion: wp.vec3) -> wp.vec3:
 
 
 @cache
-def visible_kernel(moves: bool, refraction: bool, reflection: bool, smooth_receivers: bool) -> wp.Kernel:
+def visible_kernel(
+    moves: bool, refraction: bool, reflection: bool, smooth_receivers: bool, textured: bool = False
+) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on."""
     both, specular = refraction and reflection, refraction or reflection
 
@@ -131,6 +134,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool, smooth_recei
         surfaces: Surfaces,
         lights: LightArrays,
         camera: Camera,
+        textures: TextureArrays,
         # In
         films: wp.array(dtype=wp.vec2),
         items: wp.array(dtype=wp.int32),
@@ -139,6 +143,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool, smooth_recei
         smallest_throughput: float,
         segments: float,
         radiance_power: float,
+        sample_side: float,
         # Out
         queries: QueryArrays,
         out: VisibleArrays,
@@ -160,6 +165,7 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool, smooth_recei
         first_open = first_open_decision(mask)
         reported = int(0)
         decision = int(0)
+        travelled = float(0.0)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
 
@@ -170,6 +176,8 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool, smooth_recei
             )
             if hit.triangle < 0:
                 break
+            if wp.static(textured):
+                travelled += hit.distance
             beam = transfer_to(beam, hit, wp.static(moves))
             side = -wp.sign(wp.dot(hit.n_g, beam.w))
             n_g = side * hit.n_g
@@ -186,7 +194,16 @@ def visible_kernel(moves: bool, refraction: bool, reflection: bool, smooth_recei
 
             # ---- A diffuse surface ends the path: direct light, and a query for the photons'
             if interaction == DIFFUSE:
-                weight = wp.cw_mul(throughput, diffuse_color(surfaces, hit)) * INV_PI
+                albedo = diffuse_color(surfaces, hit)
+                if wp.static(textured):
+                    # What a sample stands for is taken to be as wide as it would be without what bent its ray.
+                    width = sample_side
+                    if camera.orthographic == 0:
+                        width *= travelled * depth_scale
+                    across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
+                    down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
+                    albedo = textured_color(textures, material, hit, albedo, across, down)
+                weight = wp.cw_mul(throughput, albedo) * INV_PI
                 irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
@@ -250,6 +267,8 @@ def visible_points(
     moves: bool,
     segments: int = 1,
     scales_radiance: bool = True,
+    textures: TextureArrays | None = None,
+    samples: int = 1,
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
 
@@ -258,20 +277,22 @@ def visible_points(
         segments: Segments of the shutter; scene and camera are those of one of them.
         scales_radiance: Whether radiance changes by η² = (η_i/η_t)² where it is refracted, as it does (a beam of it is
             narrower inside); without, as hosts that leave it out have it. Through closed glass it cancels.
+        textures: The textures of the surfaces, where there are any.
+        samples: Samples a pixel; textures are averaged over the part of it that each stands for.
     """
     items = np.arange(len(films), dtype=np.int32)
     masks = np.zeros(len(films), np.int32)
     device_films = launcher.array(films.astype(np.float32), wp.vec2)
     needs = requirements
-    kernel = visible_kernel(moves, needs.refraction, needs.reflection, needs.smooth_receivers)
+    kernel = visible_kernel(moves, needs.refraction, needs.reflection, needs.smooth_receivers, needs.textures)
     left_out = () if needs.smooth_receivers else ("shading_normal",)
     first = True
     while len(items):
         queries, out = launcher.rows(QueryArrays, len(items), but=left_out), launcher.rows(VisibleArrays, len(items))
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
-        scene = [surfaces, lights, camera, device_films]
+        scene = [surfaces, lights, camera, textures or TextureArrays(), device_films]
         limits = [needs.bounces, SMALLEST_THROUGHPUT, float(segments), 2.0 if scales_radiance else 0.0]
-        launcher(kernel, len(items), [*scene, *paths, *limits, queries, out])
+        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, queries, out])
         yield VisiblePoints(items, queries, out, first)
         items, masks = reported_paths(items, masks, out.reported.numpy())
         first = False

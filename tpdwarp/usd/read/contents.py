@@ -119,9 +119,9 @@ class Walker:
         if prim.IsA(UsdGeom.Mesh):
             if prim.HasAPI(UsdLux.LightAPI):
                 self._warnings(path, "the mesh is rendered, but the light it emits is not")
-            if UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue():
-                self._warnings(path, "skinning is not evaluated: the mesh is rendered as it is authored (bake it)")
             return
+        if is_drawn(prim) and UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue():
+            self._warnings(path, f"a {kind} is not deformed by its skeleton: it is rendered as it is authored")
         drawn = is_drawn(prim) or any(map(prim.IsA, DRAWN_OTHERWISE))
         if prim.HasAPI(UsdLux.LightAPI) or (prim.IsA(UsdGeom.Boundable) and not drawn):
             self._warnings(path, f"a {kind} is not rendered")

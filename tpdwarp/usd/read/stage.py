@@ -29,6 +29,7 @@ from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
+from tpdwarp.usd.read.skinning import Deformation, Skeletons
 from tpdwarp.usd.read.subdivision.surface import SCHEMES, levels_for
 from tpdwarp.usd.read.transforms import Transforms, union
 from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
@@ -77,6 +78,7 @@ class StageScene:
         self._cubic = settings.motion == "cubic"
         self._transforms = Transforms(self._cubic)
         self._materials = Materials(warnings, self._request.material_purpose)
+        self._skeletons = Skeletons(self._transforms)
         self._shapes: dict[str, Shape | Primitive | Blobs] = {}
         purposes = _purposes(settings, self._request)
         contents = Walker(purposes, self._transforms, warnings).walk(stage)
@@ -198,7 +200,9 @@ class StageScene:
             prims = [mesh.prim for mesh in self._placed(shutter.frame)]
             prims += [of.instancer.instancer.GetPrim() for of in self._instancers]
             prims += [light.prim for light in self._lights]
-            return motion_breaks_of(prims, shutter.open, shutter.close)
+            skinned = {t for shape in self._shapes.values() if isinstance(shape, Shape) for t in shape.deformed_at}
+            found = motion_breaks_of(prims, shutter.open, shutter.close)
+            return sorted({*found, *(t for t in skinned if shutter.open < t < shutter.close)})
 
     def resolution(self) -> tuple[int, int]:
         """Width and height of the image in pixels.
@@ -353,15 +357,17 @@ class StageScene:
         }
 
     def _place(self, label: str, prim: Usd.Prim, placement: Placement) -> PlacedMesh:
-        original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
-        key = str(original.GetPath())
+        deformation = self._skeletons.deformation(prim) if prim.IsA(UsdGeom.Mesh) else None
+        # Instances share their shape, unless each has a skeleton of its own.
+        shared = prim.IsInstanceProxy() and deformation is None
+        key = str((prim.GetPrimInPrototype() if shared else prim).GetPath())
         if key not in self._shapes:
-            self._shapes[key] = self._shape(prim)
+            self._shapes[key] = self._shape(prim, deformation)
         return PlacedMesh(
             label, prim, self._shapes[key], placement, self._animation, self._cubic, self._materials, self.warnings
         )
 
-    def _shape(self, prim: Usd.Prim) -> Shape | Primitive | Blobs:
+    def _shape(self, prim: Usd.Prim, deformation: Deformation | None) -> Shape | Primitive | Blobs:
         if is_primitive(prim):
             return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
         if is_blob(prim):
@@ -372,6 +378,7 @@ class StageScene:
             self._cubic,
             lambda faces: self._levels(prim, faces),
             self.warnings,
+            deformation,
         )
 
     def _levels(self, prim: Usd.Prim, faces: int) -> int:
