@@ -155,6 +155,17 @@ def declare_tracing(parser: argparse.ArgumentParser, picture: Iterable[SettingOp
     declare_settings(parser.add_argument_group("machine"), MACHINE)
 
 
+def declare_resume(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--skip-existing-frames``."""
+    parser.add_argument(
+        "--skip-existing-frames",
+        dest="skip_existing",
+        action="store_true",
+        help="Leave what is there, whole and up to date: goes on where a run was stopped.",
+    )
+    parser.set_defaults(resumable=" (the same command with --skip-existing-frames goes on)")
+
+
 def declare_reports(parser: argparse.ArgumentParser) -> None:
     """Adds ``--stats``, ``--progress`` and ``--log-level``."""
     parser.add_argument(
