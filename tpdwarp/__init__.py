@@ -6,6 +6,7 @@
     photons = tpdwarp.trace_photons("wave.usdc", 12)
     measured = tpdwarp.study("wave.usdc", report="study.html")
     differences = tpdwarp.check("out", "baseline", report="report.html")
+    result = tpdwarp.farm("wave.usdc", "out/wave.####.exr", scheduler="tcp://host:8786")
     holdings = tpdwarp.info("wave.usdc")
 
 Names load what they need when they are first used, so that importing the package costs next to nothing.
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from tpdwarp.checks.findings import CheckResult
     from tpdwarp.checks.run import check
     from tpdwarp.errors import FrameError, InputError
+    from tpdwarp.farms.farm import farm
+    from tpdwarp.farms.open_job import open_job_template
     from tpdwarp.jobs.results import FrameOutcome, SequenceResult
     from tpdwarp.jobs.sequence import render, trace_photons, write_photons
     from tpdwarp.jobs.stage_info import info
@@ -44,7 +47,9 @@ __all__ = [
     "Sweep",
     "TruthSettings",
     "check",
+    "farm",
     "info",
+    "open_job_template",
     "render",
     "study",
     "trace_photons",
@@ -62,7 +67,9 @@ _HOMES = {
     "Sweep": "tpdwarp.studies.cases",
     "TruthSettings": "tpdwarp.studies.truth",
     "check": "tpdwarp.checks.run",
+    "farm": "tpdwarp.farms.farm",
     "info": "tpdwarp.jobs.stage_info",
+    "open_job_template": "tpdwarp.farms.open_job",
     "render": "tpdwarp.jobs.sequence",
     "study": "tpdwarp.studies.run",
     "trace_photons": "tpdwarp.jobs.sequence",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -71,8 +72,7 @@ def start(arguments: list[object], changes: Mapping[str, str | None] | None = No
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        # What a shell starts in the background has it ignored, and hands that on.
-        preexec_fn=_hear_interrupts,
+        preexec_fn=_hear_signals,
     )
 
 
@@ -155,7 +155,7 @@ def leftovers(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir() if path.name.startswith("."))
 
 
-def _hear_interrupts() -> None:
-    import signal
-
+def _hear_signals() -> None:
+    """Undoes what shells hand on: commands in the background ignore SIGINT, and those of ``nohup`` SIGHUP."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)

@@ -207,6 +207,24 @@ def persistence_given(options: argparse.Namespace) -> dict[str, Any]:
     return {name: getattr(options, name) for name in ("strict", "frame_timeout", "retries", "max_failures")}
 
 
+def declare_memory(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--max-memory``."""
+    parser.add_argument(
+        "--max-memory",
+        type=size,
+        metavar="SIZE",
+        help="Memory that may be taken, as in 12G; frames that need more are refused. [three quarters of the machine]",
+    )
+
+
+def size(text: str) -> float:
+    """Bytes of a size such as ``12G`` or ``512M`` (powers of 1024)."""
+    found = re.fullmatch(r"([0-9]+(?:\.[0-9]*)?) *([kKMGT]?)i?B?", text.strip())
+    if found is None or not float(found[1]) > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no size (write for instance 12G)")
+    return float(found[1]) * 1024.0 ** ("kMGT".index(found[2].replace("K", "k")) + 1 if found[2] else 0)
+
+
 def _help(option: SettingOption) -> str:
     text = _documentation().get(option.field, "").replace("``", "")
     text = re.sub(r"\b(?:None|empty) (?:takes|for)\b", "by default", text)

@@ -57,4 +57,4 @@ def run(options: argparse.Namespace) -> int:
             **persistence_given(options),
             **settings_given(options),
         )
-    return report(result, quiet=options.progress in ("alf", "none"), warnings=warnings)
+    return report(result, quiet=options.progress in ("alf", "openjd", "none"), warnings=warnings)

@@ -26,6 +26,8 @@ CLAIM_POLL_SECONDS = 0.5
 FAILURES_ON_A_FULL_DISK = 3
 # Before a second try; a busy file server is over a hiccup by then. Doubled for every further one.
 RETRY_SECONDS = 0.5
+# How the reason of a frame begins that other frames beside it may have left without memory.
+OUT_OF_MEMORY = "out of memory"
 _PROBE_BYTES = 1 << 16
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -69,6 +71,7 @@ class FrameLoop:
     Attributes:
         outcomes: What became of each frame.
         problems: What failed beyond them, one line each.
+        refused: How many failed because the input cannot be used.
     """
 
     def __init__(
@@ -84,7 +87,7 @@ class FrameLoop:
         self.outcomes: list[FrameOutcome] = []
         self.problems: list[str] = []
         self._refusal: InputError | None = None
-        self._refused = self._failures = self._failures_on_full = 0
+        self.refused = self._failures = self._failures_on_full = 0
         self._layer_path = ""
 
     def run(self, frames: Sequence[float], layer: DebugLayerJob | None) -> None:
@@ -112,7 +115,7 @@ class FrameLoop:
             self.problems.append(reason_of(error))
         places = {frame: place for place, frame in enumerate(frames)}
         self.outcomes.sort(key=lambda outcome: places.get(outcome.frame, 0))
-        if self._refusal is not None and self._refused == len(frames):
+        if self._refusal is not None and self.refused == len(frames):
             raise self._refusal
         if layer is not None:
             self.problems += layer_problems(layer, self.outcomes)
@@ -159,7 +162,7 @@ class FrameLoop:
                     pause(RETRY_SECONDS * 2 ** (tries - 1))
                     continue
                 if refused:
-                    self._refused += 1
+                    self.refused += 1
                     self._refusal = self._refusal or error
                 self._failures += 1
                 full = disk_is_full(self._path_of(frame) or self._layer_path)
@@ -214,7 +217,7 @@ def reason_of(error: Exception) -> str:
     if isinstance(error, FrameError | InputError):
         text = str(error)
     elif isinstance(error, MemoryError):
-        text = "out of memory (try fewer --photons, fewer --samples or a smaller --imageWidth)"
+        text = f"{OUT_OF_MEMORY} (try fewer --photons, fewer --samples or a smaller --imageWidth)"
     elif isinstance(error, OSError):
         text = ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
     else:

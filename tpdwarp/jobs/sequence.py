@@ -86,22 +86,15 @@ def render(
     chosen = chosen_settings(settings)
     persistence = Persistence(frame_timeout, retries, max_failures)
     shown = progress_of(progress)
-    names = FrameNames(out)
-    check_format(names.template, chosen.aovs)
-    if curves is not None and debug_layer is None:
-        raise InputError("--curves thins a debug layer (add --debug-layer)")
-    source, wanted = opened(scene, chosen, frames, default_time, strict)
-    names.check(wanted)
-    source.resolution()
-    files = StageFiles(source)
-    prepare_outputs(source, files, stats, debug_layer, [names.path(frame) for frame in wanted])
-    plan = planned(source, files, wanted, chosen, strict)
-    layer = None if debug_layer is None else DebugLayerJob(debug_layer, plan, curves, skip_existing)
+    plan, names, layer = prepared(
+        scene, out, chosen, frames, default_time, strict, stats, debug_layer, curves, skip_existing
+    )
     work = RenderWork(plan, names, layer, skip_existing, begun)
-    reports = SequenceReports(source.file, stats, skip_existing)
+    reports = SequenceReports(plan.source.file, stats, skip_existing)
     loop = FrameLoop(work, names.path, shown, persistence, reports.add)
-    loop.run(wanted, layer)
-    return reports.finished(plan.settings, plan.target, loop, time.perf_counter() - started, work.existing.anew)
+    loop.run(plan.frames, layer)
+    seconds = time.perf_counter() - started
+    return reports.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds, work.existing.anew)
 
 
 def write_photons(
@@ -140,7 +133,8 @@ def write_photons(
     reports = SequenceReports(source.file, stats, skip_existing)
     loop = FrameLoop(TraceWork(plan, job), lambda frame: "", shown, persistence, reports.add)
     loop.run(wanted, job)
-    return reports.finished(plan.settings, plan.target, loop, time.perf_counter() - started)
+    seconds = time.perf_counter() - started
+    return reports.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds)
 
 
 def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecord:
@@ -159,6 +153,40 @@ def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecor
     source = open_scene(scene, chosen, math.isnan(frame))
     chosen, _ = settled_settings(source, chosen)
     return trace_frame(RenderContext(source, chosen), shutter_of(source, frame, chosen)).photons
+
+
+def prepared(
+    scene: FilePath,
+    out: FilePath,
+    settings: Settings,
+    frames: Frames,
+    default_time: bool,
+    strict: bool,
+    stats: FilePath | None,
+    debug_layer: FilePath | None,
+    curves: int | None,
+    skip_existing: bool,
+) -> tuple[SequencePlan, FrameNames, DebugLayerJob | None]:
+    """Looks at all that a sequence of images reads and writes; arguments are those of :func:`render`.
+
+    Returns:
+        The plan, the names of the frames' files, and the debug layer if one is wanted.
+
+    Raises:
+        InputError: Something cannot be used.
+    """
+    names = FrameNames(out)
+    check_format(names.template, settings.aovs)
+    if curves is not None and debug_layer is None:
+        raise InputError("--curves thins a debug layer (add --debug-layer)")
+    source, wanted = opened(scene, settings, frames, default_time, strict)
+    names.check(wanted)
+    source.resolution()
+    files = StageFiles(source)
+    prepare_outputs(source, files, stats, debug_layer, [names.path(frame) for frame in wanted])
+    plan = planned(source, files, wanted, settings, strict)
+    layer = None if debug_layer is None else DebugLayerJob(debug_layer, plan, curves, skip_existing)
+    return plan, names, layer
 
 
 def planned(
