@@ -26,7 +26,7 @@ def openjd(*arguments, **options):
         "PYTHONPATH": str(ROOT),
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }
-    command = [sys.executable, "-m", "openjd.cli", *map(str, arguments)]
+    command = [Path(sys.executable).parent / "openjd", *map(str, arguments)]
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600, **options)
 
 
