@@ -6,6 +6,7 @@
     photons = tpdwarp.trace_photons("wave.usdc", 12)
     measured = tpdwarp.study("wave.usdc", report="study.html")
     differences = tpdwarp.check("out", "baseline", report="report.html")
+    result = tpdwarp.farm("wave.usdc", "out/wave.####.exr", scheduler="tcp://host:8786")
     holdings = tpdwarp.info("wave.usdc")
     pixels = tpdwarp.render_frame("wave.usdc", 12).channels
     scene = tpdwarp.Scene("wave.usdc")  # stays open from frame to frame
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
     from tpdwarp.checks.findings import CheckResult
     from tpdwarp.checks.run import check
     from tpdwarp.errors import FrameError, InputError
-    from tpdwarp.jobs.open_scene import RenderedFrame, Scene, irradiance, render_frame
+    from tpdwarp.farms.farm import farm
+    from tpdwarp.farms.open_job import open_job_template
+    from tpdwarp.jobs.live_scene import RenderedFrame, Scene, irradiance, render_frame
     from tpdwarp.jobs.results import FrameOutcome, SequenceResult
     from tpdwarp.jobs.sequence import render, trace_photons, write_photons
     from tpdwarp.jobs.stage_info import info
@@ -49,8 +52,10 @@ __all__ = [
     "Sweep",
     "TruthSettings",
     "check",
+    "farm",
     "info",
     "irradiance",
+    "open_job_template",
     "render",
     "render_frame",
     "study",
@@ -63,18 +68,20 @@ _HOMES = {
     "FrameError": "tpdwarp.errors",
     "FrameOutcome": "tpdwarp.jobs.results",
     "InputError": "tpdwarp.errors",
-    "RenderedFrame": "tpdwarp.jobs.open_scene",
-    "Scene": "tpdwarp.jobs.open_scene",
+    "RenderedFrame": "tpdwarp.jobs.live_scene",
+    "Scene": "tpdwarp.jobs.live_scene",
     "SequenceResult": "tpdwarp.jobs.results",
     "Settings": "tpdwarp.settings",
     "StudyResult": "tpdwarp.studies.result",
     "Sweep": "tpdwarp.studies.cases",
     "TruthSettings": "tpdwarp.studies.truth",
     "check": "tpdwarp.checks.run",
+    "farm": "tpdwarp.farms.farm",
     "info": "tpdwarp.jobs.stage_info",
-    "irradiance": "tpdwarp.jobs.open_scene",
+    "irradiance": "tpdwarp.jobs.live_scene",
+    "open_job_template": "tpdwarp.farms.open_job",
     "render": "tpdwarp.jobs.sequence",
-    "render_frame": "tpdwarp.jobs.open_scene",
+    "render_frame": "tpdwarp.jobs.live_scene",
     "study": "tpdwarp.studies.run",
     "trace_photons": "tpdwarp.jobs.sequence",
     "write_photons": "tpdwarp.jobs.sequence",

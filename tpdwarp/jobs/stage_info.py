@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from tpdwarp.jobs.sequence import Frames, chosen_settings, frames_asked, open_scene, shutter_of
+from tpdwarp.jobs.opening import Frames, chosen_settings, frames_asked, open_scene, shutter_of
 from tpdwarp.scene.requirements import Requirements, requirements_of
 from tpdwarp.usd.read.stage import StageLike
 

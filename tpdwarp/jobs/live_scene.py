@@ -13,7 +13,7 @@ import numpy as np
 from tpdwarp.clock import Clock
 from tpdwarp.errors import InputError
 from tpdwarp.io.images import encode_srgb, encoded_picture
-from tpdwarp.jobs.sequence import chosen_settings, open_scene, settled_settings, shutter_of
+from tpdwarp.jobs.opening import chosen_settings, open_scene, settled_settings, shutter_of
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.rendering import frame as one_frame
 from tpdwarp.rendering.context import RenderContext
