@@ -92,6 +92,7 @@ class MeshAtShutter:
         triangle_materials: Index into ``materials`` for each triangle, shape [m] int32.
         colors: Display colours that override the diffuse albedo, shape [c, 3]; None where there are none.
         color_indices: Colour of each triangle corner, shape [m, 3] int32; −1 keeps the material's own colour.
+        priority: Where dielectric solids overlap, those of higher priority hold; see :mod:`tpdwarp.scene.nesting`.
     """
 
     path: str
@@ -105,6 +106,7 @@ class MeshAtShutter:
     triangle_materials: np.ndarray | None = None
     colors: np.ndarray | None = None
     color_indices: np.ndarray | None = None
+    priority: int = 0
 
     @property
     def moves(self) -> bool:
