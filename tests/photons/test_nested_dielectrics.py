@@ -95,8 +95,8 @@ def test_a_ball_of_ice_in_water_is_a_weak_diverging_lens():
     assert len(rows) > 8
     focal_length = ball_lens_focal_length(radius, ICE / WATER)
     assert focal_length < 0
-    # Spherical aberration at a tenth of the radius goes with its square, and normals that are interpolated over 48 cells
-    # of a face turn unevenly by as little.
+    # Spherical aberration at a tenth of the radius goes with its square, and normals that are interpolated over 48
+    # cells of a face turn unevenly by as little.
     stretch = result.stretch()[rows]
     widened = 1 - depth / focal_length
     np.testing.assert_allclose(stretch, np.broadcast_to(widened * np.eye(2), stretch.shape), atol=0.02 * (widened - 1))
@@ -154,13 +154,11 @@ def angles_of(result: Traced) -> np.ndarray:
 
 
 def test_nested_solids_move():
-    """Water on glass that rises with it: light on the floor moves by w (tan θ_t − tan θ_i) of the layers' interfaces."""
-    w = 0.1
-    rising = (0, 0, w)
+    """Water on glass that rises with it: all layers together are a slab, whose light stays (check 3)."""
+    rising = (0, 0, 0.1)
     meshes = [moving(water(), rising), moving(slab(), rising)]
     result = traced(scene_of([floor(half=9.0), *meshes], sun((SLOPE, 0, -1))), 1024, anchor="light")
     rows = straight_through(result, 3)
-    # All layers together are a slab: nothing moves (check 3).
     np.testing.assert_allclose(result.photons.dxdt[rows], 0, atol=1e-6)
     alone = traced(scene_of([floor(half=9.0), *[replace(m, motions=None) for m in meshes]], sun((SLOPE, 0, -1))), 1024)
     np.testing.assert_allclose(result.photons.positions, alone.photons.positions, atol=ROUNDING)

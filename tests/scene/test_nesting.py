@@ -67,7 +67,7 @@ def filling(grown: float = 0.0, high: float = 0.8) -> MeshAtShutter:
         ((floor(0.5, 2.0, WATER, "/sea"), ball("/ice", (0, 0, 0.4), 0.3, 8, ICE)), ["/sea", "/ice"]),
         ((POOL, box("/slab", (-1, -1, 1), (1, 1, 1.2), glass())), ["/water", "/slab"]),
     ],
-    ids=["ice", "floating ice", "bubble", "rod", "a glass of water", "grown water", "a thin vessel", "all", "sea", "slab"],
+    ids=["ice", "floating ice", "bubble", "rod", "a glass of water", "grown", "light vessel", "all", "sea", "slab"],
 )  # fmt: skip
 @pytest.mark.parametrize("turned", [False, True])
 def test_what_is_inside_displaces_what_it_is_in_and_vessels_hold(meshes, order, turned):

@@ -102,7 +102,10 @@ def _index_of(mesh: MeshAtShutter) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class _Solid:
-    """A mesh that may lie in others, and the box [2, 3] that it stays in; ``up`` points off an open one to its front."""
+    """A mesh that may lie in others, and the box [2, 3] that it stays in.
+
+    ``up`` points off an open one to its front; along it, and back, others are looked through.
+    """
 
     mesh: MeshAtShutter
     index: float

@@ -21,7 +21,6 @@ from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import Transforms, union, usable
 
-
 # Of nested dielectrics; see tpdwarp.scene.nesting.
 PRIORITY = "tpdwarp:priority"
 
