@@ -14,11 +14,12 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
-from tpdwarp.photons.beam import interface_at, scatter, transfer_to
+from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
 from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import closest_hit, diffuse_color, occluded, shading_normal
+from tpdwarp.scene.device.intersection import along, closest_hit, diffuse_color, occluded, shading_normal
+from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.textures import TextureArrays, on_plane, textured_color
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
@@ -126,7 +127,12 @@ def query_motion(motion: wp.vec3) -> wp.vec3:
 
 @cache
 def visible_kernel(
-    moves: bool, refraction: bool, reflection: bool, smooth_receivers: bool, textured: bool = False
+    moves: bool,
+    refraction: bool,
+    reflection: bool,
+    smooth_receivers: bool,
+    textured: bool = False,
+    nested: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on."""
     both, specular = refraction and reflection, refraction or reflection
@@ -164,6 +170,9 @@ def visible_kernel(
         beam.magnitude = wp.min(surfaces.magnitude, wp.vec3(closeness, closeness, closeness))
         start = camera.near / depth_scale
         end = camera.far / depth_scale
+        if wp.static(nested):
+            passed_by = float(0.0)
+            inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
         throughput = wp.vec3(1.0, 1.0, 1.0)
         mask = masks[i]
         first_open = first_open_decision(mask)
@@ -182,6 +191,21 @@ def visible_kernel(
                 break
             if wp.static(textured):
                 travelled += hit.distance
+            # ---- What another solid displaces is not there
+            eta = float(1.0)
+            if wp.static(nested):
+                beyond = int(inside)
+                if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
+                    crossing = crossing_at(surfaces, hit, beam.w, inside)
+                    eta = crossing.eta
+                    beyond = crossing.beyond
+                    if crossing.nothing:
+                        inside = beyond
+                        passed_by += hit.distance
+                        beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                        start = 0.0
+                        end = FAR
+                        continue
             beam = transfer_to(beam, hit, wp.static(moves))
             if wp.static(moves):
                 if wp.length_sq(hit.motion) > 0.0:
@@ -192,10 +216,17 @@ def visible_kernel(
             # Faced to the viewer, as the geometric normal is, also where it was authored against the winding.
             if wp.dot(n, n_g) < 0.0:
                 n = -n
-            if bounce == 0:
+            first = bounce == 0
+            if wp.static(nested):
+                # Before it, there may have been surfaces that are not there.
+                first = out.first_depth[i] < 0.0
+            if first:
                 out.first_position[i] = beam.x
                 out.first_normal[i] = n
-                out.first_depth[i] = hit.distance * depth_scale
+                depth = hit.distance
+                if wp.static(nested):
+                    depth += passed_by
+                out.first_depth[i] = depth * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
 
@@ -230,7 +261,10 @@ def visible_kernel(
                 dielectric = wp.static(refraction)
                 if wp.static(both):
                     dielectric = interaction == DIELECTRIC
-                at = interface_at(surfaces, hit, beam.w, dielectric, wp.static(moves))
+                if wp.static(refraction and not nested):
+                    if dielectric:
+                        eta = relative_index(surfaces, hit, beam.w)
+                at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
                 reflected = True
                 if dielectric:
                     branch = take_branch(mask, decision, first_open, at.reflectance, throughput, smallest_throughput)
@@ -242,6 +276,9 @@ def visible_kernel(
                     decision += branch.decided
                 else:
                     throughput = wp.cw_mul(throughput, surfaces.tint[material])
+                if wp.static(nested):
+                    if not reflected:
+                        inside = beyond
                 beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
                 start = 0.0
                 end = FAR
@@ -291,7 +328,9 @@ def visible_points(
     masks = np.zeros(len(films), np.int32)
     device_films = launcher.array(films.astype(np.float32), wp.vec2)
     needs = requirements
-    kernel = visible_kernel(moves, needs.refraction, needs.reflection, needs.smooth_receivers, needs.textures)
+    kernel = visible_kernel(
+        moves, needs.refraction, needs.reflection, needs.smooth_receivers, needs.textures, needs.nested
+    )
     left_out = () if needs.smooth_receivers else ("shading_normal",)
     first = True
     while len(items):
