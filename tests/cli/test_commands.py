@@ -7,7 +7,7 @@ from tests.small_stage import write_stage
 from tpdwarp.cli import main
 from tpdwarp.errors import FrameError
 from tpdwarp.io.images import read_image
-from tpdwarp.jobs import sequence
+from tpdwarp.jobs import frame_work
 
 SMALL = ["-w", "12", "--samples", "1", "--photons", "64"]
 
@@ -37,14 +37,14 @@ def test_render_writes_frames_statistics_and_the_debug_layer(stage, tmp_path, ca
 
 
 def test_failed_frames_are_listed_at_the_end_with_code_1(stage, tmp_path, capsys, monkeypatch):
-    real = sequence.render_frame
+    real = frame_work.render_frame
 
     def fail_at_2(context, shutter, width, height):
         if shutter.frame == 2:
             raise FrameError("the lamp blew")
         return real(context, shutter, width, height)
 
-    monkeypatch.setattr(sequence, "render_frame", fail_at_2)
+    monkeypatch.setattr(frame_work, "render_frame", fail_at_2)
     assert main(["render", stage, str(tmp_path / "a.##.exr"), *SMALL, "--progress", "none"]) == 1
     stdout, stderr = capsys.readouterr()
     assert stdout == ""

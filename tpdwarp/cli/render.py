@@ -9,6 +9,7 @@ from tpdwarp.cli.options import (
     declare_frames,
     declare_persistence,
     declare_reports,
+    declare_resume,
     declare_tracing,
     persistence_given,
     settings_given,
@@ -29,18 +30,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="USD stage.")
     parser.add_argument("out", metavar="OUT", help="Image file: .exr, or .png, .jpg, .tif (beauty only, sRGB).")
     declare_frames(parser)
-    parser.add_argument(
-        "--skip-existing-frames",
-        dest="skip_existing",
-        action="store_true",
-        help="Leave frames that are there, whole and up to date.",
-    )
+    declare_resume(parser)
     parser.add_argument("--debug-layer", metavar="LAYER", help="Also write the photons to this USD layer.")
     parser.add_argument("--curves", type=int, metavar="N", help="At most so many photons a frame in it. [all]")
     declare_reports(parser)
     declare_persistence(parser)
     declare_tracing(parser, PICTURE)
-    parser.set_defaults(resumable=" (the same command with --skip-existing-frames goes on)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -63,4 +58,4 @@ def run(options: argparse.Namespace) -> int:
             **persistence_given(options),
             **settings_given(options),
         )
-    return report(result, quiet=options.progress in ("alf", "none"), warnings=warnings)
+    return report(result, quiet=options.progress in ("alf", "openjd", "none"), warnings=warnings)

@@ -177,19 +177,12 @@ def encode_srgb(pixels: np.ndarray) -> np.ndarray:
     return np.array(image.get_pixels("float"))
 
 
-def smpte_timecode(frame: float, frames_per_second: float) -> str:
-    """The time code ``hh:mm:ss:ff`` of a frame counted from 0, without dropped frames, at the rounded-up rate."""
-    rate = max(1, int(np.ceil(frames_per_second)))
-    seconds, frames = divmod(int(np.floor(frame)), rate)
-    return f"{seconds // 3600 % 24:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}:{frames:02d}"
-
-
 def set_attribute(spec: oiio.ImageSpec, name: str, value: Any) -> None:
     """Adds one attribute to an image's header.
 
     A string, whole number, number (single precision) or 4×4 array is stored as such (whole numbers beyond 32 bits as
     text), two to four numbers as a vector, anything else as JSON. ``framesPerSecond`` becomes a fraction (23.976 is
-    24000/1001) and ``smpte:TimeCode`` is given as ``hh:mm:ss:ff``. None is left out.
+    24000/1001). None is left out.
 
     Raises:
         TypeError: The value has no JSON form.
@@ -201,10 +194,6 @@ def set_attribute(spec: oiio.ImageSpec, name: str, value: Any) -> None:
     if name == "framesPerSecond":
         rate = exact_rate(float(plain))
         spec.attribute(name, oiio.TypeDesc("rational"), (rate.numerator, rate.denominator))
-    elif name == "smpte:TimeCode":
-        # Binary coded decimals, two digits a byte, frames in the lowest.
-        packed = sum(int(pair, 16) << 8 * (3 - place) for place, pair in enumerate(plain.split(":")))
-        spec.attribute(name, oiio.TypeDesc("timecode"), (packed, 0))
     elif isinstance(plain, str):
         spec.attribute(name, plain)
     elif isinstance(plain, numbers.Integral):
@@ -302,7 +291,7 @@ def attributes_of(spec: oiio.ImageSpec) -> dict[str, Any]:
     """The attributes of an image's header, by the names and types that :func:`set_attribute` takes."""
     file_names = {own: name for name, own in ATTRIBUTE_NAMES.items()}
     return {
-        file_names.get(entry.name, entry.name): attribute_value(entry.name, entry.type, entry.value)
+        file_names.get(entry.name, entry.name): attribute_value(entry.type, entry.value)
         for entry in spec.extra_attribs
     }
 
@@ -318,14 +307,12 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dic
     return planes, stored.metadata
 
 
-def attribute_value(name: str, kind: oiio.TypeDesc, value: Any) -> Any:
+def attribute_value(kind: oiio.TypeDesc, value: Any) -> Any:
     """An attribute of an image's header as the Python value that :func:`set_attribute` takes for it."""
     if kind == oiio.TypeDesc("matrix"):
         return np.array(value, dtype=np.float64).reshape(4, 4)
     if kind == oiio.TypeDesc("rational"):
         return value[0] / value[1]
-    if name == "smpte:TimeCode":
-        return ":".join(f"{value[0] >> shift & 0xFF:02x}" for shift in (24, 16, 8, 0))
     return value
 
 

@@ -53,10 +53,14 @@ class LightArrays:
 
 @wp.struct
 class VisibleArrays:
-    """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π."""
+    """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π.
+
+    ``met_motion`` is 1 where the path met a surface that moves, and may be another one at other times.
+    """
 
     weight: wp.array(dtype=wp.vec3)
     direct: wp.array(dtype=wp.vec3)
+    met_motion: wp.array(dtype=wp.int32)
     reported: wp.array(dtype=wp.int32)
     first_position: wp.array(dtype=wp.vec3)
     first_normal: wp.array(dtype=wp.vec3)
@@ -183,6 +187,9 @@ def visible_kernel(
             if wp.static(textured):
                 travelled += hit.distance
             beam = transfer_to(beam, hit, wp.static(moves))
+            if wp.static(moves):
+                if wp.length_sq(hit.motion) > 0.0:
+                    out.met_motion[i] = 1
             side = -wp.sign(wp.dot(hit.n_g, beam.w))
             n_g = side * hit.n_g
             n = shading_normal(surfaces, hit, False, wp.static(moves)).n

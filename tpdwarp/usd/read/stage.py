@@ -42,6 +42,9 @@ HIGHEST_RATE = 1e6
 LONGEST_SHUTTER = 1e6
 REFERENCE_COUNT = 9
 
+# What names a stage: its file, its root layer, or itself.
+StageLike = str | os.PathLike[str] | Sdf.Layer | Usd.Stage
+
 
 class StageScene:
     """A stage on disk, as :class:`tpdwarp.scene.description.SceneSource`. Made by :meth:`open`.
@@ -58,6 +61,9 @@ class StageScene:
         camera_path: The camera looked through; None where the stage has none and a free camera frames it.
         warnings: What was found that is not supported, a line a kind.
     """
+
+    # Whether the stage's session layer is written to.
+    EDITS_SESSION = False
 
     def __init__(self, file: str, stage: Usd.Stage, settings: StageSettings, warnings: WarnOnce) -> None:
         self.file, self.warnings = file, warnings
@@ -101,25 +107,31 @@ class StageScene:
             warnings("", "no light shines: a light at the camera stands in (add a UsdLux light)")
 
     @classmethod
-    def open(cls, file: str | os.PathLike[str], settings: StageSettings) -> StageScene:
+    def open(cls, stage: StageLike, settings: StageSettings) -> StageScene:
         """Opens a stage and checks that it can be rendered.
 
         Args:
-            file: A USD file.
+            stage: A USD file, a root layer, or a stage that is open already (of which nothing is changed).
             settings: ``motion``, ``purposes``, ``mask``, ``camera``, ``render_settings``, ``image_width``,
                 ``shutter`` and ``exposure`` are used.
 
         Raises:
             InputError: The file cannot be read; no visible mesh; no such camera, mask or render settings.
         """
-        name = os.fspath(file)
-        if not os.path.exists(name):
-            raise InputError("no such file", name)
-        if os.path.isdir(name):
-            raise InputError("is a folder (name a USD file)", name)
+        if isinstance(stage, Usd.Stage):
+            name = stage.GetRootLayer().identifier
+            stage = _with_session_of_its_own(stage) if cls.EDITS_SESSION else stage
+        elif isinstance(stage, Sdf.Layer):
+            name = stage.identifier
+        else:
+            name = stage = os.fspath(stage)
+            if not os.path.exists(name):
+                raise InputError("no such file", name)
+            if os.path.isdir(name):
+                raise InputError("is a folder (name a USD file)", name)
         warnings = WarnOnce(name)
         with usd_diagnostics(warnings):
-            return cls(name, _open_stage(name, settings), settings, warnings)
+            return cls(name, _open_stage(stage, name, settings), settings, warnings)
 
     def at(self, shutter: Shutter) -> SceneAtShutter:
         """The scene over ``shutter``; what does not move is the same object on every call.
@@ -475,9 +487,10 @@ def _interactions(mesh: MeshAtShutter | None) -> list[str]:
     return [] if mesh is None else sorted({material.interaction.name.lower() for material in mesh.materials})
 
 
-def _open_stage(file: str, settings: StageSettings) -> Usd.Stage:
+def _open_stage(given: str | Sdf.Layer | Usd.Stage, file: str, settings: StageSettings) -> Usd.Stage:
+    opened = (given.GetRootLayer(), given.GetSessionLayer()) if isinstance(given, Usd.Stage) else (given,)
     if not settings.mask:
-        return Usd.Stage.Open(file)
+        return given if isinstance(given, Usd.Stage) else Usd.Stage.Open(given)
     mask = Usd.StagePopulationMask()
     for path in settings.mask:
         if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsoluteRootOrPrimPath():
@@ -487,12 +500,22 @@ def _open_stage(file: str, settings: StageSettings) -> Usd.Stage:
     for path in (settings.camera, settings.render_settings):
         if path.startswith("/") and Sdf.Path.IsValidPathString(path):
             mask.Add(path)
-    stage = Usd.Stage.OpenMasked(file, mask)
+    stage = Usd.Stage.OpenMasked(*opened, mask)
     for path in settings.mask:
         if not stage.GetPrimAtPath(path):
             raise InputError("no such prim (correct --mask)", file, path)
     stage.ExpandPopulationMask()
     return stage
+
+
+def _with_session_of_its_own(stage: Usd.Stage) -> Usd.Stage:
+    """The same stage again, with a copy of its session layer, so that edits do not reach its owner."""
+    session = Sdf.Layer.CreateAnonymous()
+    session.TransferContent(stage.GetSessionLayer())
+    copy = Usd.Stage.Open(stage.GetRootLayer(), session, stage.GetPathResolverContext(), Usd.Stage.LoadNone)
+    copy.SetLoadRules(stage.GetLoadRules())
+    copy.MuteAndUnmuteLayers(stage.GetMutedLayers(), [])
+    return copy
 
 
 def _time_range(stage: Usd.Stage) -> tuple[float, float]:
