@@ -182,6 +182,24 @@ class LightAtShutter:
 
 
 @dataclass(frozen=True, eq=False)
+class DomeAtShutter:
+    """Light from all around, at an infinite distance, as it stands at mid shutter.
+
+    It is seen where nothing else is, and lights diffuse surfaces directly; it sends no photons.
+
+    Attributes:
+        path: Prim path.
+        radiance: By latitude (rows, from +y down) and longitude (columns, from +180° down, where +z is at 0° and +x at
+            90°), shape [h, w, 3], linear Rec.709.
+        axes: Rows are the dome's unit x, y, z axes in the world, shape [3, 3].
+    """
+
+    path: str
+    radiance: np.ndarray
+    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+
+
+@dataclass(frozen=True, eq=False)
 class CameraAtShutter:
     """A pinhole or orthographic camera over a shutter; looks along −z of its frame, y up.
 
@@ -224,6 +242,7 @@ class SceneAtShutter:
     meshes: tuple[MeshAtShutter, ...]
     lights: tuple[LightAtShutter, ...]
     camera: CameraAtShutter | None = None
+    domes: tuple[DomeAtShutter, ...] = ()
 
 
 class SceneSource(Protocol):

@@ -30,6 +30,7 @@ class Requirements:
         smooth_receivers: Whether a diffuse surface is shaded by normals that are not those of its triangles.
         bounces: Specular interactions followed along a path.
         textures: Whether an albedo differs over its surface by a texture.
+        domes: Whether light comes from all around.
     """
 
     moving_meshes: tuple[str, ...]
@@ -41,6 +42,7 @@ class Requirements:
     smooth_receivers: bool
     bounces: int
     textures: bool = False
+    domes: bool = False
 
     @property
     def caustics(self) -> bool:
@@ -94,4 +96,5 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
             mesh.coordinates is not None and any(material.texture is not None for material in mesh.materials)
             for mesh in scene.meshes
         ),
+        domes=bool(scene.domes),
     )

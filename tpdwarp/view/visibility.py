@@ -24,6 +24,7 @@ from tpdwarp.scene.device.textures import TextureArrays, on_plane, textured_colo
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.view.camera import Camera, camera_ray
+from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
 SMALLEST_THROUGHPUT = 4.0e-3
@@ -133,6 +134,7 @@ def visible_kernel(
     smooth_receivers: bool,
     textured: bool = False,
     nested: bool = False,
+    domed: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on."""
     both, specular = refraction and reflection, refraction or reflection
@@ -145,6 +147,7 @@ def visible_kernel(
         lights: LightArrays,
         camera: Camera,
         textures: TextureArrays,
+        domes: DomeArrays,
         # In
         films: wp.array(dtype=wp.vec2),
         items: wp.array(dtype=wp.int32),
@@ -188,6 +191,8 @@ def visible_kernel(
                 surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, end, wp.static(moves), stream
             )
             if hit.triangle < 0:
+                if wp.static(domed):
+                    out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                 break
             if wp.static(textured):
                 travelled += hit.distance
@@ -243,6 +248,11 @@ def visible_kernel(
                     albedo = textured_color(textures, material, hit, albedo, across, down)
                 weight = wp.cw_mul(throughput, albedo) * INV_PI
                 irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
+                if wp.static(domed):
+                    # Neighbours in the image choose other parts of the dome.
+                    scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
+                    place = scattered - wp.floor(scattered)
+                    irradiance += dome_irradiance(surfaces, domes, beam.x, n, n_g, hit.offset * n_g, place)
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
@@ -312,6 +322,7 @@ def visible_points(
     segments: int = 1,
     scales_radiance: bool = True,
     textures: TextureArrays | None = None,
+    domes: DomeArrays | None = None,
     samples: int = 1,
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
@@ -322,6 +333,7 @@ def visible_points(
         scales_radiance: Whether radiance changes by η² = (η_i/η_t)² where it is refracted, as it does (a beam of it is
             narrower inside); without, as hosts that leave it out have it. Through closed glass it cancels.
         textures: The textures of the surfaces, where there are any.
+        domes: Light from all around, where there is any.
         samples: Samples a pixel; textures are averaged over the part of it that each stands for.
     """
     items = np.arange(len(films), dtype=np.int32)
@@ -329,14 +341,20 @@ def visible_points(
     device_films = launcher.array(films.astype(np.float32), wp.vec2)
     needs = requirements
     kernel = visible_kernel(
-        moves, needs.refraction, needs.reflection, needs.smooth_receivers, needs.textures, needs.nested
+        moves,
+        needs.refraction,
+        needs.reflection,
+        needs.smooth_receivers,
+        textured=needs.textures,
+        nested=needs.nested,
+        domed=needs.domes,
     )
     left_out = () if needs.smooth_receivers else ("shading_normal",)
     first = True
     while len(items):
         queries, out = launcher.rows(QueryArrays, len(items), but=left_out), launcher.rows(VisibleArrays, len(items))
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
-        scene = [surfaces, lights, camera, textures or TextureArrays(), device_films]
+        scene = [surfaces, lights, camera, textures or TextureArrays(), domes or DomeArrays(), device_films]
         limits = [needs.bounces, SMALLEST_THROUGHPUT, float(segments), 2.0 if scales_radiance else 0.0]
         launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, queries, out])
         yield VisiblePoints(items, queries, out, first)
