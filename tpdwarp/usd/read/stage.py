@@ -20,7 +20,9 @@ from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
+from tpdwarp.usd.read.instance_limits import check_native_instances
 from tpdwarp.usd.read.instances import InstancedMeshes
+from tpdwarp.usd.read.layer_limits import checked_layers
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
@@ -97,16 +99,19 @@ class StageScene:
             warnings("", "no light shines: a light at the camera stands in (add a UsdLux light)")
 
     @classmethod
-    def open(cls, file: str | os.PathLike[str], settings: StageSettings) -> StageScene:
+    def open(
+        cls, file: str | os.PathLike[str], settings: StageSettings, max_memory: float = math.inf
+    ) -> StageScene:
         """Opens a stage and checks that it can be rendered.
 
         Args:
             file: A USD file.
             settings: ``motion``, ``purposes``, ``mask``, ``camera``, ``render_settings``, ``image_width``,
                 ``shutter`` and ``exposure`` are used.
+            max_memory: Bytes that its largest array may need.
 
         Raises:
-            InputError: The file cannot be read; no visible mesh; no such camera, mask or render settings.
+            InputError: The file cannot be read, or stands for more than can be rendered; no visible mesh; no such camera, mask or render settings.
         """
         name = os.fspath(file)
         if not os.path.exists(name):
@@ -115,7 +120,12 @@ class StageScene:
             raise InputError("is a folder (name a USD file)", name)
         warnings = WarnOnce(name)
         with usd_diagnostics(warnings):
-            return cls(name, _open_stage(name, settings), settings, warnings)
+            # Kept until the stage is open, so that USD does not read them again.
+            layers = checked_layers(name, max_memory)
+            stage = _open_stage(name, settings)
+            del layers
+            check_native_instances(stage)
+            return cls(name, stage, settings, warnings)
 
     def at(self, shutter: Shutter) -> SceneAtShutter:
         """The scene over ``shutter``; what does not move is the same object on every call.
