@@ -11,7 +11,7 @@ from typing import Any
 from tpdwarp.device import Launcher
 from tpdwarp.errors import InputError
 from tpdwarp.io.files import check_name
-from tpdwarp.jobs.memory import memory_allowed
+from tpdwarp.io.memory import memory_allowed
 from tpdwarp.rendering.error_target import ErrorTarget, settled
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings

@@ -33,7 +33,7 @@ def nested_instancers(path: Path, levels: int, count: int) -> Path:
 
 
 def nested_references(path: Path, levels: int, count: int, instanceable: bool) -> Path:
-    """Prims that reference each other: ``count`` to the power of ``levels`` triangles, shared where ``instanceable``."""
+    """Prims that reference each other: ``count`` to the power of ``levels`` triangles; shared if ``instanceable``."""
     text = _HEAD + 'over "Library"\n{\n'
     for level in range(levels):
         text += f'    def Xform "P{level}"\n    {{\n'

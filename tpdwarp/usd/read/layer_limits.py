@@ -20,7 +20,7 @@ from tpdwarp.usd.read.diagnostics import usd_diagnostics
 
 # Real stages are some tens deep. USD needs 0.2 s for 1000, 40 s for 10 000, and crashes before 100 000.
 MOST_DEPTH = 1000
-# An index of a corner costs a third of what a triangle does (see :mod:`tpdwarp.jobs.memory`), any other value what its
+# An index of a corner costs a third of what a triangle does (see :mod:`tpdwarp.io.memory`), any other value what its
 # copies in double precision do.
 BYTES_AN_INDEX = 380
 COPIES = 4

@@ -111,7 +111,8 @@ class StageScene:
             max_memory: Bytes that its largest array may need.
 
         Raises:
-            InputError: The file cannot be read, or stands for more than can be rendered; no visible mesh; no such camera, mask or render settings.
+            InputError: The file cannot be read, or stands for more than can be rendered; no visible mesh; no such
+                camera, mask or render settings.
         """
         name = os.fspath(file)
         if not os.path.exists(name):
