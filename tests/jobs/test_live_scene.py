@@ -107,7 +107,7 @@ def test_irradiance_at_what_a_camera_sees_is_that_of_its_pixels(waves):
     points, normals = (np.stack([channels[f"{aov}.{axis}"].ravel() for axis in "XYZ"], axis=1) for aov in "PN")
     found = scene.irradiance(FRAME, points, normals, spacing=2.0 / 32)
     for k, channel in enumerate("RGB"):
-        # Means over squares however they are turned, and over pixels: oblique footprints, at the border, see a difference.
+        # Means over squares however they are turned, and over pixels: to oblique footprints they differ.
         np.testing.assert_allclose(found[:, k], channels[f"irradiance.{channel}"].ravel(), rtol=1e-3)
 
 
