@@ -63,12 +63,14 @@ def shape_footprints(
 
     # Columns that footprints share with photons are not copied: ten million of either fill memory.
     shared = {"center": "position", "normal": "normal", "dxdt": "dxdt"}
-    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "filter_width", "incidence")
+    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "gain", "filter_width", "incidence")
     out = launcher.rows(FootprintArrays, count, but=(*shared, *others))
     for name, source in shared.items():
         setattr(out, name, column(source))
     out.acceleration, out.jerk = trajectory_column("dxdtt"), trajectory_column("dxdttt")
     out.jacobian_rate = launcher.zeros(count if curved else 0, wp.mat22)
+    gains = [_trajectory_column(photons, "gain") for photons in maps] if curved else [np.zeros(0)]
+    out.gain = launcher.array(joined(gains).astype(np.float32), wp.float32)
     out.filter_width = launcher.zeros(count if kernel == "bspline" else 0, wp.vec3)
     shaded = all(len(m.incidence) == len(m) for m in maps)
     out.incidence = column("incidence") if shaded else launcher.zeros(0, wp.vec3)
@@ -90,4 +92,6 @@ def shape_footprints(
 
 def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:
     """A column of how trajectories curve, zero where they are straight."""
-    return np.zeros_like(photons.position) if photons.trajectory is None else getattr(photons.trajectory, name)
+    if photons.trajectory is not None:
+        return getattr(photons.trajectory, name)
+    return np.zeros(len(photons), np.float32) if name == "gain" else np.zeros_like(photons.position)

@@ -97,6 +97,7 @@ class FootprintArrays:
     acceleration: wp.array(dtype=wp.vec3)
     jerk: wp.array(dtype=wp.vec3)
     jacobian_rate: wp.array(dtype=wp.mat22)
+    gain: wp.array(dtype=wp.float32)
     filter_width: wp.array(dtype=wp.vec3)
     dxdt_relative: wp.array(dtype=wp.vec3)
     density: wp.array(dtype=wp.vec3)
