@@ -27,6 +27,7 @@ class FootprintMap:
         shaded: Whether receivers are shaded by normals that are not those of their triangles.
         run_size: Half the typical size of a piece: queries this close together are gathered together.
         clamped: Footprints whose length or aspect was limited.
+        growth_limited: Footprints whose axes grow too fast to be followed.
         count: Number of footprints.
     """
 
@@ -39,6 +40,7 @@ class FootprintMap:
     shaded: bool
     run_size: float
     clamped: int
+    growth_limited: int
     count: int
 
 
@@ -51,7 +53,7 @@ def shape_footprints(
     if not count:
         arrays = launcher.rows(FootprintArrays, 0)
         none = launcher.zeros(0, wp.float32)
-        return FootprintMap(arrays, PieceArrays(), None, none, moves, curved, False, 0.0, 0, 0)
+        return FootprintMap(arrays, PieceArrays(), None, none, moves, curved, False, 0.0, 0, 0, 0)
 
     def column(name: str) -> wp.array:
         return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
@@ -85,9 +87,9 @@ def shape_footprints(
     launcher(shape, count, [*columns, float(smoothing), pixel, out])
     pieces = pieces_of(out, launcher)
     size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
-    clamped = int(out.clamped.numpy().sum(dtype=np.int64))
+    clamped, limited = (int(flags.numpy().sum(dtype=np.int64)) for flags in (out.clamped, out.growth_limited))
     bvh = wp.Bvh(pieces.lower, pieces.upper)
-    return FootprintMap(out, pieces, bvh, durations, moves, curved, shaded, 0.5 * size, clamped, count)
+    return FootprintMap(out, pieces, bvh, durations, moves, curved, shaded, 0.5 * size, clamped, limited, count)
 
 
 def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:

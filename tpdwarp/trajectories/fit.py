@@ -44,8 +44,8 @@ from tpdwarp.trajectories.keyframes import (
 )
 from tpdwarp.trajectories.neighbours import differences, neighbours
 
-# Flux and area grow by no more than this part to either end of the shutter, as axes do (LARGEST_GROWTH there): linearly,
-# flux would be below zero before the shutter is over.
+# Flux grows by no more than half of this part to either end of the shutter, as axes do (LARGEST_GROWTH there): on a
+# line, it would be below zero before the shutter is over.
 LARGEST_GAIN = 1.0
 
 

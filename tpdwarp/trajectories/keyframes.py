@@ -190,7 +190,7 @@ class _KeyframeGrids:
             self._grids[key] = first, values, paths
 
     def at(self, key: Key, coordinates: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """D_t x, x and ln Φ [n, 7] at lattice ``coordinates`` [n, 2], interpolated bilinearly, and whether they are valid.
+        """D_t x, x and ln Φ [n, 7] at lattice ``coordinates`` [n, 2], bilinearly, and whether they are valid.
 
         Values are valid where at least three of the four photons around took ``path`` [n], too.
         """
