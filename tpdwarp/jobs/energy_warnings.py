@@ -24,7 +24,7 @@ class EnergyWatch:
         self._warned_of_loss = self._warned_of_no_caustic = self._warned_of_starving = False
 
     def __call__(self, frame: float, shutter: Shutter, energy: EnergyAccount) -> None:
-        """Warns at the first frame that loses more than 1 % of the flux sent, with starved lights, without a caustic."""
+        """Warns at the first frame that loses more than 1 % of the flux sent, or with starved lights, or no caustic."""
         if not self._warned_of_loss and energy.lost_total > LOST_SHARE * energy.sent > 0:
             self._warned_of_loss = True
             causes = sorted(energy.lost, key=lambda cause: energy.lost[cause], reverse=True)
