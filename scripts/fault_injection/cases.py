@@ -275,6 +275,7 @@ def strangers(bench: Bench) -> Iterator[Row]:
     stages = {
         "point instancers nested to 10⁹": nested_instancers(folder / "instancers.usda", 9, 10),
         "native instances nested to 10¹⁰": nested_references(folder / "native.usda", 10, 10, instanceable=True),
+        "references nested to 10¹⁰": nested_references(folder / "references.usda", 10, 10, instanceable=False),
         "100 000 prims in each other, text": nested_prims(folder / "deep.usda", 100_000),
         "3000 prims in each other, crate": nested_prims(folder / "deep.usdc", 3000),
         "a crate of 3·10⁸ face counts": many_faces(folder / "faces.usdc", 300_000_000),

@@ -11,6 +11,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from tpdwarp.errors import InputError
 from tpdwarp.settings import Settings
+from tpdwarp.usd.read.composed_prims import composed_prims
 from tpdwarp.usd.read.crate_sizes import CrateTables
 from tpdwarp.usd.read.layer_limits import MOST_DEPTH, checked_layers
 from tpdwarp.usd.read.stage import StageScene
@@ -112,6 +113,23 @@ def test_instances_are_counted_before_they_are_visited(tmp_path):
         StageScene.open(path, Settings())
     scene = StageScene.open(nested_references(tmp_path / "b.usda", 2, 3, instanceable=True), Settings())
     assert sum(entry["instances"] for entry in scene.describe()["meshes"]) == 9
+
+
+def test_references_are_counted_before_they_are_composed(tmp_path):
+    path = nested_references(tmp_path / "a.usda", 10, 10, instanceable=False)
+    with pytest.raises(InputError, match=r"stand for \d\.\d+e\+10 prims"):
+        StageScene.open(path, Settings())
+    path = nested_references(tmp_path / "b.usda", 2, 3, instanceable=False)
+    # World of three of three with a mesh each, and the library itself, whose P0 and P1 are composed too.
+    stage = Usd.Stage.Open(str(path))
+    assert composed_prims(checked_layers(str(path), 1e9)) == sum(1 for _ in stage.TraverseAll())
+    assert sum(entry["instances"] for entry in StageScene.open(path, Settings()).describe()["meshes"]) == 9
+
+
+def test_references_in_a_circle_are_counted_to_an_end(tmp_path):
+    path = tmp_path / "a.usda"
+    path.write_text('#usda 1.0\ndef "A" (\n    references = </B>\n)\n{\n}\ndef "B" (\n    references = </A>\n)\n{\n}\n')
+    assert composed_prims(checked_layers(str(path), 1e9)) < 10
 
 
 def test_nested_instancers_are_counted_before_they_are_visited(tmp_path):
