@@ -14,8 +14,8 @@ from scripts.fault_injection.program import ROOT, finish, leftovers, lost, pixel
 from scripts.fault_injection.table import Row
 
 SIZE = ("-w", "128", "--samples", "1", "--photons", "4096", "--threads", "1", "--workers", "2", "--progress", "none")
-# Between two kills; a worker that is started anew needs some seconds to be of use.
-LEAST_SECONDS, MOST_SECONDS = 10.0, 40.0
+# Workers killed, each after a random number of frames: one that is started anew needs some seconds to be of use.
+KILLS = 8
 SLOWEST = 1.3
 # The client's memory after the first tenth of the frames and at the end.
 GROWTH = 1.02
@@ -56,20 +56,20 @@ def _farm(
     started = time.monotonic()
     process = start(["farm", scene, out / "a.###.##.exr", "-f", f"1:{1 + 0.25 * (frames - 1)}x0.25", *SIZE])
     client = psutil.Process(process.pid)
-    early = late = 0
-    killed, next_kill = 0, started + (draw.uniform(LEAST_SECONDS, MOST_SECONDS) if draw else TIMEOUT)
+    done = early = late = 0
+    killed, kills = 0, sorted(draw.randrange(1, frames) for _ in range(KILLS)) if draw else []
     while process.poll() is None and time.monotonic() - started < TIMEOUT:
         time.sleep(0.2)
         with contextlib.suppress(psutil.Error):
             done = len(list(out.glob("*.exr")))
             late = client.memory_info().rss
             early = late if done <= frames // 10 else early
-        if draw and time.monotonic() > next_kill:
-            next_kill = time.monotonic() + draw.uniform(LEAST_SECONDS, MOST_SECONDS)
+        if kills and done >= kills[0]:
+            kills.pop(0)
             with contextlib.suppress(psutil.Error, IndexError):
+                # Helpers of Python and Dask are small.
                 workers = [child for child in client.children(recursive=True) if child.memory_info().rss > 100 << 20]
-                victim = draw.choice(workers)
-                victim.kill()
+                draw.choice(workers).kill()
                 killed += 1
                 tell(f"killed a worker after {done} frames")
     finish(process, timeout=10)
