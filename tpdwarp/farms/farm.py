@@ -200,7 +200,8 @@ class _Farming:
         while self._left():
             try:
                 client = connected(address, tls)
-            except (OSError, ValueError) as error:
+            # What Dask raises where certificates are missing is a TypeError.
+            except (OSError, ValueError, TypeError) as error:
                 if lost_at is None or time.monotonic() - lost_at > patience:
                     raise OSError(f"no scheduler answers ({shortened(str(error))})") from error
                 pause(1.0)

@@ -16,7 +16,7 @@ BYTES_A_TRIANGLE = 1140.0
 # Rows of two photon maps at a time, keyframes, footprints and the tree over them.
 BYTES_A_PHOTON = 1200.0
 # Visible points of a batch, sums and channels of the film.
-BYTES_A_PIXEL = 130.0
+BYTES_A_PIXEL = 430.0
 
 
 @dataclass(frozen=True)

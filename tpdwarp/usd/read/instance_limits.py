@@ -32,9 +32,17 @@ def check_native_instances(stage: Usd.Stage) -> None:
             totals[path] = own + sum(times * totals[prototype] for prototype, times in of.items())
     except CycleError as error:
         raise InputError("is an instance that holds itself", prim=str(error.args[1][0])) from error
-    total = totals[str(stage.GetPseudoRoot().GetPath())]
-    if total > MOST_PRIMS:
-        raise InputError(f"instances stand for {total:.3g} prims (at most {MOST_PRIMS}; see --mask)")
+    refuse_too_many_prims(totals[str(stage.GetPseudoRoot().GetPath())])
+
+
+def refuse_too_many_prims(count: int) -> None:
+    """Refuses a stage of more than ten million prims.
+
+    Raises:
+        InputError: It has more.
+    """
+    if count > MOST_PRIMS:
+        raise InputError(f"references and instances stand for {count:.3g} prims (at most {MOST_PRIMS}; see --mask)")
 
 
 def refuse_too_many(count: int, path: str) -> None:

@@ -16,12 +16,13 @@ from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
+from tpdwarp.usd.read.composed_prims import composed_prims
 from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
 from tpdwarp.usd.read.domes import Dome
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
-from tpdwarp.usd.read.instance_limits import check_native_instances
+from tpdwarp.usd.read.instance_limits import check_native_instances, refuse_too_many_prims
 from tpdwarp.usd.read.instances import InstancedMeshes
 from tpdwarp.usd.read.layer_limits import checked_layers
 from tpdwarp.usd.read.lights import Light
@@ -136,7 +137,8 @@ class StageScene:
         warnings = WarnOnce(name)
         with usd_diagnostics(warnings):
             # Kept until the stage is open, so that USD does not read them again.
-            layers = checked_layers(name, max_memory) if isinstance(stage, str) else None
+            layers = checked_layers(name, max_memory) if isinstance(stage, str) else []
+            refuse_too_many_prims(composed_prims(layers))
             opened = _open_stage(stage, name, settings)
             del layers
             check_native_instances(opened)
