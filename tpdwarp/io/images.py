@@ -59,7 +59,12 @@ def check_format(path: str | os.PathLike[str], aovs: Sequence[str] = ()) -> None
         raise InputError(f"{extension} holds the beauty only, not {', '.join(aovs)} (use .exr)", file=os.fspath(path))
 
 
-def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
+def write_frame(
+    path: str | os.PathLike[str],
+    channels: Mapping[str, np.ndarray],
+    metadata: Mapping[str, Any],
+    depth: str | None = None,
+) -> None:
     """Writes one frame; it appears under its name only when complete.
 
     EXR takes all channels, R, G, B and A first and the others as given (zip, scan lines): colours as half, limited to
@@ -73,6 +78,7 @@ def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]
         channels: Channel name (``R``, ``caustic.G``, ``Z``) to pixels, top row first, shape [h, w]; linear Rec.709,
             colours multiplied by alpha.
         metadata: Attributes by their EXR names; see :func:`set_attribute` for the types.
+        depth: ``half`` or ``float`` for all channels of an EXR; None for each as above.
 
     Raises:
         InputError: The extension is unknown.
@@ -83,13 +89,13 @@ def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]
     beauty = [name for name in "RGBA" if name in channels]
     if Path(path).suffix.lower() == ".exr":
         names = beauty + [name for name in channels if name not in beauty]
-        depths = ["float" if name.split(".")[0] in FLOAT_LAYERS else "half" for name in names]
+        depths = [depth or ("float" if name.split(".")[0] in FLOAT_LAYERS else "half") for name in names]
         pixels = np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
-        for index, depth in enumerate(depths):
-            if depth == "half":
+        for index, own in enumerate(depths):
+            if own == "half":
                 np.clip(pixels[..., index], -HALF_MAXIMUM, HALF_MAXIMUM, out=pixels[..., index])
         spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), "float")
-        spec.channelformats = tuple(oiio.TypeDesc(depth) for depth in depths)
+        spec.channelformats = tuple(oiio.TypeDesc(own) for own in depths)
         spec.attribute("compression", "zip")
         spec.attribute("oiio:ColorSpace", "lin_rec709")
     else:

@@ -13,7 +13,7 @@ from tpdwarp.io.images import FINGERPRINT
 from tpdwarp.jobs.existing_frames import STATISTICS, statistics_text
 from tpdwarp.jobs.fingerprint import Fingerprint
 from tpdwarp.rendering.error_target import ErrorTarget
-from tpdwarp.rendering.frame import Frame
+from tpdwarp.rendering.frame import Frame, Traced
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
@@ -25,7 +25,7 @@ def frame_metadata(
     frame: float,
     shutter: Shutter,
     settings: Settings,
-    made: Frame,
+    made: Traced,
     fingerprint: Fingerprint,
     target: ErrorTarget | None = None,
 ) -> dict[str, Any]:
@@ -40,7 +40,7 @@ def frame_metadata(
         frame: Which frame it is; NaN for the default time.
         shutter: When it was exposed.
         settings: How it was rendered.
-        made: What came out.
+        made: What came out; textures have no camera.
         fingerprint: What the sequence is made from.
         target: What photons and segments were chosen for.
     """
@@ -48,8 +48,7 @@ def frame_metadata(
     metadata: dict[str, Any] = {
         "Software": f"tpdwarp {VERSION}",
         "framesPerSecond": source.frames_per_second,
-        "PixelAspectRatio": source.pixel_aspect,
-        **_camera_attributes(made.camera),
+        **(_view_attributes(source, made.camera) if isinstance(made, Frame) else {}),
         "tpdwarp:version": VERSION,
         "tpdwarp:scene": source.file,
         "tpdwarp:settings": json.dumps(settings.as_dict(), sort_keys=True),
@@ -76,9 +75,10 @@ def frame_metadata(
     return metadata
 
 
-def _camera_attributes(camera: CameraAtShutter) -> dict[str, Any]:
-    """The camera's matrices as OpenEXR defines these attributes: looks along +z, NDC (0, 0) is upper left."""
-    attributes: dict[str, Any] = {"tpdwarp:camera": camera.path}
+def _view_attributes(source: StageScene, camera: CameraAtShutter) -> dict[str, Any]:
+    """The shape of pixels, and the camera's matrices as OpenEXR defines them: looks along +z, NDC (0, 0) is upper left.
+    """
+    attributes: dict[str, Any] = {"PixelAspectRatio": source.pixel_aspect, "tpdwarp:camera": camera.path}
     if camera.world_to_camera is not None:
         attributes["worldToCamera"] = camera.world_to_camera @ np.diag([1.0, 1.0, -1.0, 1.0])
     if camera.world_to_ndc is not None:

@@ -41,7 +41,7 @@ class RenderWork:
         self._skips, self._begun = skip_existing, begun
         self.existing = ExistingFrames(plan.fingerprint)
         self._size = plan.source.resolution()
-        self._claims, self._context = Claims(), _LazyContext(plan)
+        self._claims, self._context = Claims(), LazyContext(plan)
         self._watch = EnergyWatch(plan.source)
 
     def __call__(self, frame: float) -> FrameOutcome:
@@ -56,9 +56,9 @@ class RenderWork:
         plan, path = self._plan, self._names.path(frame)
         shutter = shutter_of(plan.source, frame, plan.settings)
         with self._claims.held(path):
-            kept = self.existing.kept(path, frame) if self._skips or _is_newer(path, self._begun) else None
+            kept = self.existing.kept(path, frame) if self._skips or is_newer(path, self._begun) else None
             if kept is not None and (self._layer is None or not self._layer.lacks(frame)):
-                return _skipped(frame, path, kept)
+                return skipped(frame, path, kept)
             with plan.files.unchanged(plan.strict):
                 if kept is not None:
                     made = trace_frame(self._context(), shutter)
@@ -95,7 +95,7 @@ class TraceWork:
 
     def __init__(self, plan: SequencePlan, layer: DebugLayerJob) -> None:
         self._plan, self._layer = plan, layer
-        self._context = _LazyContext(plan)
+        self._context = LazyContext(plan)
         self._watch = EnergyWatch(plan.source)
 
     def __call__(self, frame: float) -> FrameOutcome:
@@ -110,7 +110,7 @@ class TraceWork:
         shutter = shutter_of(plan.source, frame, plan.settings)
         kept = self._layer.kept(frame)
         if kept is not None:
-            return _skipped(frame, "", kept)
+            return skipped(frame, "", kept)
         with plan.files.unchanged(plan.strict):
             traced = trace_frame(self._context(), shutter)
         self._watch(frame, shutter, traced.energy)
@@ -119,7 +119,7 @@ class TraceWork:
         return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
 
 
-class _LazyContext:
+class LazyContext:
     """The context of a sequence, made by its first frame: what cannot be used fails frames, not the sequence."""
 
     def __init__(self, plan: SequencePlan) -> None:
@@ -127,16 +127,23 @@ class _LazyContext:
         self._context: RenderContext | None = None
 
     def __call__(self) -> RenderContext:
+        """The context.
+
+        Raises:
+            InputError: The stage cannot be used.
+        """
         if self._context is None:
             self._context = RenderContext(self._plan.source, self._plan.settings)
         return self._context
 
 
-def _skipped(frame: float, path: str, kept: KeptFrame) -> FrameOutcome:
+def skipped(frame: float, path: str, kept: KeptFrame) -> FrameOutcome:
+    """The outcome of a frame that stays."""
     return FrameOutcome(frame, "skipped", path, "", kept.photons, kept.energy, dict(kept.seconds))
 
 
-def _is_newer(path: str, begun: float) -> bool:
+def is_newer(path: str, begun: float) -> bool:
+    """Whether a file was written after ``begun``, as ``time.time()`` has it."""
     try:
         return os.stat(path).st_mtime > begun
     except OSError:
