@@ -92,15 +92,10 @@ class NearestField:
         position, normal, receiver = (getattr(queries, name).numpy() for name in ("position", "normal", "receiver"))
         shading = queries.shading_normal.numpy() if has_shading_normals(queries) else normal
         light, found = np.zeros((len(receiver), 3)), np.zeros(len(receiver), np.int32)
-        moves = queries.motion.numpy().any(axis=1) if query_moves else np.zeros(len(receiver), bool)
         for owner in np.unique(receiver[receiver >= 0]):
-            for those, part in ((~moves, (0.0, 1.0)), (moves, window)):
-                rows = np.flatnonzero((receiver == owner) & those)
-                if len(rows):
-                    nearby = self._nearby(int(owner), *part)
-                    light[rows], found[rows] = self._estimate(
-                        nearby, position[rows], normal[rows], shading[rows]
-                    )
+            rows = np.flatnonzero(receiver == owner)
+            nearby = self._nearby(int(owner), *window)
+            light[rows], found[rows] = self._estimate(nearby, position[rows], normal[rows], shading[rows])
         if not with_motion:
             return Irradiance(light)
         return Irradiance(light, np.zeros_like(light), light.sum(axis=1), found)

@@ -25,7 +25,7 @@ class TimeWindow:
     """The part of the shutter that a query stands for.
 
     The query stands at its position at ``time`` (−½ … ½), and goes by ``motion`` over the whole shutter; it looks from
-    ``center`` − ½ ``length`` to ``center`` + ½ ``length``. One that stands still takes the whole shutter.
+    ``center`` − ½ ``length`` to ``center`` + ½ ``length``.
     """
 
     time: float
@@ -98,7 +98,7 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
             opening = photon_time - 0.5 * duration
             closing = photon_time + 0.5 * duration
             share = float(1.0)
-            if wp.length_sq(window.motion) > 0.0:
+            if window.length < 1.0 or wp.length_sq(window.motion) > 0.0:
                 opening = wp.max(window.center - 0.5 * window.length, opening)
                 closing = wp.min(window.center + 0.5 * window.length, closing)
                 share = window.length

@@ -38,6 +38,14 @@ class EnergyAccount:
             for cause, value in theirs.items():
                 mine[cause] = mine.get(cause, 0) + value
 
+    def subtract(self, other: EnergyAccount) -> None:
+        """Takes another account, of photons that this one counts too, out of this one."""
+        for name in ("sent", "deposited", "escaped", "absorbed"):
+            setattr(self, name, getattr(self, name) - getattr(other, name))
+        for mine, theirs in ((self.lost, other.lost), (self.counts, other.counts)):
+            for cause, value in theirs.items():
+                mine[cause] = mine.get(cause, 0) - value
+
     def as_dict(self) -> dict[str, object]:
         """The account as plain JSON values."""
         return {

@@ -122,6 +122,7 @@ class MeshAtShutter:
         color_indices: Colour of each triangle corner, shape [m, 3] int32; −1 keeps the material's own colour.
         coordinates: Texture coordinates, shape [s, 2]; None where there are none.
         coordinate_indices: Those of each triangle corner, shape [m, 3] int32; −1 for a triangle without.
+        priority: Where dielectric solids overlap, those of higher priority hold; see :mod:`tpdwarp.scene.nesting`.
     """
 
     path: str
@@ -137,6 +138,7 @@ class MeshAtShutter:
     color_indices: np.ndarray | None = None
     coordinates: np.ndarray | None = None
     coordinate_indices: np.ndarray | None = None
+    priority: int = 0
 
     @property
     def moves(self) -> bool:
@@ -177,6 +179,24 @@ class LightAtShutter:
     @property
     def moves(self) -> bool:
         return bool(np.any(self.position_motion) or (self.kind == LightKind.DISTANT and np.any(self.axes_motion)))
+
+
+@dataclass(frozen=True, eq=False)
+class DomeAtShutter:
+    """Light from all around, at an infinite distance, as it stands at mid shutter.
+
+    It is seen where nothing else is, and lights diffuse surfaces directly; it sends no photons.
+
+    Attributes:
+        path: Prim path.
+        radiance: By latitude (rows, from +y down) and longitude (columns, from +180° down, where +z is at 0° and +x at
+            90°), shape [h, w, 3], linear Rec.709.
+        axes: Rows are the dome's unit x, y, z axes in the world, shape [3, 3].
+    """
+
+    path: str
+    radiance: np.ndarray
+    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,6 +242,7 @@ class SceneAtShutter:
     meshes: tuple[MeshAtShutter, ...]
     lights: tuple[LightAtShutter, ...]
     camera: CameraAtShutter | None = None
+    domes: tuple[DomeAtShutter, ...] = ()
 
 
 class SceneSource(Protocol):

@@ -61,7 +61,7 @@ class TextureStore:
         launcher = self._launcher
         numbers = {texture: k for k, texture in enumerate(dict.fromkeys(m.texture for m in materials if m.texture))}
         if tuple(numbers) != self._textures:
-            self._arrays = _packed(tuple(numbers), launcher)
+            self._arrays = packed_textures(tuple(numbers), launcher)
             self._textures = tuple(numbers)
         arrays = TextureArrays()
         for name in ("grids", "wraps", "borders", "tiles", "levels", "texels"):
@@ -80,7 +80,8 @@ class TextureStore:
         return arrays
 
 
-def _packed(textures: tuple[Texture, ...], launcher: Launcher) -> TextureArrays:
+def packed_textures(textures: tuple[Texture, ...], launcher: Launcher) -> TextureArrays:
+    """The pictures of textures, by their numbers; without coordinates and materials."""
     grids, wraps, borders, tiles, levels, texels = [], [], [], [], [], [np.zeros((0, 3), np.float16)]
     texel_count = 0
     for texture in textures:

@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.usd.read.blobs import is_blob
+from tpdwarp.usd.read.domes import is_dome
 from tpdwarp.usd.read.instances import Instancer, Prototype
 from tpdwarp.usd.read.lights import is_light
 from tpdwarp.usd.read.primitives import is_primitive
@@ -29,12 +30,14 @@ class Contents:
         instancers: Point instancers of an included purpose that are not nested in another's prototype.
         lights: Lights that are rendered.
         cameras: Cameras.
+        domes: Dome lights.
     """
 
     meshes: list[Usd.Prim] = field(default_factory=list)
     instancers: list[Instancer] = field(default_factory=list)
     lights: list[Usd.Prim] = field(default_factory=list)
     cameras: list[Usd.Prim] = field(default_factory=list)
+    domes: list[Usd.Prim] = field(default_factory=list)
 
 
 class Walker:
@@ -59,6 +62,8 @@ class Walker:
                 contents.cameras.append(prim)
             elif is_light(prim):
                 contents.lights.append(prim)
+            elif is_dome(prim):
+                contents.domes.append(prim)
             elif self._included(prim):
                 if is_drawn(prim):
                     contents.meshes.append(prim)

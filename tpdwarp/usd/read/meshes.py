@@ -22,6 +22,9 @@ from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import Transforms, union, usable
 from tpdwarp.usd.read.uv import CornerCoordinates, authored_points, corner_coordinates, planar_coordinates
 
+# Of nested dielectrics; see tpdwarp.scene.nesting.
+PRIORITY = "tpdwarp:priority"
+
 
 class Placement(Protocol):
     """Where a prim stands in the world."""
@@ -141,6 +144,7 @@ class PlacedMesh:
                     color_indices=appearance.color_indices,
                     coordinates=appearance.coordinates,
                     coordinate_indices=appearance.coordinate_indices,
+                    priority=priority_of(self.prim, self._warnings),
                 ),
                 appearance.kept,
             )
@@ -212,6 +216,20 @@ class PlacedMesh:
 
     def _world(self, time: float, frame: float) -> np.ndarray:
         return usable(self.placement.world(time, frame), time, self.label, self._warnings.file)
+
+
+def priority_of(prim: Usd.Prim, warnings: WarnOnce) -> int:
+    """``primvars:tpdwarp:priority`` of a mesh, or of what it inherits from: where solids overlap the highest holds; 0
+    without."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(PRIORITY)
+    if not primvar or not primvar.HasValue():
+        return 0
+    path = str(primvar.GetAttr().GetPath())
+    value = primvar.Get(Usd.TimeCode.EarliestTime())
+    if not isinstance(value, int):
+        warnings(path, "is no whole number and is ignored (author an int)")
+        return 0
+    return value
 
 
 def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:

@@ -18,6 +18,7 @@ from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
 from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
+from tpdwarp.usd.read.domes import Dome
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
 from tpdwarp.usd.read.instances import InstancedMeshes
@@ -93,6 +94,7 @@ class StageScene:
             for instancer in contents.instancers
         ]
         self._lights = [Light(prim, self._transforms, self._animation, warnings) for prim in contents.lights]
+        self._domes = [Dome(prim, self._transforms, self._animation, warnings) for prim in contents.domes]
         self._cameras = [str(prim.GetPath()) for prim in contents.cameras]
         self.camera_path = self._choose_camera()
         self._camera: Camera | FreeCamera
@@ -147,7 +149,10 @@ class StageScene:
             camera = self._camera.over(shutter, aspect, self._request.policy)
             if self._camera_light:
                 lights = (camera_light(camera),)
-            return SceneAtShutter(shutter, meshes, lights, camera)
+            domes = tuple(found for dome in self._domes if (found := dome.at(shutter)) is not None)
+            if domes and any(mesh.specular for mesh in meshes):
+                self.warnings(domes[0].path, "light of a dome shines through glass straight, and makes no caustics")
+            return SceneAtShutter(shutter, meshes, lights, camera, domes)
 
     def _meshes_over(self, shutter: Shutter) -> tuple[MeshAtShutter, ...]:
         """The meshes over ``shutter``, without those that cannot be used.
@@ -365,7 +370,7 @@ class StageScene:
         return cameras if self.camera_path is not None else [{"path": FREE_CAMERA, "used": True}]
 
     def _described_lights(self) -> list[dict[str, Any]]:
-        lights = [self._described_light(light) for light in self._lights]
+        lights = [self._described_light(light) for light in (*self._lights, *self._domes)]
         if self._camera_light:
             power = [CAMERA_LIGHT_IRRADIANCE] * 3
             lights.append({"path": CAMERA_LIGHT, "kind": "distant", "power": power, "moves": self._camera.moves})
@@ -374,7 +379,7 @@ class StageScene:
     def _described_light(self, light: Light) -> dict[str, Any]:
         return {
             "path": light.path,
-            "kind": light.kind.name.lower(),
+            "kind": light.kind_name,
             "power": list(light.power(self.start)),
             "moves": light.varies,
         }
@@ -436,7 +441,8 @@ class StageScene:
         for instancer in self._instancers:
             if instancer.instancer.span is not None or visibility_varies(instancer.instancer.instancer.GetPrim()):
                 return True
-        return any(light.varies or light.power_varies or visibility_varies(light.prim) for light in self._lights)
+        lights = (*self._lights, *self._domes)
+        return any(light.varies or light.power_varies or visibility_varies(light.prim) for light in lights)
 
     def _any_attribute_varies(self) -> bool:
         roots = [self._stage.GetPseudoRoot(), *self._stage.GetPrototypes()]
@@ -491,7 +497,7 @@ class StageScene:
         """Whether any light shines at any time."""
         return any(
             may_be_visible(light.prim) and (light.power_varies or any(light.power(self.start)))
-            for light in self._lights
+            for light in (*self._lights, *self._domes)
         )
 
 

@@ -187,12 +187,23 @@ def _picture(path: str, encoding: str) -> tuple[np.ndarray, tuple[str, str]] | N
         found = None if file is None else read_texture(file, encoding)
     if found is None:
         return None
-    height, width = found.pixels.shape[:2]
-    scale = min(1.0, LARGEST_SIDE / max(height, width))
-    pixels = found.pixels
-    if scale < 1:
-        pixels = area_averaged(pixels, max(1, round(height * scale)), max(1, round(width * scale)))
-    return _half(pixels), found.wrap_modes
+    return _half(_brought_down(found.pixels, LARGEST_SIDE / max(found.pixels.shape[:2]))), found.wrap_modes
+
+
+def picture_of(path: str, most_rows: int) -> np.ndarray | None:
+    """A file's linear colours, with ``most_rows`` rows at most, shape [h, w, 3]; None where it cannot be read."""
+    from tpdwarp.io.images import read_texture
+
+    with _on_disk(path) as file:
+        found = None if file is None else read_texture(file)
+    return None if found is None else _brought_down(found.pixels[..., :3], most_rows / len(found.pixels))
+
+
+def _brought_down(pixels: np.ndarray, scale: float) -> np.ndarray:
+    """A picture made smaller by ``scale``; as it is where that is above 1."""
+    if scale >= 1:
+        return pixels
+    return area_averaged(pixels, *(max(1, round(side * scale)) for side in pixels.shape[:2]))
 
 
 def _half(pixels: np.ndarray) -> np.ndarray:
