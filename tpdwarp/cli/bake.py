@@ -25,7 +25,17 @@ EPILOG = (
     "Beside it appears tex/caustic.light.usda, which shows the light on its receivers in the scene.\n"
     "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
-_PICTURE_ONLY = ("camera", "image_width", "samples", "aovs", "refracted_radiance")
+_PICTURE_ONLY = (
+    "camera",
+    "image_width",
+    "resolution",
+    "samples",
+    "aovs",
+    "exr_type",
+    "view",
+    "view_exposure",
+    "refracted_radiance",
+)
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +51,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="Meshes that receive, or prims above them. [those that photons land on in the first frame]",
     )
     parser.add_argument("--uv", default="st", metavar="NAME", help="Primvar of texture coordinates. [st]")
-    parser.add_argument("--resolution", type=int, default=1024, metavar="N", help="Texels along a side. [1024]")
+    # Its name would be taken for that of the pictures' resolution.
+    parser.add_argument(
+        "--resolution", dest="texels", type=int, default=1024, metavar="N", help="Texels along a side. [1024]"
+    )
     parser.add_argument(
         "--what",
         default="irradiance",
@@ -68,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
             options.out,
             receiver=options.receiver,
             uv=options.uv,
-            resolution=options.resolution,
+            resolution=options.texels,
             what=options.what,
             gutter=options.gutter,
             frames=options.frames,

@@ -18,6 +18,7 @@ from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
 from tpdwarp.version import VERSION
+from tpdwarp.view.object_ids import object_ids
 
 
 def frame_metadata(
@@ -33,7 +34,8 @@ def frame_metadata(
 
     Camera matrices are at mid shutter, multiply row vectors and follow the definitions of OpenEXR's attributes;
     ``tpdwarp:shutterOpen`` and ``tpdwarp:shutterClose`` are time codes, ``expTime`` is in seconds, fluxes are in watts
-    summed over the channels. At the default time, which is no number, whatever depends on it is left out.
+    summed over the channels, ``tpdwarp:ids`` says whose the numbers of ``id`` are. At the default time, which is no
+    number, whatever depends on it is left out.
 
     Args:
         source: The stage rendered.
@@ -63,6 +65,9 @@ def frame_metadata(
         "tpdwarp:fluxAbsorbed": float(to_float32(energy.absorbed)),
         "tpdwarp:fluxLost": float(to_float32(energy.lost_total)),
     }
+    if "id" in settings.aovs:
+        numbers = object_ids(made.photons.receiver_paths)
+        metadata["tpdwarp:ids"] = json.dumps({str(number): path for path, number in numbers.items()})
     if target is not None:
         metadata |= {"tpdwarp:targetError": target.wanted, "tpdwarp:expectedError": target.expected}
     if not math.isnan(frame):

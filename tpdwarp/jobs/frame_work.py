@@ -7,6 +7,7 @@ import os
 from tpdwarp.errors import FrameError
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import write_frame
+from tpdwarp.jobs.aov_pictures import picture_of
 from tpdwarp.jobs.claims import Claims
 from tpdwarp.jobs.energy_warnings import EnergyWatch
 from tpdwarp.jobs.existing_frames import ExistingFrames, KeptFrame, statistics_text
@@ -78,7 +79,10 @@ class RenderWork:
                 metadata = frame_metadata(
                     plan.source, frame, shutter, plan.settings, made, plan.fingerprint, plan.target
                 )
-                write_frame(path, made.channels, metadata)
+                settings, channels = plan.settings, made.channels
+                if not path.lower().endswith(".exr") and (settings.view or settings.view_exposure):
+                    channels = picture_of(channels, settings.view, settings.view_exposure)
+                write_frame(path, channels, metadata, settings.exr_type or None)
         if refusal is not None:
             raise refusal
         status = "written" if kept is None else "skipped"

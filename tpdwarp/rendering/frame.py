@@ -103,7 +103,15 @@ def render_frame(
     scenes = context.segmentation.load(shutter, clock)
     camera = middle_camera(scenes)
     pixel = pixel_of(context, scenes, width, height)
-    film = Film(width, height, settings.samples, context.normalization, camera.exposure_scale, settings.aovs)
+    film = Film(
+        width,
+        height,
+        settings.samples,
+        context.normalization,
+        camera.exposure_scale,
+        settings.aovs,
+        scenes[0].geometry.paths,
+    )
     photons = FramePhotons()
     for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
         view = CameraView(part.scenes, settings, context.normalization, context.launcher, width, height, clock)

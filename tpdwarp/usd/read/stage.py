@@ -235,8 +235,8 @@ class StageScene:
     def resolution(self) -> tuple[int, int]:
         """Width and height of the image in pixels.
 
-        ``settings.image_width`` comes first, its height from the camera's aspect (rounded down, as usdrecord does);
-        then the render settings' resolution; then a width of 960.
+        ``settings.resolution`` comes first; then ``settings.image_width``, its height from the camera's aspect (rounded
+        down, as usdrecord does); then the render settings' resolution; then a width of 960.
 
         Raises:
             InputError: The camera's aperture has no size.
@@ -246,6 +246,8 @@ class StageScene:
         return self._resolution()
 
     def _resolution(self) -> tuple[int, int]:
+        if self._settings.resolution is not None:
+            return self._checked(*self._settings.resolution)
         if self._settings.image_width is None and self._request.resolution is not None:
             return self._checked(*self._request.resolution)
         width = self._settings.image_width or DEFAULT_WIDTH
