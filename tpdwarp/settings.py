@@ -26,8 +26,23 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "time_filter": ("none", "uniform", "cone", "epanechnikov", "quartic", "gaussian"),
 }
 PURPOSES = ("default", "render", "proxy", "guide")
-AOVS = ("caustic", "direct", "irradiance", "Z", "N", "P", "motion", "photons")
-
+AOVS = (
+    "caustic",
+    "direct",
+    "irradiance",
+    "Z",
+    "N",
+    "P",
+    "motion",
+    "photons",
+    "albedo",
+    "shadow",
+    "vector",
+    "id",
+)
+# What else people call them.
+AOV_ALIASES = {"caustics": "caustic", "depth": "Z", "normal": "N", "normals": "N", "position": "P"}
+EXR_TYPES = ("half", "float")
 
 
 def _refuse(name: str, why: str) -> None:
@@ -73,6 +88,7 @@ class StageSettings(_Group):
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
         image_width: Width in pixels; None takes the render settings' resolution, or 960.
+        resolution: Width and height in pixels; overrides ``image_width`` and the render settings.
         complexity: As in usdrecord: each tenth above 1 refines subdivision surfaces once more.
         purposes: Purposes rendered beside ``default``.
         mask: Prim paths that alone are read; empty for all.
@@ -84,6 +100,7 @@ class StageSettings(_Group):
     shutter: tuple[float, float] | None = None
     motion: str = "linear"
     image_width: int | None = None
+    resolution: tuple[int, int] | None = None
     complexity: float = 1.0
     purposes: tuple[str, ...] = ("render",)
     mask: tuple[str, ...] = ()
@@ -93,6 +110,14 @@ class StageSettings(_Group):
     def _check(self) -> None:
         self._check_counts("image_width")
         self._check_known("purposes", self.purposes, PURPOSES)
+        if self.resolution is not None:
+            whole = len(self.resolution) == 2 and all(
+                isinstance(side, int) and not isinstance(side, bool) and side > 0 for side in self.resolution
+            )
+            if not whole:
+                _refuse("resolution", f"must be a width and a height in pixels, not {self.resolution}")
+            if self.image_width is not None:
+                _refuse("resolution", "says all that --imageWidth says (leave one out)")
         if self.exposure is not None and not (math.isfinite(self.exposure) and self.exposure >= 0):
             _refuse("exposure", f"must be 0 frames or more, not {self.exposure}")
         if self.shutter is not None:
@@ -178,6 +203,10 @@ class ViewSettings(_Group):
         samples: Camera samples a pixel.
         view_cutoff: Part of a sample below which reflected branches of the view are given up, and counted.
         aovs: Extra channel groups to write.
+        aovs: Extra channel groups to write; ``caustics``, ``depth``, ``normal`` and ``position`` are understood.
+        exr_type: ``half`` or ``float`` for all channels of an EXR; empty for half where colours are, and else float.
+        view: The channel group that PNG, JPEG and TIFF show in the place of the beauty; empty for the beauty.
+        view_exposure: Stops by which these are brighter.
         refracted_radiance: ``scaled`` by the square of the relative index where the camera looks through an interface,
             as light is, or ``unscaled``, for hosts whose renderer leaves that out.
     """
@@ -186,11 +215,24 @@ class ViewSettings(_Group):
     view_cutoff: float = 4.0e-3
     aovs: tuple[str, ...] = ()
     refracted_radiance: str = "scaled"
+    exr_type: str = ""
+    view: str = ""
+    view_exposure: float = 0.0
 
     def _check(self) -> None:
         self._check_counts("samples")
         self._check_parts("view_cutoff")
+        view = AOV_ALIASES.get(self.view, self.view)
+        asked = [*self.aovs, view] if view else self.aovs
+        # What is asked for twice is written once.
+        aovs = tuple(dict.fromkeys(AOV_ALIASES.get(name, name) for name in asked))
+        object.__setattr__(self, "view", view)
+        object.__setattr__(self, "aovs", aovs)
         self._check_known("aov", self.aovs, AOVS)
+        if self.exr_type:
+            self._check_known("exr_type", (self.exr_type,), EXR_TYPES)
+        if not (isinstance(self.view_exposure, int | float) and abs(self.view_exposure) <= 100):
+            _refuse("view_exposure", f"must lie in -100 … 100 stops, not {self.view_exposure}")
 
 
 @dataclass(frozen=True)

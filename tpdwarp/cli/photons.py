@@ -23,7 +23,7 @@ EPILOG = (
     "Beside shot.debug.usdc appears shot.view.usda, which shows the photons in the scene.\n"
     "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
-_PICTURE_ONLY = ("image_width", "samples", "aovs")
+_PICTURE_ONLY = ("image_width", "resolution", "samples", "aovs", "exr_type", "view", "view_exposure")
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

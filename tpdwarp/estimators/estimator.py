@@ -154,3 +154,13 @@ def light_of(
         return None
     form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
     return FootprintField(footprints, form, tracer.launcher)
+
+
+def reshaped(part: Part, pixel: PixelSize, tracer: PhotonTracer, clock: Clock) -> IrradianceField | None:
+    """The light of a part's photons for queries that stand for other areas.
+
+    Estimates that do not average over what a query stands for are the same for all.
+    """
+    if not isinstance(part.light, FootprintField):
+        return part.light
+    return light_of(part.maps, EnergyAccount(), part.light.footprints.moves, tracer, pixel, clock)

@@ -23,7 +23,7 @@ DISPLAY_BITS = {".png": "uint8", ".jpg": "uint8", ".jpeg": "uint8", ".tif": "uin
 EXTENSIONS = (".exr", *DISPLAY_BITS)
 
 # Colours go out as half. What is measured, or used as a coordinate, does not fit: it needs the range or the digits.
-FLOAT_LAYERS = ("Z", "N", "P", "motion", "irradiance", "photons")
+FLOAT_LAYERS = ("Z", "N", "P", "motion", "irradiance", "photons", "vector", "id")
 HALF_MAXIMUM = float(np.finfo(np.float16).max)
 
 # Their writers hide a failed write (PNG) or end the process at one (JPEG).
@@ -45,12 +45,13 @@ IMAGE_COPIES = 4
 COLOR_CONFIG = "ocio://default"
 
 
-def check_format(path: str | os.PathLike[str], aovs: Sequence[str] = ()) -> None:
+def check_format(path: str | os.PathLike[str], aovs: Sequence[str] = (), view: str = "") -> None:
     """Refuses a file name whose extension is not one that :func:`write_frame` knows.
 
     Args:
         path: Where frames will be written.
         aovs: Channel groups wanted beside the beauty; only EXR holds them.
+        view: The one that is shown in the place of the beauty, in other formats than EXR.
 
     Raises:
         InputError: The extension is unknown, or the format cannot hold ``aovs``.
@@ -59,11 +60,20 @@ def check_format(path: str | os.PathLike[str], aovs: Sequence[str] = ()) -> None
     if extension not in EXTENSIONS:
         named = f"the image format {extension!r} is unknown" if extension else "the file name has no extension"
         raise InputError(f"{named} (use one of {', '.join(EXTENSIONS)})", file=os.fspath(path))
-    if aovs and extension != ".exr":
-        raise InputError(f"{extension} holds the beauty only, not {', '.join(aovs)} (use .exr)", file=os.fspath(path))
+    if view and extension == ".exr":
+        raise InputError("--view is for .png, .jpg and .tif (EXR holds all of --aov)", file=os.fspath(path))
+    others = [aov for aov in aovs if aov != view]
+    if others and extension != ".exr":
+        held = f"{extension} holds the beauty only" if not view else f"{extension} holds one picture"
+        raise InputError(f"{held}, not {', '.join(others)} (use .exr, or choose one with --view)", file=os.fspath(path))
 
 
-def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
+def write_frame(
+    path: str | os.PathLike[str],
+    channels: Mapping[str, np.ndarray],
+    metadata: Mapping[str, Any],
+    depth: str | None = None,
+) -> None:
     """Writes one frame; it appears under its name only when complete.
 
     EXR takes all channels, R, G, B and A first and the others as given (zip, scan lines): colours as half, limited to
@@ -77,6 +87,7 @@ def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]
         channels: Channel name (``R``, ``caustic.G``, ``Z``) to pixels, top row first, shape [h, w]; linear Rec.709,
             colours multiplied by alpha.
         metadata: Attributes by their EXR names; see :func:`set_attribute` for the types.
+        depth: ``half`` or ``float`` for all channels of an EXR; None for each as above.
 
     Raises:
         InputError: The extension is unknown.
@@ -87,13 +98,15 @@ def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]
     beauty = [name for name in "RGBA" if name in channels]
     if Path(path).suffix.lower() == ".exr":
         names = beauty + [name for name in channels if name not in beauty]
-        depths = ["float" if name.split(".")[0] in FLOAT_LAYERS else "half" for name in names]
+        depths = [depth or ("float" if name.split(".")[0] in FLOAT_LAYERS else "half") for name in names]
         pixels = np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
-        for index, depth in enumerate(depths):
-            if depth == "half":
+        for index, own in enumerate(depths):
+            if own == "half":
                 np.clip(pixels[..., index], -HALF_MAXIMUM, HALF_MAXIMUM, out=pixels[..., index])
-        spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), "float")
-        spec.channelformats = tuple(oiio.TypeDesc(depth) for depth in depths)
+        # Where all channels are of one type, the image's counts and theirs does not.
+        common = depths[0] if len(set(depths)) == 1 else "float"
+        spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), common)
+        spec.channelformats = tuple(oiio.TypeDesc(own) for own in depths)
         spec.attribute("compression", "zip")
         spec.attribute("oiio:ColorSpace", "lin_rec709")
     else:

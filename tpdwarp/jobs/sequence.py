@@ -182,7 +182,7 @@ def prepared(
         InputError: Something cannot be used.
     """
     names = FrameNames(out)
-    check_format(names.template, settings.aovs)
+    check_format(names.template, settings.aovs, settings.view)
     if curves is not None and debug_layer is None:
         raise InputError("--curves thins a debug layer (add --debug-layer)")
     source, wanted = opened(scene, settings, frames, default_time, strict, max_memory)

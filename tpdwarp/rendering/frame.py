@@ -56,7 +56,7 @@ class Frame(Traced):
     camera: CameraAtShutter
 
 
-class _Photons:
+class FramePhotons:
     """The photons of all parts of a frame, and the account of their flux."""
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ def trace_frame(context: RenderContext, shutter: Shutter) -> Traced:
     """
     clock = Clock()
     scenes = context.segmentation.load(shutter, clock)
-    photons = _Photons()
+    photons = FramePhotons()
     for part in ESTIMATORS[context.settings.estimator]().parts(context.tracer, shutter, scenes, None, clock):
         photons.add(part)
     return Traced(photons.record(scenes), photons.energy, clock.seconds)
@@ -103,8 +103,16 @@ def render_frame(
     scenes = context.segmentation.load(shutter, clock)
     camera = middle_camera(scenes)
     pixel = pixel_of(context, scenes, width, height)
-    film = Film(width, height, settings.samples, context.normalization, camera.exposure_scale, settings.aovs)
-    photons = _Photons()
+    film = Film(
+        width,
+        height,
+        settings.samples,
+        context.normalization,
+        camera.exposure_scale,
+        settings.aovs,
+        scenes[0].geometry.paths,
+    )
+    photons = FramePhotons()
     for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
         view = CameraView(part.scenes, settings, context.normalization, context.launcher, width, height, clock)
         part.energy.add(expose(film, part.light, view.look(), part.weight, clock))

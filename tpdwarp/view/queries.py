@@ -22,9 +22,10 @@ from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
 from tpdwarp.view.camera import Camera, camera_of, in_pixels, pixel_size
 from tpdwarp.view.domes import DomeArrays, dome_arrays
+from tpdwarp.view.lights import LightArrays, light_arrays
 from tpdwarp.view.merging import Columns, merged
 from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
-from tpdwarp.view.visibility import LightArrays, PathFlag, VisiblePoints, light_arrays, visible_points
+from tpdwarp.view.visibility import PathFlag, VisiblePoints, visible_points
 
 # Samples that are looked at together, which limits memory: their arrays take some 200 MB.
 BATCH_SAMPLES = 1 << 20
@@ -221,6 +222,7 @@ class CameraView:
             moves=self._moves, segments=count, scales_radiance=self._settings.refracted_radiance == "scaled",
             textures=loaded.textures, domes=self._domes_of(loaded), samples=self._settings.samples,
             smallest_throughput=self._settings.view_cutoff,
+            aovs=self._settings.aovs,
         )
         while True:
             with self._clock.stage("view"):

@@ -17,16 +17,17 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
-from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind
+from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, diffuse_color, occluded, shading_normal
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.textures import TextureArrays, on_plane, textured_color
-from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
 from tpdwarp.view.camera import Camera, camera_ray
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
+from tpdwarp.view.lights import LightArrays
+from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceExtras, surface_extras
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
 SMALLEST_THROUGHPUT = ViewSettings.view_cutoff
@@ -39,19 +40,6 @@ DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Rays end there, in the tracer's units, in which the scene is of unit size, as photons' do.
 FAR = wp.constant(1.0e6)
-
-
-@wp.struct
-class LightArrays:
-    """Lights in the tracer's units: direction of travel or position, and how these change over the shutter.
-
-    ``power`` is irradiance at normal incidence per square unit, or radiant intensity.
-    """
-
-    distant: wp.array(dtype=wp.int32)
-    place: wp.array(dtype=wp.vec3)
-    place_motion: wp.array(dtype=wp.vec3)
-    power: wp.array(dtype=wp.vec3)
 
 
 class PathFlag(IntFlag):
@@ -75,6 +63,8 @@ class VisibleArrays:
     """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π.
 
     ``flags`` are those of :class:`PathFlag`.
+    ``albedo`` and ``triangle`` are those of the surface where the path ends, ``first_triangle`` is what it met first;
+    they have rows only where AOVs ask for them.
     """
 
     weight: wp.array(dtype=wp.vec3)
@@ -84,25 +74,9 @@ class VisibleArrays:
     first_position: wp.array(dtype=wp.vec3)
     first_normal: wp.array(dtype=wp.vec3)
     first_depth: wp.array(dtype=wp.float32)
-
-
-def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher) -> LightArrays:
-    """The kernel's view of ``lights``."""
-    out = LightArrays()
-    distant = np.array([light.kind == LightKind.DISTANT for light in lights], bool)
-    place, motion, power = (np.zeros((len(lights), 3)) for _ in range(3))
-    for i, light in enumerate(lights):
-        power[i] = normalization.light_power(light)
-        if distant[i]:
-            place[i], motion[i] = -light.axes[2], -light.axes_motion[2]
-        else:
-            place[i] = normalization.points(light.position[None])[0]
-            motion[i] = light.position_motion * normalization.scale
-    out.distant = launcher.array(distant.astype(np.int32), wp.int32)
-    out.place = launcher.array(place.astype(np.float32), wp.vec3)
-    out.place_motion = launcher.array(motion.astype(np.float32), wp.vec3)
-    out.power = launcher.array(power.astype(np.float32), wp.vec3)
-    return out
+    albedo: wp.array(dtype=wp.vec3)
+    triangle: wp.array(dtype=wp.int32)
+    first_triangle: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -153,8 +127,9 @@ def visible_kernel(
     textured: bool = False,
     nested: bool = False,
     domed: bool = False,
+    named: bool = False,
 ) -> wp.Kernel:
-    """The kernel that follows one camera path to the diffuse surface it ends on."""
+    """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -203,6 +178,8 @@ def visible_kernel(
         travelled = float(0.0)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
+        if wp.static(named):
+            out.first_triangle[i] = -1
 
         for bounce in range(bounces + 1):
             # ---- Transfer to the next surface
@@ -247,6 +224,8 @@ def visible_kernel(
             if first:
                 out.first_position[i] = beam.x
                 out.first_normal[i] = n
+                if wp.static(named):
+                    out.first_triangle[i] = hit.triangle
                 depth = hit.distance
                 if wp.static(nested):
                     depth += passed_by
@@ -272,6 +251,9 @@ def visible_kernel(
                     scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
                     place = scattered - wp.floor(scattered)
                     irradiance += dome_irradiance(surfaces, domes, beam.x, n, n_g, hit.offset * n_g, place)
+                if wp.static(named):
+                    out.albedo[i] = albedo
+                    out.triangle[i] = hit.triangle
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
@@ -335,6 +317,7 @@ class VisiblePoints:
     queries: QueryArrays
     arrays: VisibleArrays
     first: bool
+    extras: SurfaceExtras | None = None
 
 
 def visible_points(
@@ -352,6 +335,7 @@ def visible_points(
     domes: DomeArrays | None = None,
     samples: int = 1,
     smallest_throughput: float = SMALLEST_THROUGHPUT,
+    aovs: tuple[str, ...] = (),
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
 
@@ -364,6 +348,7 @@ def visible_points(
         domes: Light from all around, where there is any.
         samples: Samples a pixel; textures are averaged over the part of it that each stands for.
         smallest_throughput: Reflected branches that carry less are not followed.
+        aovs: Channel groups wanted beside the beauty.
     """
     items = np.arange(len(films), dtype=np.int32)
     masks = np.zeros(len(films), np.int32)
@@ -377,15 +362,21 @@ def visible_points(
         textured=needs.textures,
         nested=needs.nested,
         domed=needs.domes,
+        named=bool(asked := set(aovs) & set(SURFACE_AOVS)),
     )
     left_out = () if needs.smooth_receivers else ("shading_normal",)
+    unnamed = () if asked else ("albedo", "triangle", "first_triangle")
     first = True
     while len(items):
-        queries, out = launcher.rows(QueryArrays, len(items), but=left_out), launcher.rows(VisibleArrays, len(items))
+        queries = launcher.rows(QueryArrays, len(items), but=left_out)
+        out = launcher.rows(VisibleArrays, len(items), but=unnamed)
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
         scene = [surfaces, lights, camera, textures or TextureArrays(), domes or DomeArrays(), device_films]
         limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
         launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, queries, out])
-        yield VisiblePoints(items, queries, out, first)
+        extras = None
+        if asked:
+            extras = surface_extras(surfaces, lights, camera, queries, out, aovs, launcher, moves, segments)
+        yield VisiblePoints(items, queries, out, first, extras)
         items, masks = reported_paths(items, masks, out.reported.numpy())
         first = False

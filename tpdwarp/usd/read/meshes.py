@@ -20,6 +20,7 @@ from tpdwarp.usd.read.primitives import Primitive
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import Transforms, union, usable
+from tpdwarp.usd.read.uv import CornerCoordinates, authored_points, corner_coordinates, planar_coordinates
 
 # Of nested dielectrics; see tpdwarp.scene.nesting.
 PRIORITY = "tpdwarp:priority"
@@ -148,6 +149,35 @@ class PlacedMesh:
                 appearance.kept,
             )
         return self._whole if len(self._whole.triangles) else None
+
+    def coordinates(self, name: str, shutter: Shutter) -> CornerCoordinates | None:
+        """Texture coordinates of the triangles of :meth:`over`; None where there are none of these.
+
+        Args:
+            name: Primvar; a mesh without it is projected along its thinnest axis, which is said.
+            shutter: The shutter.
+
+        Raises:
+            InputError: As :meth:`over`; values that are not finite.
+        """
+        if self.over(shutter) is None:
+            return None
+        geometry, appearance = self._geometry, self._appearance[1]
+        topology, count = geometry.topology, geometry.point_count
+        values = corner_coordinates(self.prim, topology, count, name, shutter.frame, self._warnings)
+        projected = None
+        if values is None:
+            self._warnings(self.label, f"has no {name}: projected along its thinnest axis (choose with --uv)")
+            points = authored_points(self.prim, count)
+            if points is not None:
+                projected = planar_coordinates(points)
+                spread, indices = topology.spread(projected, str(UsdGeom.Tokens.vertex), count)
+                values = spread[indices]
+            else:
+                projected = np.zeros((0, 2))
+                still = Shutter.still(self.span[0])
+                values = planar_coordinates(self.shape.at(still, self.span).points(self.span[0]))[topology.triangles]
+        return CornerCoordinates(values if appearance.kept is None else values[appearance.kept], projected)
 
     def _evaluate(self, shutter: Shutter) -> _Geometry | None:
         frame = shutter.frame

@@ -37,6 +37,7 @@ from tpdwarp.usd.read.skinning import Deformation, Skeletons
 from tpdwarp.usd.read.subdivision.surface import SCHEMES, levels_for
 from tpdwarp.usd.read.transforms import Transforms, union
 from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
+from tpdwarp.usd.read.uv import CornerCoordinates
 from tpdwarp.usd.read.values import text_at
 
 DEFAULT_WIDTH = 960
@@ -189,6 +190,28 @@ class StageScene:
             raise refused
         return tuple(meshes)
 
+    def coordinates(self, path: str, name: str, shutter: Shutter) -> CornerCoordinates | None:
+        """Texture coordinates of the triangles of one of the meshes of :meth:`at`; None where it is not there.
+
+        Args:
+            path: Of the mesh, as in ``MeshAtShutter``.
+            name: Primvar that holds them; a mesh without it is projected along its thinnest axis.
+            shutter: The shutter.
+
+        Raises:
+            InputError: Coordinates that cannot be used.
+        """
+        with usd_diagnostics(self.warnings):
+            for placed in self._placed(shutter.frame):
+                if placed.label == path:
+                    return placed.coordinates(name, shutter)
+        return None
+
+    @property
+    def stage(self) -> Usd.Stage:
+        """The stage itself, to be read only."""
+        return self._stage
+
     def frames(self) -> tuple[float, ...]:
         """The frames of the stage's range; its first alone where nothing changes.
 
@@ -223,8 +246,8 @@ class StageScene:
     def resolution(self) -> tuple[int, int]:
         """Width and height of the image in pixels.
 
-        ``settings.image_width`` comes first, its height from the camera's aspect (rounded down, as usdrecord does);
-        then the render settings' resolution; then a width of 960.
+        ``settings.resolution`` comes first; then ``settings.image_width``, its height from the camera's aspect (rounded
+        down, as usdrecord does); then the render settings' resolution; then a width of 960.
 
         Raises:
             InputError: The camera's aperture has no size.
@@ -234,6 +257,8 @@ class StageScene:
         return self._resolution()
 
     def _resolution(self) -> tuple[int, int]:
+        if self._settings.resolution is not None:
+            return self._checked(*self._settings.resolution)
         if self._settings.image_width is None and self._request.resolution is not None:
             return self._checked(*self._request.resolution)
         width = self._settings.image_width or DEFAULT_WIDTH
