@@ -67,6 +67,18 @@ def transfer_to(beam: Beam, hit: Hit, moves: bool) -> Beam:
 
 
 @wp.func
+def passed(incident: Beam, hit: Hit) -> Beam:
+    """The beam that goes straight on through ``hit``, whose position and columns already lie on the surface.
+
+    Columns differ from those of a beam that met nothing by multiples of ω, which the next transfer takes away.
+    """
+    out = incident
+    out.offset = wp.sign(wp.dot(hit.n_g, incident.w)) * hit.offset * hit.n_g
+    out.magnitude = hit.magnitude
+    return out
+
+
+@wp.func
 def interface_at(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool) -> Interface:
     """Orientation, and what the laws of Snell and Fresnel say at ``hit``: what Igehy's differentials (1999) need.
 

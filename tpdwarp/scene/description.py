@@ -95,6 +95,13 @@ class Material:
         path: Prim path of the material, or empty where none is bound.
         texture: Albedo over the surface, in the place of ``color`` where the mesh has texture coordinates; None for
             the same everywhere.
+        presence: Share of the surface that is there; light passes straight through the rest.
+        cutout: Presence over the surface, which multiplies ``presence`` where the mesh has texture coordinates; None
+            for the same everywhere.
+        threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
+        diffuse_share: Share of a dielectric that is diffuse, of albedo ``color``.
+        transmittance: What a dielectric lets through of what it refracts, each time.
+        absorption: Of light inside a dielectric, exp(−absorption · distance) is left (Beer's law) [1/scene unit].
     """
 
     interaction: Interaction = Interaction.DIFFUSE
@@ -102,6 +109,22 @@ class Material:
     ior: float = 1.5
     path: str = ""
     texture: Texture | None = None
+    presence: float = 1.0
+    cutout: Texture | None = None
+    threshold: float = 0.0
+    diffuse_share: float = 0.0
+    transmittance: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def partial(self) -> bool:
+        """Whether only a part of it is there, or does what its interaction says."""
+        return self.presence < 1.0 or self.cutout is not None or self.diffuse_share > 0.0
+
+    @property
+    def tinted(self) -> bool:
+        """Whether a dielectric takes from the light that it refracts."""
+        return any(self.absorption) or any(channel != 1.0 for channel in self.transmittance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +175,24 @@ class LightKind(IntEnum):
     POINT = 1
 
 
+@dataclass(frozen=True)
+class Shaping:
+    """How a point light shines around its axis, −z of its frame.
+
+    At an angle θ from the axis its intensity is that on the axis times cosᶠθ (f the focus; nothing behind, where f is
+    above 0) times 1 − smoothstep(angle · (1 − softness), angle, θ).
+
+    Attributes:
+        angle: Half the opening of its cone [rad]; nothing shines outside.
+        softness: Share of the cone, from its rim inwards, over which light fades.
+        focus: Exponent of the cosine.
+    """
+
+    angle: float
+    softness: float = 0.0
+    focus: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class LightAtShutter:
     """A light without extent over a shutter.
@@ -164,6 +205,7 @@ class LightAtShutter:
         axes: Rows are the light's unit x, y, z axes in the world at mid shutter, shape [3, 3].
         position_motion: Displacement over the shutter, shape [3].
         axes_motion: Change of the axes over the shutter, shape [3, 3].
+        shaping: How a point light differs by direction; None for one that shines alike in all.
     """
 
     path: str
@@ -173,6 +215,7 @@ class LightAtShutter:
     axes: np.ndarray = field(default_factory=lambda: np.eye(3))
     position_motion: np.ndarray = field(default_factory=lambda: np.zeros(3))
     axes_motion: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    shaping: Shaping | None = None
 
     @property
     def moves(self) -> bool:

@@ -28,6 +28,8 @@ class Requirements:
         smooth_receivers: Whether a diffuse surface is shaded by normals that are not those of its triangles.
         bounces: Specular interactions followed along a path.
         textures: Whether an albedo differs over its surface by a texture.
+        partial: Whether light passes through a part of a surface, or meets one that is both clear and diffuse.
+        tinted: Whether dielectrics take from the light that they refract.
         domes: Whether light comes from all around.
     """
 
@@ -39,6 +41,8 @@ class Requirements:
     smooth_receivers: bool
     bounces: int
     textures: bool = False
+    partial: bool = False
+    tinted: bool = False
     domes: bool = False
 
     @property
@@ -80,6 +84,7 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
     interactions = [{material.interaction for material in mesh.materials} for mesh in scene.meshes]
     dielectrics = any(Interaction.DIELECTRIC in kinds for kinds in interactions)
     mirrors = any(Interaction.MIRROR in kinds for kinds in interactions)
+    partial = any(material.partial for mesh in scene.meshes for material in mesh.materials)
     return Requirements(
         moving_meshes=tuple(mesh.path for mesh in scene.meshes if mesh.moves),
         moving_lights=tuple(light.path for light in scene.lights if light.moves),
@@ -87,10 +92,12 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         refraction=dielectrics,
         reflection=mirrors,
         smooth_receivers=(dielectrics or mirrors) and any(map(is_smooth_receiver, scene.meshes)),
-        bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors else 0,
+        bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors or partial else 0,
         textures=any(
             mesh.coordinates is not None and any(material.texture is not None for material in mesh.materials)
             for mesh in scene.meshes
         ),
+        partial=partial,
+        tinted=any(material.tinted for mesh in scene.meshes for material in mesh.materials),
         domes=bool(scene.domes),
     )

@@ -14,12 +14,14 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
-from tpdwarp.photons.beam import interface_at, scatter, transfer_to
+from tpdwarp.photons.beam import interface_at, passed, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
 from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import closest_hit, diffuse_color, occluded, shading_normal
-from tpdwarp.scene.device.textures import TextureArrays, on_plane, textured_color
+from tpdwarp.scene.device.presence import presence_at, share_that_passes
+from tpdwarp.scene.device.shaping import shaped, shaping_values
+from tpdwarp.scene.device.textures import TextureArrays, absorbed_within, on_plane, textured_color
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.view.camera import Camera, camera_ray
@@ -42,13 +44,17 @@ FAR = wp.constant(1.0e6)
 class LightArrays:
     """Lights in the tracer's units: direction of travel or position, and how these change over the shutter.
 
-    ``power`` is irradiance at normal incidence per square unit, or radiant intensity.
+    ``power`` is irradiance at normal incidence per square unit, or radiant intensity. ``shaping``, about ``axis``, is
+    that of point lights; there are no rows where none is shaped.
     """
 
     distant: wp.array(dtype=wp.int32)
     place: wp.array(dtype=wp.vec3)
     place_motion: wp.array(dtype=wp.vec3)
     power: wp.array(dtype=wp.vec3)
+    shaping: wp.array(dtype=wp.vec3)
+    axis: wp.array(dtype=wp.vec3)
+    axis_motion: wp.array(dtype=wp.vec3)
 
 
 @wp.struct
@@ -83,7 +89,20 @@ def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalizatio
     out.place = launcher.array(place.astype(np.float32), wp.vec3)
     out.place_motion = launcher.array(motion.astype(np.float32), wp.vec3)
     out.power = launcher.array(power.astype(np.float32), wp.vec3)
+    chosen = lights if any(light.shaping is not None for light in lights) else ()
+    axes = np.array([-light.axes[2] for light in chosen]), np.array([-light.axes_motion[2] for light in chosen])
+    for name, rows in (("shaping", list(map(shaping_values, chosen))), ("axis", axes[0]), ("axis_motion", axes[1])):
+        setattr(out, name, launcher.array(np.array(rows, np.float32).reshape(-1, 3), wp.vec3))
     return out
+
+
+@wp.func
+def shaped_power(surfaces: Surfaces, lights: LightArrays, k: int, w: wp.vec3) -> wp.vec3:
+    """The power of light ``k`` along −ω, which points from the light to what it lights."""
+    if lights.shaping.shape[0] == 0:
+        return lights.power[k]
+    axis = wp.normalize(lights.axis[k] + surfaces.time * lights.axis_motion[k])
+    return lights.power[k] * shaped(lights.shaping[k], axis, -w)
 
 
 @wp.func
@@ -110,7 +129,35 @@ def direct_irradiance(
             cosine = wp.dot(n, w)
             if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
                 if not occluded(surfaces, x, w, offset, distance):
-                    total += lights.power[k] * (cosine / (distance * distance))
+                    total += shaped_power(surfaces, lights, k, w) * (cosine / (distance * distance))
+    return total
+
+
+@wp.func
+def partly_hidden_irradiance(
+    surfaces: Surfaces,
+    textures: TextureArrays,
+    lights: LightArrays,
+    x: wp.vec3,
+    n: wp.vec3,
+    n_g: wp.vec3,
+    offset: wp.vec3,
+) -> wp.vec3:
+    """As :func:`direct_irradiance`, where surfaces that are there in part let the rest of the light pass."""
+    total = wp.vec3(0.0, 0.0, 0.0)
+    for k in range(lights.power.shape[0]):
+        place = lights.place[k] + surfaces.time * lights.place_motion[k]
+        w = -wp.normalize(place)
+        distance = FAR
+        power = lights.power[k]
+        if lights.distant[k] == 0:
+            d = place - x
+            distance = wp.length(d)
+            w = d / distance
+            power = shaped_power(surfaces, lights, k, w) / (distance * distance)
+        cosine = wp.dot(n, w)
+        if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
+            total += power * (cosine * share_that_passes(surfaces, textures, x, w, offset, distance))
     return total
 
 
@@ -127,7 +174,14 @@ def query_motion(motion: wp.vec3) -> wp.vec3:
 
 @cache
 def visible_kernel(
-    moves: bool, refraction: bool, reflection: bool, smooth_receivers: bool, textured: bool = False, domed: bool = False
+    moves: bool,
+    refraction: bool,
+    reflection: bool,
+    smooth_receivers: bool,
+    textured: bool = False,
+    domed: bool = False,
+    partial: bool = False,
+    tinted: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on."""
     both, specular = refraction and reflection, refraction or reflection
@@ -172,6 +226,7 @@ def visible_kernel(
         reported = int(0)
         decision = int(0)
         travelled = float(0.0)
+        met = bool(False)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
 
@@ -184,9 +239,27 @@ def visible_kernel(
                 if wp.static(domed):
                     out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                 break
-            if wp.static(textured):
+            if wp.static(textured or partial):
                 travelled += hit.distance
             beam = transfer_to(beam, hit, wp.static(moves))
+            if wp.static(partial):
+                # ---- What is not there is seen through
+                share = presence_at(surfaces, textures, hit.triangle, hit.beta)
+                stays = share >= 1.0
+                if share > 0.0 and share < 1.0:
+                    if out.first_depth[i] < 0.0:
+                        out.first_position[i] = beam.x
+                        out.first_normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+                        out.first_depth[i] = travelled * depth_scale
+                    part = take_branch(mask, decision, first_open, share, throughput, smallest_throughput)
+                    stays = part.reflected
+                    throughput = part.throughput
+                    reported = reported | part.reported
+                    decision += part.decided
+                if not stays:
+                    beam = passed(beam, hit)
+                    start = 0.0
+                    continue
             if wp.static(moves):
                 if wp.length_sq(hit.motion) > 0.0:
                     out.met_motion[i] = 1
@@ -196,12 +269,28 @@ def visible_kernel(
             # Faced to the viewer, as the geometric normal is, also where it was authored against the winding.
             if wp.dot(n, n_g) < 0.0:
                 n = -n
-            if bounce == 0:
-                out.first_position[i] = beam.x
-                out.first_normal[i] = n
-                out.first_depth[i] = hit.distance * depth_scale
+            if wp.static(partial):
+                if not met and out.first_depth[i] < 0.0:
+                    out.first_position[i] = beam.x
+                    out.first_normal[i] = n
+                    out.first_depth[i] = travelled * depth_scale
+                met = True
+            else:
+                if bounce == 0:
+                    out.first_position[i] = beam.x
+                    out.first_normal[i] = n
+                    out.first_depth[i] = hit.distance * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
+            if wp.static(partial):
+                diffuse = textures.diffuse_shares[material]
+                if diffuse > 0.0:
+                    part = take_branch(mask, decision, first_open, diffuse, throughput, smallest_throughput)
+                    throughput = part.throughput
+                    reported = reported | part.reported
+                    decision += part.decided
+                    if part.reflected:
+                        interaction = DIFFUSE
 
             # ---- A diffuse surface ends the path: direct light, and a query for the photons'
             if interaction == DIFFUSE:
@@ -215,12 +304,19 @@ def visible_kernel(
                     down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
                     albedo = textured_color(textures, material, hit, albedo, across, down)
                 weight = wp.cw_mul(throughput, albedo) * INV_PI
-                irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
+                if wp.static(partial):
+                    irradiance = partly_hidden_irradiance(
+                        surfaces, textures, lights, beam.x, n, n_g, hit.offset * n_g
+                    )
+                else:
+                    irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
                 if wp.static(domed):
                     # Neighbours in the image choose other parts of the dome.
                     scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
                     place = scattered - wp.floor(scattered)
-                    irradiance += dome_irradiance(surfaces, domes, beam.x, n, n_g, hit.offset * n_g, place)
+                    irradiance += dome_irradiance(
+                        surfaces, textures, wp.static(partial), domes, beam.x, n, n_g, hit.offset * n_g, place
+                    )
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
@@ -242,11 +338,16 @@ def visible_kernel(
                 at = interface_at(surfaces, hit, beam.w, dielectric, wp.static(moves))
                 reflected = True
                 if dielectric:
+                    if wp.static(tinted):
+                        if at.side < 0.0:
+                            throughput = wp.cw_mul(throughput, absorbed_within(textures, material, hit.distance))
                     branch = take_branch(mask, decision, first_open, at.reflectance, throughput, smallest_throughput)
                     reflected = branch.reflected
                     throughput = branch.throughput
                     if not reflected:
                         throughput = throughput * wp.pow(at.eta, radiance_power)
+                        if wp.static(tinted):
+                            throughput = wp.cw_mul(throughput, textures.transmittances[material])
                     reported = reported | branch.reported
                     decision += branch.decided
                 else:
@@ -303,7 +404,14 @@ def visible_points(
     device_films = launcher.array(films.astype(np.float32), wp.vec2)
     needs = requirements
     kernel = visible_kernel(
-        moves, needs.refraction, needs.reflection, needs.smooth_receivers, needs.textures, needs.domes
+        moves,
+        needs.refraction,
+        needs.reflection,
+        needs.smooth_receivers,
+        needs.textures,
+        needs.domes,
+        needs.partial,
+        needs.tinted,
     )
     left_out = () if needs.smooth_receivers else ("shading_normal",)
     first = True
