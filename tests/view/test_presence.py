@@ -142,6 +142,14 @@ def test_a_tint_counts_at_each_refraction():
     assert account.deposited + account.escaped + account.absorbed + account.lost_total == pytest.approx(account.sent)
 
 
+def test_a_surface_that_gives_off_light_is_seen_so_through_glass_too():
+    glow = quad("/floor", (-2, -2), (2, 2), 0.0, Material(color=(0.8, 0.8, 0.8), emission=(5.0, 0.5, 0.0)))
+    found, _ = render([glow])
+    everywhere(found, 0.8 / math.pi + np.array([5.0, 0.5, 0.0]))
+    through, _ = render([glow, slab(ior=1.0, transmittance=(0.5, 0.5, 0.5))])
+    everywhere(middle(through), 0.25 * (0.25 * 0.8 / math.pi + np.array([5.0, 0.5, 0.0])), rtol=1e-3)
+
+
 def test_whole_and_clear_scenes_require_none_of_this():
     needs = requirements_of(steady([FLOOR, slab(ior=1.5), sheet(color=RED)]).at(STILL))
-    assert not (needs.partial or needs.tinted or needs.textures or needs.domes)
+    assert not (needs.partial or needs.tinted or needs.textures or needs.domes or needs.emission)

@@ -101,6 +101,7 @@ class Material:
         threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
         diffuse_share: Share of a dielectric that is diffuse, of albedo ``color``.
         transmittance: What a dielectric lets through of what it refracts, each time.
+        emission: Radiance that a diffuse surface gives off, to both sides; it is seen, and lights nothing.
         absorption: Of light inside a dielectric, exp(−absorption · distance) is left (Beer's law) [1/scene unit].
     """
 
@@ -115,6 +116,7 @@ class Material:
     diffuse_share: float = 0.0
     transmittance: tuple[float, float, float] = (1.0, 1.0, 1.0)
     absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def partial(self) -> bool:
@@ -242,7 +244,7 @@ class DomeAtShutter:
 
 @dataclass(frozen=True, eq=False)
 class CameraAtShutter:
-    """A pinhole or orthographic camera over a shutter; looks along −z of its frame, y up.
+    """A perspective (pinhole or thin lens) or orthographic camera over a shutter; looks along −z of its frame, y up.
 
     Attributes:
         path: Prim path.
@@ -255,6 +257,8 @@ class CameraAtShutter:
         exposure_scale: Factor on radiance from the camera's exposure attributes.
         world_to_camera: Row-vector matrix at mid shutter, shape [4, 4] (as USD stores it).
         world_to_ndc: Row-vector matrix at mid shutter, shape [4, 4].
+        lens_radius: Radius of a perspective camera's lens, scene units; 0 for a pinhole.
+        focus_distance: Distance along the view axis of what is sharp, scene units.
     """
 
     path: str
@@ -269,6 +273,8 @@ class CameraAtShutter:
     exposure_scale: float = 1.0
     world_to_camera: np.ndarray | None = None
     world_to_ndc: np.ndarray | None = None
+    lens_radius: float = 0.0
+    focus_distance: float = 1.0
 
     @property
     def moves(self) -> bool:

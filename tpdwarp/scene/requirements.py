@@ -30,6 +30,8 @@ class Requirements:
         textures: Whether an albedo differs over its surface by a texture.
         partial: Whether light passes through a part of a surface, or meets one that is both clear and diffuse.
         tinted: Whether dielectrics take from the light that they refract.
+        emission: Whether a surface gives off light.
+        lens: Whether the camera has a lens, in front of and behind whose focus things are blurred.
         domes: Whether light comes from all around.
     """
 
@@ -43,6 +45,8 @@ class Requirements:
     textures: bool = False
     partial: bool = False
     tinted: bool = False
+    emission: bool = False
+    lens: bool = False
     domes: bool = False
 
     @property
@@ -99,5 +103,7 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         ),
         partial=partial,
         tinted=any(material.tinted for mesh in scene.meshes for material in mesh.materials),
+        emission=any(any(material.emission) for mesh in scene.meshes for material in mesh.materials),
+        lens=scene.camera is not None and scene.camera.lens_radius > 0,
         domes=bool(scene.domes),
     )

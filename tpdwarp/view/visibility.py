@@ -24,7 +24,7 @@ from tpdwarp.scene.device.shaping import shaped, shaping_values
 from tpdwarp.scene.device.textures import TextureArrays, absorbed_within, on_plane, textured_color
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
-from tpdwarp.view.camera import Camera, camera_ray
+from tpdwarp.view.camera import Camera, camera_ray, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
@@ -36,6 +36,9 @@ FASTEST_QUERY = wp.constant(0.25)
 INV_PI = wp.constant(0.3183098861837907)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
+# Random numbers that choose places on the lens are others than those that keep rays off edges.
+OF_LENS = wp.constant(104729)
+TURN = wp.constant(6.283185307179586)
 # Rays end there, in the tracer's units, in which the scene is of unit size, as photons' do.
 FAR = wp.constant(1.0e6)
 
@@ -182,6 +185,8 @@ def visible_kernel(
     domed: bool = False,
     partial: bool = False,
     tinted: bool = False,
+    lens: bool = False,
+    emission: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on."""
     both, specular = refraction and reflection, refraction or reflection
@@ -214,6 +219,10 @@ def visible_kernel(
         item = items[i]
         stream = wp.rand_init(7919, item)
         beam = camera_ray(camera, films[item], surfaces.time)
+        if wp.static(lens):
+            chance = wp.rand_init(int(OF_LENS), item)
+            radius = wp.sqrt(wp.randf(chance))
+            beam = through_lens(camera, beam, surfaces.time, radius, TURN * wp.randf(chance))
         depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
         # The origin lies in what is specular: an eye close to it looks at what may be tiny beside the scene.
         closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
@@ -319,6 +328,8 @@ def visible_kernel(
                     )
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
+                if wp.static(emission):
+                    out.direct[i] += wp.cw_mul(throughput, textures.emissions[material])
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
                 queries.normal[i] = n_g
                 if wp.static(smooth_receivers):
@@ -412,6 +423,8 @@ def visible_points(
         needs.domes,
         needs.partial,
         needs.tinted,
+        needs.lens,
+        needs.emission,
     )
     left_out = () if needs.smooth_receivers else ("shading_normal",)
     first = True

@@ -28,8 +28,8 @@ class TextureArrays:
     """Texture coordinates of triangles, and the textures of materials.
 
     ``texture_of`` and ``cutout_of`` are −1 for a material without one; ``presences``, ``thresholds``,
-    ``diffuse_shares``, ``transmittances`` and ``absorptions`` (by the tracer's unit of length) are as in
-    :class:`tpdwarp.scene.description.Material`. A texture has a grid of tiles (its
+    ``diffuse_shares``, ``transmittances``, ``absorptions`` (by the tracer's unit of length) and ``emissions`` (in its
+    unit of radiance) are as in :class:`tpdwarp.scene.description.Material`. A texture has a grid of tiles (its
     columns, rows and first tile), a tile its levels (the first of them and their number; none where it is missing), a
     level its width, height and first texel. Rows of texels go from t = 1 down.
     """
@@ -43,6 +43,7 @@ class TextureArrays:
     diffuse_shares: wp.array(dtype=wp.float32)
     transmittances: wp.array(dtype=wp.vec3)
     absorptions: wp.array(dtype=wp.vec3)
+    emissions: wp.array(dtype=wp.vec3)
     grids: wp.array(dtype=wp.vec3i)
     wraps: wp.array(dtype=wp.vec2i)
     borders: wp.array(dtype=wp.vec3)
@@ -60,7 +61,11 @@ class TextureStore:
         self._arrays = TextureArrays()
 
     def arrays(
-        self, meshes: Sequence[MeshAtShutter], materials: Sequence[Material], scale: float = 1.0
+        self,
+        meshes: Sequence[MeshAtShutter],
+        materials: Sequence[Material],
+        scale: float = 1.0,
+        power: float = 1.0,
     ) -> TextureArrays:
         """The kernel's view of the textures.
 
@@ -68,6 +73,7 @@ class TextureStore:
             meshes: The meshes of a scene, in the order of its triangles.
             materials: Its materials, in the order of the kernel's.
             scale: The tracer's units of length in a scene unit.
+            power: The tracer's unit of power.
         """
         launcher = self._launcher
         used = [texture for m in materials for texture in (m.texture, m.cutout) if texture is not None]
@@ -96,7 +102,8 @@ class TextureStore:
         for name in ("presence", "threshold", "diffuse_share"):
             values = np.array([getattr(material, name) for material in materials], np.float32)
             setattr(arrays, f"{name}s", launcher.array(values, wp.float32))
-        for name, unit in (("transmittance", 1.0), ("absorption", 1.0 / scale)):
+        units = {"transmittance": 1.0, "absorption": 1.0 / scale, "emission": 1.0 / (scale**2 * power)}
+        for name, unit in units.items():
             colors = unit * np.array([getattr(material, name) for material in materials])
             setattr(arrays, f"{name}s", launcher.array(colors.astype(np.float32), wp.vec3))
         return arrays

@@ -39,7 +39,7 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
         warnings(physical.sources.get(name, path), message)
 
     if max(physical.emission) > 0:
-        warn("emission", "light that a surface gives off is not rendered")
+        warn("emission", "light that a surface gives off is seen, but lights nothing")
     if physical.presence < NEARLY:
         return None
     there = replace(_present(physical, path, warn, warnings), presence=physical.presence)
@@ -62,7 +62,8 @@ def _present(physical: Physical, path: str, warn: Callable[[str, str], None], wa
         return _mirror(physical, path, warn)
     if physical.metalness > NEARLY:
         warn("metalness", "metal that is rough or partial is rendered as diffuse")
-    return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, _texture(physical))
+    texture, emission = _texture(physical), physical.emission
+    return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, texture, emission=emission)
 
 
 def _texture(physical: Physical) -> Texture | None:
