@@ -67,10 +67,14 @@ def transfer_to(beam: Beam, hit: Hit, moves: bool) -> Beam:
 
 
 @wp.func
-def passed(beam: Beam, hit: Hit) -> Beam:
-    """The beam at ``hit``, which goes straight on behind a surface that is not there (beyond the paper)."""
-    out = beam
-    out.offset = wp.sign(wp.dot(hit.n_g, beam.w)) * hit.offset * hit.n_g
+def passed(incident: Beam, hit: Hit) -> Beam:
+    """The beam that goes straight on through ``hit``, where nothing is (beyond the paper).
+
+    Its position and columns already lie on the surface. Columns differ from those of a beam that met nothing by
+    multiples of ω, which the next transfer takes away.
+    """
+    out = incident
+    out.offset = wp.sign(wp.dot(hit.n_g, incident.w)) * hit.offset * hit.n_g
     out.magnitude = hit.magnitude
     return out
 

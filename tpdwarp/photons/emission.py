@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
+from tpdwarp.scene.device.shaping import shaped
 
 
 class Domain(IntEnum):
@@ -27,7 +28,8 @@ class Patch:
     ``power`` is flux per unit of plane area, or per steradian. Beams begin ``start`` along their direction: those of a
     plane patch begin before the scene, though their points lie in a plane through the origin, where float32 is finest.
     ``near`` is where beams come near what is specular; it equals ``start`` where the light is not far beside that.
-    ``magnitude`` is how large the coordinates of what is specular are.
+    ``magnitude`` is how large the coordinates of what is specular are. Where ``is_shaped`` is 1, ``shaping`` is that of
+    the light, about ``shaping_axis``.
     """
 
     domain: int
@@ -49,6 +51,9 @@ class Patch:
     count_u: int
     count_v: int
     power: wp.vec3
+    is_shaped: int
+    shaping: wp.vec3
+    shaping_axis: wp.vec3
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,4 +117,7 @@ def cell_flux(patch: Patch, coordinates: wp.vec2) -> wp.vec3:
         tan_v = wp.tan(patch.origin[1] + coordinates[1] * patch.step[1])
         d2 = 1.0 + tan_u * tan_u + tan_v * tan_v
         cell *= (1.0 + tan_u * tan_u) * (1.0 + tan_v * tan_v) / (d2 * wp.sqrt(d2))
+        if patch.is_shaped == 1:
+            w = wp.normalize(tan_u * patch.axis_u + tan_v * patch.axis_v + patch.axis_w)
+            cell *= shaped(patch.shaping, patch.shaping_axis, w)
     return patch.power * cell

@@ -29,6 +29,7 @@ from tpdwarp.photons.energy import FEWEST_OF_SEVERAL
 from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape, turned
 from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, SceneSource, reference_scenes
+from tpdwarp.scene.device.shaping import shaping_values
 from tpdwarp.scene.normalization import Normalization
 
 # Rows of long cells that are kept at least: where light ends, such cells blur its edge by their length. Chosen, not
@@ -360,6 +361,9 @@ def _patch(
         patch.position = wp.vec3(*normalization.points(light.position[None])[0].astype(float))
         patch.position_motion = wp.vec3(*(light.position_motion * normalization.scale))
         patch.start, distance = 0.0, float(np.linalg.norm(patch.position))
+        if light.shaping is not None:
+            patch.is_shaped, patch.shaping = 1, wp.vec3(*shaping_values(light))
+            patch.shaping_axis = wp.vec3(*-light.axes[2])
     diameter = 2.0 * float(np.linalg.norm(magnitude))
     patch.near = patch.start + (distance - diameter if diameter < NEARBY * distance else 0.0)
     patch.power = wp.vec3(*normalization.light_power(light))

@@ -61,6 +61,7 @@ class PhotonTracer:
                 plan,
                 loaded.requirements,
                 self.launcher,
+                textures=loaded.textures,
                 **{
                     "jittered": self.settings.emission == "jittered",
                     "riding": self.riding,

@@ -26,6 +26,8 @@ from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, occluded
 from tpdwarp.scene.device.media import crossing_at, media_at
+from tpdwarp.scene.device.presence import presence_at
+from tpdwarp.scene.device.textures import TextureArrays, absorbed_within
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import LightSettings
 
@@ -97,6 +99,8 @@ class TracingVariant:
     jittered: bool
     smooth_receivers: bool
     nested: bool = False
+    partial: bool = False
+    tinted: bool = False
 
 
 @wp.func
@@ -124,12 +128,14 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
     smooth_receivers, nested = variant.smooth_receivers, variant.nested
+    partial, tints = variant.partial, variant.tinted
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
         base: int,
         # Scene
         surfaces: Surfaces,
+        textures: TextureArrays,
         patch: Patch,
         # In
         cells: wp.array(dtype=wp.int32),
@@ -161,6 +167,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         flux = emitted
         absorbed = wp.vec3(0.0, 0.0, 0.0)
         culled = wp.vec3(0.0, 0.0, 0.0)
+        entering = wp.vec3(0.0, 0.0, 0.0)
         mask = masks[i]
         first_open = first_open_decision(mask)
         cutoff = smallest_branch * wp.max(emitted)
@@ -177,8 +184,13 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             inside = int(0)
             if patch.domain == 1:
                 inside = media_at(surfaces, beam.x, beam.w)
+        # Outside the cone of a light there is nothing to follow.
+        dark = wp.max(emitted) <= 0.0
 
         for bounce in range(bounces + 1):
+            if dark:
+                fate = FATE_DIRECT
+                break
             # ---- Transfer to the next surface (Eqs. 3, 4)
             hit = closest_hit(
                 surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, FAR, wp.static(moves), stream
@@ -204,11 +216,36 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
                         start = 0.0
                         continue
+            if wp.static(partial):
+                # ---- What is not there lets light pass, and is no part of its path
+                share = presence_at(surfaces, textures, hit.triangle, hit.beta)
+                stays = share >= 1.0
+                if share > 0.0 and share < 1.0:
+                    part = take_branch(mask, decision, first_open, share, flux, cutoff)
+                    stays = part.reflected
+                    flux = part.throughput
+                    reported = reported | part.reported
+                    culled += part.culled
+                    decision += part.decided
+                if not stays:
+                    beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                    start = 0.0
+                    continue
             if tags.shape[0] > 0:
                 path = prolonged(path, tags[hit.triangle])
             beam = transfer_to(beam, hit, wp.static(moves))
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
+            if wp.static(partial):
+                diffuse = textures.diffuse_shares[material]
+                if diffuse > 0.0:
+                    part = take_branch(mask, decision, first_open, diffuse, flux, cutoff)
+                    flux = part.throughput
+                    reported = reported | part.reported
+                    culled += part.culled
+                    decision += part.decided
+                    if part.reflected:
+                        interaction = DIFFUSE
 
             # ---- A diffuse surface takes it
             if interaction == DIFFUSE:
@@ -223,6 +260,11 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 break
             if bounce == bounces:
                 break
+
+            if wp.static(partial):
+                # The flux that a first specular surface receives, counted by the path that others branch from.
+                if count == 0 and decision >= first_open:
+                    entering = flux
 
             # ---- Riding on the first specular surface (beyond the paper)
             if wp.static(riding):
@@ -242,12 +284,24 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
             reflected = True
             if dielectric:
+                if wp.static(tints):
+                    if at.side < 0.0:
+                        left = wp.cw_mul(flux, absorbed_within(textures, material, hit.distance))
+                        if decision >= first_open:
+                            absorbed += flux - left
+                        flux = left
                 branch = take_branch(mask, decision, first_open, at.reflectance, flux, cutoff)
                 reflected = branch.reflected
                 flux = branch.throughput
                 reported = reported | branch.reported
                 culled += branch.culled
                 decision += branch.decided
+                if wp.static(tints):
+                    if not reflected:
+                        left = wp.cw_mul(flux, textures.transmittances[material])
+                        if decision >= first_open:
+                            absorbed += flux - left
+                        flux = left
                 if bounce >= FIRST_INTERACTIONS and wp.max(flux) < cutoff:
                     culled += flux
                     flux = wp.vec3(0.0, 0.0, 0.0)
@@ -273,7 +327,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         out.dxdu[i] = beam.dxdu
         out.dxdv[i] = beam.dxdv
         out.dxdt[i] = beam.dxdt
-        out.emitted[i] = emitted
+        if wp.static(partial):
+            out.emitted[i] = entering
+        else:
+            out.emitted[i] = emitted
         out.flux[i] = flux
         out.absorbed[i] = absorbed
         out.culled[i] = culled
@@ -308,6 +365,7 @@ def trace_photons(
     smallest_branch: float = SMALLEST_BRANCH,
     chosen: Callable[[Lattice, Patch], ChosenCells] | None = None,
     tags: np.ndarray | None = None,
+    textures: TextureArrays | None = None,
 ) -> tuple[PhotonMap, EnergyAccount]:
     """Traces the lattice photons of ``plan`` through ``geometry``.
 
@@ -319,6 +377,7 @@ def trace_photons(
         chosen: Gives the cells of a lattice to emit; None emits all of the patch.
         tags: A number for each triangle, by which paths differ, shape [m] int32; without, they differ by how they
             branch alone.
+        textures: What the surfaces have of textures and of parts that are not there, where there are any.
 
     Returns:
         The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
@@ -327,7 +386,15 @@ def trace_photons(
     landed: list[dict[str, np.ndarray]] = []
     needs = requirements
     variant = TracingVariant(
-        needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers, needs.nested
+        needs.photon_motion,
+        needs.refraction,
+        needs.reflection,
+        riding,
+        jittered,
+        needs.smooth_receivers,
+        nested=needs.nested,
+        partial=needs.partial,
+        tinted=needs.tinted,
     )
     kernel = tracing_kernel(variant)
     left_out = () if needs.smooth_receivers else ("incidence",)
@@ -346,10 +413,12 @@ def trace_photons(
         while len(cells):
             out = launcher.rows(PhotonArrays, len(cells), but=left_out)
             paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), device_offsets, device_tags]
-            inputs = [geometry.surfaces, patch, *paths]
+            inputs = [geometry.surfaces, textures or TextureArrays(), patch, *paths]
             launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
             fate, reported = out.fate.numpy(), out.reported.numpy()
-            _tally(account, out, fate, masks, plan.normalization.power)
+            # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
+            first = np.ones(len(cells), bool) if needs.partial else masks == 0
+            _tally(account, out, fate, first, plan.normalization.power)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
             if len(keep):
                 rows = {name: getattr(out, name).numpy()[keep] for name in columns}
@@ -364,12 +433,17 @@ def trace_photons(
     return PhotonMap(**{name: joined([rows[name] for rows in landed]) for name in ("ids", *columns)}), account
 
 
-def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, masks: np.ndarray, unit: float) -> None:
-    """Adds one pass to the account; ``unit`` is the tracer's unit of power [W]."""
+def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, first: np.ndarray, unit: float) -> None:
+    """Adds one pass to the account.
+
+    Args:
+        first: Paths whose emitted flux no other has counted, shape [n].
+        unit: The tracer's unit of power [W].
+    """
     flux = unit * out.flux.numpy().sum(axis=1, dtype=np.float64)
     specular = fate != Fate.DIRECT
     # Counted at the light, not added up from where it went: so the account can show that something is missing.
-    account.sent += unit * float(out.emitted.numpy()[specular & (masks == 0)].sum(dtype=np.float64))
+    account.sent += unit * float(out.emitted.numpy()[specular & first].sum(dtype=np.float64))
     retried = int(out.retried.numpy().sum(dtype=np.int64))
     if retried:
         account.counts["hits at the second try"] = account.counts.get("hits at the second try", 0) + retried

@@ -95,6 +95,14 @@ class Material:
         path: Prim path of the material, or empty where none is bound.
         texture: Albedo over the surface, in the place of ``color`` where the mesh has texture coordinates; None for
             the same everywhere.
+        presence: Share of the surface that is there; light passes straight through the rest.
+        cutout: Presence over the surface, which multiplies ``presence`` where the mesh has texture coordinates; None
+            for the same everywhere.
+        threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
+        diffuse_share: Share of a dielectric that is diffuse, of albedo ``color``.
+        transmittance: What a dielectric lets through of what it refracts, each time.
+        emission: Radiance that a diffuse surface gives off, to both sides; it is seen, and lights nothing.
+        absorption: Of light inside a dielectric, exp(−absorption · distance) is left (Beer's law) [1/scene unit].
     """
 
     interaction: Interaction = Interaction.DIFFUSE
@@ -102,6 +110,23 @@ class Material:
     ior: float = 1.5
     path: str = ""
     texture: Texture | None = None
+    presence: float = 1.0
+    cutout: Texture | None = None
+    threshold: float = 0.0
+    diffuse_share: float = 0.0
+    transmittance: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def partial(self) -> bool:
+        """Whether only a part of it is there, or does what its interaction says."""
+        return self.presence < 1.0 or self.cutout is not None or self.diffuse_share > 0.0
+
+    @property
+    def tinted(self) -> bool:
+        """Whether a dielectric takes from the light that it refracts."""
+        return any(self.absorption) or any(channel != 1.0 for channel in self.transmittance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +179,24 @@ class LightKind(IntEnum):
     POINT = 1
 
 
+@dataclass(frozen=True)
+class Shaping:
+    """How a point light shines around its axis, −z of its frame.
+
+    At an angle θ from the axis its intensity is that on the axis times cosᶠθ (f the focus; nothing behind, where f is
+    above 0) times 1 − smoothstep(angle · (1 − softness), angle, θ).
+
+    Attributes:
+        angle: Half the opening of its cone [rad]; nothing shines outside.
+        softness: Share of the cone, from its rim inwards, over which light fades.
+        focus: Exponent of the cosine.
+    """
+
+    angle: float
+    softness: float = 0.0
+    focus: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class LightAtShutter:
     """A light without extent over a shutter.
@@ -166,6 +209,7 @@ class LightAtShutter:
         axes: Rows are the light's unit x, y, z axes in the world at mid shutter, shape [3, 3].
         position_motion: Displacement over the shutter, shape [3].
         axes_motion: Change of the axes over the shutter, shape [3, 3].
+        shaping: How a point light differs by direction; None for one that shines alike in all.
     """
 
     path: str
@@ -175,6 +219,7 @@ class LightAtShutter:
     axes: np.ndarray = field(default_factory=lambda: np.eye(3))
     position_motion: np.ndarray = field(default_factory=lambda: np.zeros(3))
     axes_motion: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    shaping: Shaping | None = None
 
     @property
     def moves(self) -> bool:
@@ -201,7 +246,7 @@ class DomeAtShutter:
 
 @dataclass(frozen=True, eq=False)
 class CameraAtShutter:
-    """A pinhole or orthographic camera over a shutter; looks along −z of its frame, y up.
+    """A perspective (pinhole or thin lens) or orthographic camera over a shutter; looks along −z of its frame, y up.
 
     Attributes:
         path: Prim path.
@@ -214,6 +259,8 @@ class CameraAtShutter:
         exposure_scale: Factor on radiance from the camera's exposure attributes.
         world_to_camera: Row-vector matrix at mid shutter, shape [4, 4] (as USD stores it).
         world_to_ndc: Row-vector matrix at mid shutter, shape [4, 4].
+        lens_radius: Radius of a perspective camera's lens, scene units; 0 for a pinhole.
+        focus_distance: Distance along the view axis of what is sharp, scene units.
     """
 
     path: str
@@ -228,6 +275,8 @@ class CameraAtShutter:
     exposure_scale: float = 1.0
     world_to_camera: np.ndarray | None = None
     world_to_ndc: np.ndarray | None = None
+    lens_radius: float = 0.0
+    focus_distance: float = 1.0
 
     @property
     def moves(self) -> bool:

@@ -30,6 +30,10 @@ class Requirements:
         smooth_receivers: Whether a diffuse surface is shaded by normals that are not those of its triangles.
         bounces: Specular interactions followed along a path.
         textures: Whether an albedo differs over its surface by a texture.
+        partial: Whether light passes through a part of a surface, or meets one that is both clear and diffuse.
+        tinted: Whether dielectrics take from the light that they refract.
+        emission: Whether a surface gives off light.
+        lens: Whether the camera has a lens, in front of and behind whose focus things are blurred.
         domes: Whether light comes from all around.
     """
 
@@ -42,6 +46,10 @@ class Requirements:
     smooth_receivers: bool
     bounces: int
     textures: bool = False
+    partial: bool = False
+    tinted: bool = False
+    emission: bool = False
+    lens: bool = False
     domes: bool = False
 
     @property
@@ -83,6 +91,7 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
     interactions = [{material.interaction for material in mesh.materials} for mesh in scene.meshes]
     dielectrics = any(Interaction.DIELECTRIC in kinds for kinds in interactions)
     mirrors = any(Interaction.MIRROR in kinds for kinds in interactions)
+    partial = any(material.partial for mesh in scene.meshes for material in mesh.materials)
     return Requirements(
         moving_meshes=tuple(mesh.path for mesh in scene.meshes if mesh.moves),
         moving_lights=tuple(light.path for light in scene.lights if light.moves),
@@ -91,10 +100,14 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         reflection=mirrors,
         nested=nesting_of(scene) is not None,
         smooth_receivers=(dielectrics or mirrors) and any(map(is_smooth_receiver, scene.meshes)),
-        bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors else 0,
+        bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors or partial else 0,
         textures=any(
             mesh.coordinates is not None and any(material.texture is not None for material in mesh.materials)
             for mesh in scene.meshes
         ),
+        partial=partial,
+        tinted=any(material.tinted for mesh in scene.meshes for material in mesh.materials),
+        emission=any(any(material.emission) for mesh in scene.meshes for material in mesh.materials),
+        lens=scene.camera is not None and scene.camera.lens_radius > 0,
         domes=bool(scene.domes),
     )

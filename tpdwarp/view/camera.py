@@ -29,6 +29,8 @@ class Camera:
     pixel: wp.vec2
     near: float
     far: float
+    lens_radius: float
+    focus_distance: float
 
 
 def camera_of(camera: CameraAtShutter, width: int, height: int, normalization: Normalization) -> Camera:
@@ -45,6 +47,7 @@ def camera_of(camera: CameraAtShutter, width: int, height: int, normalization: N
     out.corner = wp.vec2(left, top)
     out.pixel = wp.vec2((right - left) / width, (top - bottom) / height)
     out.near, out.far = camera.near * scale, min(camera.far * scale, 1.0e6)
+    out.lens_radius, out.focus_distance = camera.lens_radius * scale, camera.focus_distance * scale
     return out
 
 
@@ -112,6 +115,29 @@ def camera_ray(camera: Camera, film: wp.vec2, time: float) -> Beam:
         rate = (x * right_rate + y * up_rate - back_rate) / length
         beam.dwdt = rate - beam.w * wp.dot(beam.w, rate)
     return beam
+
+
+@wp.func
+def through_lens(camera: Camera, beam: Beam, time: float, radius: float, angle: float) -> Beam:
+    """The beam of :func:`camera_ray` through another point of a thin lens, to the same point in its plane of focus.
+
+    Args:
+        radius, angle: Where on the lens, in its radius and from its right [rad].
+    """
+    out = beam
+    right = wp.normalize(camera.right + time * camera.right_motion)
+    up = wp.normalize(camera.up + time * camera.up_motion)
+    back = wp.normalize(camera.back + time * camera.back_motion)
+    place = camera.lens_radius * radius * (wp.cos(angle) * right + wp.sin(angle) * up)
+    reach = -camera.focus_distance / wp.dot(beam.w, back)
+    d = reach * beam.w - place
+    length = wp.length(d)
+    out.x = beam.x + place
+    out.w = d / length
+    # What is sharp moves as it does through the middle of the lens.
+    rate = (reach / length) * beam.dwdt
+    out.dwdt = rate - out.w * wp.dot(out.w, rate)
+    return out
 
 
 @wp.func

@@ -13,6 +13,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.scene.description import DomeAtShutter, Interaction, Texture, Wrap
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
+from tpdwarp.scene.device.presence import presence_at
 from tpdwarp.scene.device.textures import TextureArrays, filtered, packed_textures
 from tpdwarp.scene.normalization import Normalization
 
@@ -176,8 +177,10 @@ def dome_radiance(domes: DomeArrays, w: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def hidden_from_dome(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, offset: wp.vec3) -> bool:
-    """Whether anything but glass stands between x and what lies far along ω."""
+def hidden_from_dome(
+    surfaces: Surfaces, textures: TextureArrays, partial: bool, x: wp.vec3, w: wp.vec3, offset: wp.vec3
+) -> bool:
+    """Whether anything but glass stands between x and what lies far along ω; what is there by less than half is not."""
     if not occluded(surfaces, x, w, offset, FAR):
         return False
     side = wp.normalize(offset)
@@ -187,8 +190,11 @@ def hidden_from_dome(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, offset: wp.vec3
         query = wp.mesh_query_ray(surfaces.mesh, x + offset + start * w, w, FAR)
         if not query.result:
             return False
-        glass = surfaces.interaction[surfaces.material_of[query.face]] == DIELECTRIC
-        if not glass and not is_plane_left(plane_of(surfaces, query.face), x, side, reach):
+        clear = surfaces.interaction[surfaces.material_of[query.face]] == DIELECTRIC
+        if partial and not clear:
+            beta = wp.vec3(query.u, query.v, 1.0 - query.u - query.v)
+            clear = presence_at(surfaces, textures, query.face, beta) < 0.5
+        if not clear and not is_plane_left(plane_of(surfaces, query.face), x, side, reach):
             return True
         start += query.t + STEP
     return True
@@ -196,7 +202,15 @@ def hidden_from_dome(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, offset: wp.vec3
 
 @wp.func
 def dome_irradiance(
-    surfaces: Surfaces, domes: DomeArrays, x: wp.vec3, n: wp.vec3, n_g: wp.vec3, offset: wp.vec3, place: float
+    surfaces: Surfaces,
+    textures: TextureArrays,
+    partial: bool,
+    domes: DomeArrays,
+    x: wp.vec3,
+    n: wp.vec3,
+    n_g: wp.vec3,
+    offset: wp.vec3,
+    place: float,
 ) -> wp.vec3:
     """Irradiance from the domes, by a few of their parts evenly spread; ``place`` in 0 … 1 chooses which."""
     total = wp.vec3(0.0, 0.0, 0.0)
@@ -208,6 +222,6 @@ def dome_irradiance(
         w = domes.directions[wp.min(chosen, count - 1)]
         cosine = wp.dot(n, w)
         if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
-            if not hidden_from_dome(surfaces, x, w, offset):
+            if not hidden_from_dome(surfaces, textures, partial, x, w, offset):
                 total += cosine * domes.irradiances[wp.min(chosen, count - 1)]
     return total * (float(count) / float(DOME_RAYS))

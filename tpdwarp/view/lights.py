@@ -7,6 +7,8 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import LightAtShutter, LightKind
+from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.shaping import shaped, shaping_values
 from tpdwarp.scene.normalization import Normalization
 
 
@@ -14,13 +16,17 @@ from tpdwarp.scene.normalization import Normalization
 class LightArrays:
     """Lights in the tracer's units: direction of travel or position, and how these change over the shutter.
 
-    ``power`` is irradiance at normal incidence per square unit, or radiant intensity.
+    ``power`` is irradiance at normal incidence per square unit, or radiant intensity. ``shaping``, about ``axis``, is
+    that of point lights; there are no rows where none is shaped.
     """
 
     distant: wp.array(dtype=wp.int32)
     place: wp.array(dtype=wp.vec3)
     place_motion: wp.array(dtype=wp.vec3)
     power: wp.array(dtype=wp.vec3)
+    shaping: wp.array(dtype=wp.vec3)
+    axis: wp.array(dtype=wp.vec3)
+    axis_motion: wp.array(dtype=wp.vec3)
 
 
 def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher) -> LightArrays:
@@ -39,4 +45,17 @@ def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalizatio
     out.place = launcher.array(place.astype(np.float32), wp.vec3)
     out.place_motion = launcher.array(motion.astype(np.float32), wp.vec3)
     out.power = launcher.array(power.astype(np.float32), wp.vec3)
+    chosen = lights if any(light.shaping is not None for light in lights) else ()
+    axes = np.array([-light.axes[2] for light in chosen]), np.array([-light.axes_motion[2] for light in chosen])
+    for name, rows in (("shaping", list(map(shaping_values, chosen))), ("axis", axes[0]), ("axis_motion", axes[1])):
+        setattr(out, name, launcher.array(np.array(rows, np.float32).reshape(-1, 3), wp.vec3))
     return out
+
+
+@wp.func
+def shaped_power(surfaces: Surfaces, lights: LightArrays, k: int, w: wp.vec3) -> wp.vec3:
+    """The power of light ``k`` along −ω, which points from the light to what it lights."""
+    if lights.shaping.shape[0] == 0:
+        return lights.power[k]
+    axis = wp.normalize(lights.axis[k] + surfaces.time * lights.axis_motion[k])
+    return lights.power[k] * shaped(lights.shaping[k], axis, -w)

@@ -14,7 +14,7 @@ from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
 from tpdwarp.view.camera import Camera
-from tpdwarp.view.lights import LightArrays
+from tpdwarp.view.lights import LightArrays, shaped_power
 
 # Which AOVs take this module's kernel.
 SURFACE_AOVS = ("albedo", "shadow", "vector", "id")
@@ -72,7 +72,7 @@ def shaded_irradiance(
         if lights.distant[k] == 0:
             distance = wp.length(place - x)
             w = (place - x) / distance
-            power = power / (distance * distance)
+            power = shaped_power(surfaces, lights, k, w) / (distance * distance)
         cosine = wp.dot(n, w)
         if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
             if occluded(surfaces, x, w, offset, distance):

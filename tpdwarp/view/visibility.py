@@ -21,12 +21,13 @@ from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, diffuse_color, occluded, shading_normal
 from tpdwarp.scene.device.media import crossing_at, media_at
-from tpdwarp.scene.device.textures import TextureArrays, on_plane, textured_color
+from tpdwarp.scene.device.presence import presence_at, share_that_passes
+from tpdwarp.scene.device.textures import TextureArrays, absorbed_within, on_plane, textured_color
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
-from tpdwarp.view.camera import Camera, camera_ray
+from tpdwarp.view.camera import Camera, camera_ray, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
-from tpdwarp.view.lights import LightArrays
+from tpdwarp.view.lights import LightArrays, shaped_power
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceExtras, surface_extras
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
@@ -38,6 +39,9 @@ FASTEST_QUERY = wp.constant(0.25)
 INV_PI = wp.constant(0.3183098861837907)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
+# Random numbers that choose places on the lens are others than those that keep rays off edges.
+OF_LENS = wp.constant(104729)
+TURN = wp.constant(6.283185307179586)
 # Rays end there, in the tracer's units, in which the scene is of unit size, as photons' do.
 FAR = wp.constant(1.0e6)
 
@@ -103,7 +107,35 @@ def direct_irradiance(
             cosine = wp.dot(n, w)
             if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
                 if not occluded(surfaces, x, w, offset, distance):
-                    total += lights.power[k] * (cosine / (distance * distance))
+                    total += shaped_power(surfaces, lights, k, w) * (cosine / (distance * distance))
+    return total
+
+
+@wp.func
+def partly_hidden_irradiance(
+    surfaces: Surfaces,
+    textures: TextureArrays,
+    lights: LightArrays,
+    x: wp.vec3,
+    n: wp.vec3,
+    n_g: wp.vec3,
+    offset: wp.vec3,
+) -> wp.vec3:
+    """As :func:`direct_irradiance`, where surfaces that are there in part let the rest of the light pass."""
+    total = wp.vec3(0.0, 0.0, 0.0)
+    for k in range(lights.power.shape[0]):
+        place = lights.place[k] + surfaces.time * lights.place_motion[k]
+        w = -wp.normalize(place)
+        distance = FAR
+        power = lights.power[k]
+        if lights.distant[k] == 0:
+            d = place - x
+            distance = wp.length(d)
+            w = d / distance
+            power = shaped_power(surfaces, lights, k, w) / (distance * distance)
+        cosine = wp.dot(n, w)
+        if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
+            total += power * (cosine * share_that_passes(surfaces, textures, x, w, offset, distance))
     return total
 
 
@@ -127,6 +159,10 @@ def visible_kernel(
     textured: bool = False,
     nested: bool = False,
     domed: bool = False,
+    partial: bool = False,
+    tinted: bool = False,
+    lens: bool = False,
+    emission: bool = False,
     named: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
@@ -160,6 +196,10 @@ def visible_kernel(
         item = items[i]
         stream = wp.rand_init(7919, item)
         beam = camera_ray(camera, films[item], surfaces.time)
+        if wp.static(lens):
+            chance = wp.rand_init(int(OF_LENS), item)
+            radius = wp.sqrt(wp.randf(chance))
+            beam = through_lens(camera, beam, surfaces.time, radius, TURN * wp.randf(chance))
         depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
         # The origin lies in what is specular: an eye close to it looks at what may be tiny beside the scene.
         closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
@@ -176,6 +216,7 @@ def visible_kernel(
         flags = int(0)
         decision = int(0)
         travelled = float(0.0)
+        met = bool(False)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
         if wp.static(named):
@@ -190,7 +231,7 @@ def visible_kernel(
                 if wp.static(domed):
                     out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                 break
-            if wp.static(textured):
+            if wp.static(textured or partial):
                 travelled += hit.distance
             # ---- What another solid displaces is not there
             eta = float(1.0)
@@ -208,6 +249,24 @@ def visible_kernel(
                         end = FAR
                         continue
             beam = transfer_to(beam, hit, wp.static(moves))
+            if wp.static(partial):
+                # ---- What is not there is seen through
+                share = presence_at(surfaces, textures, hit.triangle, hit.beta)
+                stays = share >= 1.0
+                if share > 0.0 and share < 1.0:
+                    if out.first_depth[i] < 0.0:
+                        out.first_position[i] = beam.x
+                        out.first_normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+                        out.first_depth[i] = travelled * depth_scale
+                    part = take_branch(mask, decision, first_open, share, throughput, smallest_throughput)
+                    stays = part.reflected
+                    throughput = part.throughput
+                    reported = reported | part.reported
+                    decision += part.decided
+                if not stays:
+                    beam = passed(beam, hit)
+                    start = 0.0
+                    continue
             if wp.static(moves):
                 if wp.length_sq(hit.motion) > 0.0:
                     flags = flags | MET_MOTION
@@ -221,6 +280,9 @@ def visible_kernel(
             if wp.static(nested):
                 # Before it, there may have been surfaces that are not there.
                 first = out.first_depth[i] < 0.0
+            if wp.static(partial):
+                first = not met and out.first_depth[i] < 0.0
+                met = True
             if first:
                 out.first_position[i] = beam.x
                 out.first_normal[i] = n
@@ -229,9 +291,20 @@ def visible_kernel(
                 depth = hit.distance
                 if wp.static(nested):
                     depth += passed_by
+                if wp.static(partial):
+                    depth = travelled
                 out.first_depth[i] = depth * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
+            if wp.static(partial):
+                diffuse = textures.diffuse_shares[material]
+                if diffuse > 0.0:
+                    part = take_branch(mask, decision, first_open, diffuse, throughput, smallest_throughput)
+                    throughput = part.throughput
+                    reported = reported | part.reported
+                    decision += part.decided
+                    if part.reflected:
+                        interaction = DIFFUSE
 
             # ---- A diffuse surface ends the path: direct light, and a query for the photons'
             if interaction == DIFFUSE:
@@ -245,17 +318,26 @@ def visible_kernel(
                     down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
                     albedo = textured_color(textures, material, hit, albedo, across, down)
                 weight = wp.cw_mul(throughput, albedo) * INV_PI
-                irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
+                if wp.static(partial):
+                    irradiance = partly_hidden_irradiance(
+                        surfaces, textures, lights, beam.x, n, n_g, hit.offset * n_g
+                    )
+                else:
+                    irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
                 if wp.static(domed):
                     # Neighbours in the image choose other parts of the dome.
                     scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
                     place = scattered - wp.floor(scattered)
-                    irradiance += dome_irradiance(surfaces, domes, beam.x, n, n_g, hit.offset * n_g, place)
+                    irradiance += dome_irradiance(
+                        surfaces, textures, wp.static(partial), domes, beam.x, n, n_g, hit.offset * n_g, place
+                    )
                 if wp.static(named):
                     out.albedo[i] = albedo
                     out.triangle[i] = hit.triangle
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
+                if wp.static(emission):
+                    out.direct[i] += wp.cw_mul(throughput, textures.emissions[material])
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
                 queries.normal[i] = n_g
                 if wp.static(smooth_receivers):
@@ -283,11 +365,16 @@ def visible_kernel(
                 at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
                 reflected = True
                 if dielectric:
+                    if wp.static(tinted):
+                        if at.side < 0.0:
+                            throughput = wp.cw_mul(throughput, absorbed_within(textures, material, hit.distance))
                     branch = take_branch(mask, decision, first_open, at.reflectance, throughput, smallest_throughput)
                     reflected = branch.reflected
                     throughput = branch.throughput
                     if not reflected:
                         throughput = throughput * wp.pow(at.eta, radiance_power)
+                        if wp.static(tinted):
+                            throughput = wp.cw_mul(throughput, textures.transmittances[material])
                     reported = reported | branch.reported
                     if wp.max(branch.culled) > 0.0:
                         flags = flags | CULLED
@@ -362,6 +449,10 @@ def visible_points(
         textured=needs.textures,
         nested=needs.nested,
         domed=needs.domes,
+        partial=needs.partial,
+        tinted=needs.tinted,
+        lens=needs.lens,
+        emission=needs.emission,
         named=bool(asked := set(aovs) & set(SURFACE_AOVS)),
     )
     left_out = () if needs.smooth_receivers else ("shading_normal",)

@@ -92,13 +92,29 @@ def test_exposure_attributes_scale_radiance_where_authored(small):
     assert read(small)[0].exposure_scale == pytest.approx(2.0, rel=1e-6)
 
 
-def test_depth_of_field_and_zoom_are_said(small):
-    made = camera(small, FStop=2.8)
+def test_an_f_stop_is_the_focal_length_by_the_lenss_diameter(small):
+    made = camera(small, FStop=2.0, FocusDistance=12.0, FocalLength=50.0)
+    found, warnings = read(small)
+    # 50 tenths of a unit by 2: 2.5 units across.
+    assert (found.lens_radius, found.focus_distance) == pytest.approx((1.25, 12.0)) and warnings == []
+    made.GetFStopAttr().Set(0.0)
+    assert read(small)[0].lens_radius == 0.0
+
+
+@pytest.mark.parametrize("change", [{"Projection": "orthographic", "FocusDistance": 5.0}, {}])
+def test_without_a_focus_or_a_perspective_everything_is_sharp_and_that_is_said(small, change):
+    camera(small, FStop=2.0, **change)
+    found, warnings = read(small)
+    assert found.lens_radius == 0.0 and any("/Camera.fStop" in m for m in warnings)
+
+
+def test_zoom_is_said(small):
+    made = camera(small)
     made.GetFocalLengthAttr().Set(50, 1)
     made.GetFocalLengthAttr().Set(90, 5)
     found, warnings = read(small, Shutter(2, 2, 4))
     assert found.window[1] == pytest.approx(15 / 70, rel=1e-6)
-    assert any("/Camera.fStop" in m for m in warnings) and any("zooms" in m for m in warnings)
+    assert any("zooms" in m for m in warnings)
 
 
 @pytest.mark.parametrize(

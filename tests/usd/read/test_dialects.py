@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
@@ -11,8 +12,9 @@ from pxr import Gf, Sdf, UsdGeom, UsdShade
 from tests.usd.stages import SmallStage
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
-from tpdwarp.scene.description import Interaction, Shutter
+from tpdwarp.scene.description import Interaction, Material, Shutter
 from tpdwarp.settings import Settings
+from tpdwarp.usd.read.materials.interactions import DARKEST
 
 GLASS, MIRROR, DIFFUSE = Interaction.DIELECTRIC, Interaction.MIRROR, Interaction.DIFFUSE
 STANDARD, OPEN, GLTF = (f"ND_{name}_surfaceshader" for name in ("standard_surface", "open_pbr_surface", "gltf_pbr"))
@@ -146,31 +148,55 @@ APPROXIMATED = {
     "rough standard_surface": (Network("mtlx", STANDARD, {"transmission": 1.0}), "specular_roughness"),
     "rough preview": (preview(opacity=0.0, roughness=0.25), "roughness"),
     "rough open_pbr": (Network("mtlx", OPEN, {"transmission_weight": 1.0}), "specular_roughness"),
-    "partly clear preview": (preview(opacity=0.25, roughness=0.0), "opacity"),
-    "partly clear open_pbr": (Network("mtlx", OPEN, {"transmission_weight": 0.75, **SHARP}), "transmission_weight"),
-    "tinted standard_surface": (
-        Network("mtlx", STANDARD, {"transmission": 1.0, "transmission_color": RED, **SHARP}),
-        "transmission_color",
-    ),
-    "absorbing open_pbr": (
-        Network(
-            "mtlx", OPEN, {"transmission_weight": 1.0, "transmission_color": RED, "transmission_depth": 2.0, **SHARP}
-        ),
-        "transmission_color",
-    ),
     "red standard_surface": (
         Network("mtlx", STANDARD, {"transmission": 1.0, "base_color": RED, **SHARP}),
         "base_color",
     ),
-    "red OmniGlass": (Network("mdl", "OmniGlass", {"glass_ior": 1.5, "glass_color": RED}, mdl=True), "glass_color"),
     "dispersive open_pbr": (
         Network("mtlx", OPEN, {"transmission_weight": 1.0, "transmission_dispersion_scale": 1.0, **SHARP}),
         "transmission_dispersion_scale",
     ),
     "coated standard_surface": (Network("mtlx", STANDARD, {"transmission": 1.0, "coat": 1.0, **SHARP}), "coat"),
+}
+# Glass that takes from the light, or is not all there: what its dialect says of it.
+DEEP = tuple(-math.log(max(c, DARKEST)) / 2.0 for c in RED)
+PARTIAL = {
+    "partly clear preview": (preview(opacity=0.25, roughness=0.0), {"diffuse_share": 0.25}),
+    "partly clear open_pbr": (
+        Network("mtlx", OPEN, {"transmission_weight": 0.75, **SHARP}),
+        {"diffuse_share": 0.25},
+    ),
+    "tinted standard_surface": (
+        Network("mtlx", STANDARD, {"transmission": 1.0, "transmission_color": RED, **SHARP}),
+        {"transmittance": RED},
+    ),
+    "absorbing open_pbr": (
+        Network(
+            "mtlx", OPEN, {"transmission_weight": 1.0, "transmission_color": RED, "transmission_depth": 2.0, **SHARP}
+        ),
+        {"absorption": DEEP},
+    ),
+    "absorbing gltf_pbr": (
+        Network(
+            "mtlx",
+            GLTF,
+            {
+                "transmission": 1.0,
+                "metallic": 0.0,
+                "roughness": 0.0,
+                "attenuation_color": RED,
+                "attenuation_distance": 2.0,
+            },
+        ),
+        {"absorption": DEEP},
+    ),
+    "red OmniGlass": (
+        Network("mdl", "OmniGlass", {"glass_ior": 1.5, "glass_color": RED}, mdl=True),
+        {"transmittance": RED},
+    ),
     "present for the most part": (
         Network("mtlx", OPEN, {"transmission_weight": 1.0, "geometry_opacity": 0.75, **SHARP}),
-        "geometry_opacity",
+        {"presence": 0.75},
     ),
 }
 GOLD = (1.0, 0.75, 0.25)
@@ -334,6 +360,16 @@ def test_glass_that_is_more_than_clear_is_clear_and_what_is_lost_is_said(tmp_pat
     same(rendered, source, GLASS, None, 1.5)
 
 
+@pytest.mark.parametrize("way", PARTIAL)
+def test_glass_takes_from_light_what_its_dialect_says(tmp_path, way):
+    network, expected = PARTIAL[way]
+    _, material, warnings = seen(tmp_path, network)
+    plain = Material(GLASS, material.color, material.ior, "/M")
+    assert warnings == [] and material.ior == pytest.approx(1.5)
+    for name in ("presence", "diffuse_share", "transmittance", "absorption"):
+        assert getattr(material, name) == pytest.approx(expected.get(name, getattr(plain, name)), rel=1e-6), name
+
+
 @pytest.mark.parametrize("way", OTHER)
 def test_other_surfaces_are_what_their_dialect_means(tmp_path, rendered, way):
     network, interaction, color, ior = OTHER[way]
@@ -388,4 +424,4 @@ def test_materialx_comes_before_what_is_for_all_and_other_renderers_come_last(tm
 
 
 def test_there_are_sixty_ways_to_author_the_ball():
-    assert len(CLEAR) + len(APPROXIMATED) + len(OTHER) + len(ABSENT) >= 60
+    assert len(CLEAR) + len(APPROXIMATED) + len(PARTIAL) + len(OTHER) + len(ABSENT) >= 60

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade
+from pxr import Gf, Usd, UsdGeom, UsdShade
 
 from tests.usd.stages import SmallStage
 from tpdwarp.scene.description import LightKind, Shutter
@@ -82,7 +82,6 @@ def test_without_a_light_that_shines_a_white_surface_that_faces_the_camera_has_r
         lambda: small.light.GetIntensityAttr().Set(0.0),
         lambda: (small.light.GetIntensityAttr().Set(1.0), small.light.MakeInvisible()),
         lambda: small.stage.RemovePrim("/Light"),
-        lambda: UsdLux.DomeLight.Define(small.stage, "/Dome"),
     ):
         change()
         scene = small.open()

@@ -8,7 +8,7 @@ from pxr import Gf, Sdf, UsdGeom, UsdLux
 
 from tests.usd.stages import SmallStage
 from tpdwarp.errors import InputError
-from tpdwarp.scene.description import LightKind, Shutter
+from tpdwarp.scene.description import LightKind, Shaping, Shutter
 
 
 @pytest.fixture
@@ -156,6 +156,32 @@ def test_shaping_filters_and_linking_are_said(small):
         "filters",
         "linking",
     ]
+
+
+@pytest.mark.parametrize(
+    ("inputs", "expected"),
+    [
+        ({}, None),
+        ({"ConeAngle": 180.0}, None),
+        ({"ConeAngle": 30.0}, Shaping(math.radians(30))),
+        ({"ConeAngle": 30.0, "ConeSoftness": 0.25}, Shaping(math.radians(30), 0.25)),
+        ({"Focus": 4.0}, Shaping(2 * math.pi, 0.0, 4.0)),
+        ({"ConeAngle": 45.0, "ConeSoftness": 3.0, "Focus": 1.0}, Shaping(math.radians(45), 1.0, 1.0)),
+    ],
+)
+def test_cones_and_focus_are_those_authored(small, inputs, expected):
+    light = UsdLux.SphereLight.Define(small.stage, "/Lamp")
+    light.CreateRadiusAttr(0.0)
+    api = UsdLux.ShapingAPI.Apply(light.GetPrim())
+    for name, value in inputs.items():
+        getattr(api, f"CreateShaping{name}Attr")(value)
+    found, warnings = read(small)
+    assert warnings == []
+    if expected is None:
+        assert found.shaping is None
+    else:
+        values = (found.shaping.angle, found.shaping.softness, found.shaping.focus)
+        assert values == pytest.approx((expected.angle, expected.softness, expected.focus))
 
 
 def test_power_is_read_at_the_frame(small):

@@ -82,8 +82,6 @@ def test_preview_surface_has_the_documented_interaction(small, inputs, interacti
 @pytest.mark.parametrize(
     ("inputs", "interaction", "blamed"),
     [
-        ({"opacity": 0.25}, Interaction.DIELECTRIC, "opacity"),
-        ({"opacity": 0.75}, Interaction.DIFFUSE, "opacity"),
         ({"metallic": 1.0, "roughness": 0.25}, Interaction.MIRROR, "roughness"),
         ({"metallic": 0.75, "roughness": 0.0}, Interaction.MIRROR, "metallic"),
         ({"metallic": 0.25, "roughness": 0.0}, Interaction.DIFFUSE, "metallic"),
@@ -92,7 +90,6 @@ def test_preview_surface_has_the_documented_interaction(small, inputs, interacti
         ({"emissiveColor": (1.0, 0.0, 0.0)}, Interaction.DIFFUSE, "emissiveColor"),
         ({"clearcoat": 0.5}, Interaction.DIFFUSE, "clearcoat"),
         ({"displacement": 0.5}, Interaction.DIFFUSE, "displacement"),
-        ({"opacity": 0.75, "opacityMode": "presence"}, Interaction.DIFFUSE, "opacity"),
     ],
 )
 def test_what_is_not_rendered_is_said_and_the_nearest_done(small, inputs, interaction, blamed):
@@ -131,7 +128,6 @@ def test_impossible_colours_are_brought_into_range_and_said(small, color, taken)
     "inputs",
     [
         {"opacity": 0.0, "opacityMode": "presence"},
-        {"opacity": 0.25, "opacityMode": "presence"},
         {"opacity": 0.25, "opacityThreshold": 0.5},
     ],
 )
@@ -145,8 +141,23 @@ def test_faces_that_are_cut_out_are_not_there(small, inputs):
     small.mesh("/Floor")
     small.bind(mesh, "/Cut")
     assert [m.path for m in small.open().at(Shutter.still(1)).meshes] == ["/Floor"]
-    partial = inputs["opacity"] > 0 and "opacityThreshold" not in inputs
-    assert len(warnings) == partial
+    assert warnings == []
+
+
+@pytest.mark.parametrize(
+    ("inputs", "interaction", "presence", "diffuse_share"),
+    [
+        ({"opacity": 0.25}, Interaction.DIELECTRIC, 1.0, 0.25),
+        ({"opacity": 0.75}, Interaction.DIFFUSE, 0.75, 0.0),
+        ({"opacity": 0.75, "opacityMode": "presence"}, Interaction.DIFFUSE, 0.75, 0.0),
+        ({"opacity": 0.25, "opacityMode": "presence"}, Interaction.DIFFUSE, 0.25, 0.0),
+        ({"opacity": 0.995}, Interaction.DIFFUSE, 1.0, 0.0),
+    ],
+)
+def test_opacity_between_none_and_all_is_a_share(small, inputs, interaction, presence, diffuse_share):
+    material, warnings = read_preview(small, **inputs)
+    assert (material.interaction, warnings) == (interaction, [])
+    assert (material.presence, material.diffuse_share) == pytest.approx((presence, diffuse_share), abs=1e-7)
 
 
 def test_animated_inputs_are_read_at_the_frame(small):
@@ -372,13 +383,34 @@ def test_tiles_give_their_mean(small):
     assert read(small)[0].materials[0].color == pytest.approx((1.0,) * 3, abs=SRGB_ERROR)
 
 
-def test_a_texture_that_cuts_out_makes_no_glass(small):
-    pixels = np.zeros((4, 4, 4), np.uint8)
-    shader, texture = textured(small, pixels)
+@pytest.mark.parametrize("threshold", [0.0, 0.5])
+def test_a_texture_that_cuts_out_makes_no_glass(small, threshold):
+    pixels = np.zeros((4, 4, 4), np.float32)
+    pixels[1] = 0.75
+    shader, texture = textured(small, pixels, "texture.exr")
+    shader.CreateInput("opacity", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "a")
+    shader.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(threshold)
+    mesh = small.mesh()
+    coordinates = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex")
+    coordinates.Set([Gf.Vec2f(0), Gf.Vec2f(1, 0), Gf.Vec2f(1), Gf.Vec2f(0, 1)])
+    small.bind(mesh, "/Material")
+    found, warnings = read(small)
+    (material,) = found.materials
+    assert (material.interaction, material.threshold, warnings) == (Interaction.DIFFUSE, threshold, [])
+    np.testing.assert_array_equal(material.cutout.tiles[0, 0], pixels[..., 3:].repeat(3, axis=2))
+    assert found.coordinates is not None
+
+
+def test_without_its_file_a_texture_that_cuts_out_is_filled_and_that_is_said(small):
+    shader = small.preview("/Material")
+    texture = UsdShade.Shader.Define(small.stage, "/Material/Texture")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set("./missing.png")
+    texture.CreateInput("fallback", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(0))
     shader.CreateInput("opacity", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "a")
     small.bind(small.mesh(), "/Material")
     mesh, warnings = read(small)
-    assert mesh.materials[0].interaction == Interaction.DIFFUSE
+    assert mesh.materials[0].interaction == Interaction.DIFFUSE and mesh.materials[0].presence == 1.0
     assert any("cut-outs" in message for message in warnings)
 
 

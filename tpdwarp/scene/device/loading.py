@@ -76,8 +76,9 @@ class SceneLoader:
             with_motions = needs.photon_motion or needs.view_motion
             geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=with_motions)
             textures = TextureArrays()
-            if needs.textures:
-                textures = self._textures.arrays(scene.meshes, geometry.materials)
+            if needs.textures or needs.partial or needs.tinted or needs.emission:
+                norm = self.normalization
+                textures = self._textures.arrays(scene.meshes, geometry.materials, norm.scale, norm.power)
         return LoadedScene(scene, geometry, needs, textures)
 
 

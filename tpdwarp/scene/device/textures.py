@@ -27,14 +27,23 @@ STEEPEST = wp.constant(1.0e-3)
 class TextureArrays:
     """Texture coordinates of triangles, and the textures of materials.
 
-    ``texture_of`` is −1 for a material without one. A texture has a grid of tiles (its columns, rows and first tile), a
-    tile its levels (the first of them and their number; none where it is missing), a level its width, height and first
-    texel. Rows of texels go from t = 1 down.
+    ``texture_of`` and ``cutout_of`` are −1 for a material without one; ``presences``, ``thresholds``,
+    ``diffuse_shares``, ``transmittances``, ``absorptions`` (by the tracer's unit of length) and ``emissions`` (in its
+    unit of radiance) are as in :class:`tpdwarp.scene.description.Material`. A texture has a grid of tiles (its
+    columns, rows and first tile), a tile its levels (the first of them and their number; none where it is missing), a
+    level its width, height and first texel. Rows of texels go from t = 1 down.
     """
 
     coordinates: wp.array(dtype=wp.vec2)
     coordinate_indices: wp.array(dtype=wp.vec3i)
     texture_of: wp.array(dtype=wp.int32)
+    cutout_of: wp.array(dtype=wp.int32)
+    presences: wp.array(dtype=wp.float32)
+    thresholds: wp.array(dtype=wp.float32)
+    diffuse_shares: wp.array(dtype=wp.float32)
+    transmittances: wp.array(dtype=wp.vec3)
+    absorptions: wp.array(dtype=wp.vec3)
+    emissions: wp.array(dtype=wp.vec3)
     grids: wp.array(dtype=wp.vec3i)
     wraps: wp.array(dtype=wp.vec2i)
     borders: wp.array(dtype=wp.vec3)
@@ -51,15 +60,24 @@ class TextureStore:
         self._textures: tuple[Texture, ...] = ()
         self._arrays = TextureArrays()
 
-    def arrays(self, meshes: Sequence[MeshAtShutter], materials: Sequence[Material]) -> TextureArrays:
+    def arrays(
+        self,
+        meshes: Sequence[MeshAtShutter],
+        materials: Sequence[Material],
+        scale: float = 1.0,
+        power: float = 1.0,
+    ) -> TextureArrays:
         """The kernel's view of the textures.
 
         Args:
             meshes: The meshes of a scene, in the order of its triangles.
             materials: Its materials, in the order of the kernel's.
+            scale: The tracer's units of length in a scene unit.
+            power: The tracer's unit of power.
         """
         launcher = self._launcher
-        numbers = {texture: k for k, texture in enumerate(dict.fromkeys(m.texture for m in materials if m.texture))}
+        used = [texture for m in materials for texture in (m.texture, m.cutout) if texture is not None]
+        numbers = {texture: k for k, texture in enumerate(dict.fromkeys(used))}
         if tuple(numbers) != self._textures:
             self._arrays = packed_textures(tuple(numbers), launcher)
             self._textures = tuple(numbers)
@@ -75,8 +93,19 @@ class TextureStore:
                 count += len(mesh.coordinates)
         arrays.coordinates = launcher.array(np.concatenate(coordinates).astype(np.float32), wp.vec2)
         arrays.coordinate_indices = launcher.array(np.concatenate(indices).astype(np.int32), wp.vec3i)
-        of = np.array([numbers.get(material.texture, -1) for material in materials], np.int32)
-        arrays.texture_of = launcher.array(of, wp.int32)
+        for name, textures in (
+            ("texture_of", [material.texture for material in materials]),
+            ("cutout_of", [material.cutout for material in materials]),
+        ):
+            of = np.array([-1 if texture is None else numbers[texture] for texture in textures], np.int32)
+            setattr(arrays, name, launcher.array(of, wp.int32))
+        for name in ("presence", "threshold", "diffuse_share"):
+            values = np.array([getattr(material, name) for material in materials], np.float32)
+            setattr(arrays, f"{name}s", launcher.array(values, wp.float32))
+        units = {"transmittance": 1.0, "absorption": 1.0 / scale, "emission": 1.0 / (scale**2 * power)}
+        for name, unit in units.items():
+            colors = unit * np.array([getattr(material, name) for material in materials])
+            setattr(arrays, f"{name}s", launcher.array(colors.astype(np.float32), wp.vec3))
         return arrays
 
 
@@ -221,3 +250,10 @@ def textured_color(
     d_across = along1 * wp.dot(hit.g1, across) + along2 * wp.dot(hit.g2, across)
     d_down = along1 * wp.dot(hit.g1, down) + along2 * wp.dot(hit.g2, down)
     return wp.max(filtered(textures, texture, st, d_across, d_down), wp.vec3(0.0, 0.0, 0.0))
+
+
+@wp.func
+def absorbed_within(textures: TextureArrays, material: int, distance: float) -> wp.vec3:
+    """What Beer's law leaves of light after ``distance`` inside a dielectric."""
+    depth = -distance * textures.absorptions[material]
+    return wp.vec3(wp.exp(depth[0]), wp.exp(depth[1]), wp.exp(depth[2]))

@@ -132,7 +132,19 @@ class Camera:
             self._exposure_scale(shutter.frame),
             to_camera,
             to_camera @ projection(window, near, far, orthographic),
+            *self._lens_and_focus(camera, orthographic),
         )
+
+    def _lens_and_focus(self, camera: Gf.Camera, orthographic: bool) -> tuple[float, float]:
+        """Radius of the lens and distance of the focus in scene units; a radius of 0 for a pinhole."""
+        if not camera.fStop > 0:
+            return 0.0, 1.0
+        if orthographic or not (math.isfinite(camera.focusDistance) and camera.focusDistance > 0):
+            what = "an orthographic camera has" if orthographic else "without a focusDistance there is"
+            self._warnings(f"{self.path}.fStop", f"{what} no depth of field: everything is sharp")
+            return 0.0, 1.0
+        # Focal lengths are in tenths of a scene unit; an f-stop is the focal length by the lens's diameter.
+        return 0.5 * camera.focalLength * Gf.Camera.FOCAL_LENGTH_UNIT / camera.fStop, camera.focusDistance
 
     def _lens(self, time: float) -> Gf.Camera:
         with errors_at(self.path):
@@ -159,8 +171,6 @@ class Camera:
         return scale
 
     def _warn_unsupported(self, camera: Gf.Camera, shutter: Shutter) -> None:
-        if camera.fStop > 0:
-            self._warnings(f"{self.path}.fStop", "depth of field is not rendered: the camera is a pinhole")
         if len(camera.clippingPlanes):
             self._warnings(f"{self.path}.clippingPlanes", "is not taken into account")
         lens = (

@@ -10,7 +10,7 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
 
 from tpdwarp.errors import InputError, WarnOnce
-from tpdwarp.scene.description import LightAtShutter, LightKind, Shutter
+from tpdwarp.scene.description import LightAtShutter, LightKind, Shaping, Shutter
 from tpdwarp.usd.read.coordinate_frames import frame_over
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
@@ -83,7 +83,26 @@ class Light:
         position, axes, position_motion, axes_motion = frame_over(
             self.prim, shutter, self._transforms, self._animation, self._warnings.file
         )
-        return LightAtShutter(self.path, self.kind, power, position, axes, position_motion, axes_motion)
+        shaping = self._shaping(shutter.frame) if self.kind == LightKind.POINT else None
+        return LightAtShutter(self.path, self.kind, power, position, axes, position_motion, axes_motion, shaping)
+
+    def _shaping(self, frame: float) -> Shaping | None:
+        """Cone and focus where they are authored, and narrow the light."""
+        api = UsdLux.ShapingAPI(self.prim)
+        given = {}
+        for name, attribute, neutral in (
+            ("angle", api.GetShapingConeAngleAttr(), 180.0),
+            ("softness", api.GetShapingConeSoftnessAttr(), 0.0),
+            ("focus", api.GetShapingFocusAttr(), 0.0),
+        ):
+            authored = attribute and attribute.HasAuthoredValue()
+            given[name] = self._number(attribute, frame) if authored else neutral
+        if given["angle"] >= 180.0 and given["focus"] == 0.0:
+            return None
+        # A rim of 180° is no rim, however soft.
+        softness = min(given["softness"], 1.0) if given["angle"] < 180.0 else 0.0
+        angle = math.radians(given["angle"]) if given["angle"] < 180.0 else 2.0 * math.pi
+        return Shaping(angle, softness, given["focus"])
 
     def _mean_power(self, shutter: Shutter) -> tuple[float, float, float]:
         """The mean of :meth:`power` over ``shutter``, with nothing where the light is invisible."""
@@ -188,10 +207,11 @@ class Light:
 
     def _warn_unsupported(self) -> None:
         shaping, shadow = UsdLux.ShapingAPI(self.prim), UsdLux.ShadowAPI(self.prim)
-        if _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
-            shaping.GetShapingFocusAttr(), 0.0
+        if self.kind == LightKind.DISTANT and (
+            _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True)
+            or _authored(shaping.GetShapingFocusAttr(), 0.0)
         ):
-            self._warnings(self.path, "the light's shaping cone and focus are not rendered")
+            self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
         ies = shaping.GetShapingIesFileAttr()
         if ies and ies.HasAuthoredValue():
             self._warnings(self.path, "the light's IES profile is not rendered")

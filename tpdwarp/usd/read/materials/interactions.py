@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 from tpdwarp.errors import InputError, WarnOnce
-from tpdwarp.scene.description import Interaction, Material
-from tpdwarp.usd.read.materials.physical import WHITE, Physical
+from tpdwarp.scene.description import Interaction, Material, Texture
+from tpdwarp.usd.read.materials.physical import Physical
 
 # Up to this roughness r a microfacet lobe is narrower (r² < .0049) than the sun's disc (.0046 rad): smooth.
 SMOOTH = 0.07
@@ -14,6 +16,8 @@ SMOOTH = 0.07
 MIRROR_LIKE = 0.3
 # Weights are authored in single precision and by hand: this near to 0 or 1 they are.
 NEARLY = 0.01
+# A tint of nothing would absorb without end: after its depth this much is left, which is no step of eight bits.
+DARKEST = 1e-4
 
 
 def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Material | None:
@@ -35,31 +39,38 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
         warnings(physical.sources.get(name, path), message)
 
     if max(physical.emission) > 0:
-        warn("emission", "light that a surface gives off is not rendered")
-    if physical.presence < 0.5:
-        if physical.presence > NEARLY:
-            warn("presence", "partial opacity is rendered as nothing")
+        warn("emission", "light that a surface gives off is seen, but lights nothing")
+    if physical.presence < NEARLY:
         return None
-    if physical.presence < 1 - NEARLY:
-        warn("presence", "partial opacity is rendered as opaque")
+    there = replace(_present(physical, path, warn, warnings), presence=physical.presence)
+    if there.presence > 1 - NEARLY:
+        there = replace(there, presence=1.0)
+    if physical.cutout is not None:
+        there = replace(there, cutout=physical.cutout.texture(), threshold=physical.threshold)
+    return there
+
+
+def _present(physical: Physical, path: str, warn: Callable[[str, str], None], warnings: WarnOnce) -> Material:
+    """The material where all of the surface is there."""
     transmission = physical.transmission * (1.0 - physical.metalness)
-    # Where no transmission is authored, it is the opacity that lets light pass.
-    clear = "transmission" if physical.transmission == 0 or "opacity" not in physical.sources else "opacity"
-    if transmission >= 0.5:
-        if transmission < 1 - NEARLY:
-            warn(clear, "partial transmission is rendered as clear")
-        return _dielectric(physical, path, warn, warnings)
     if transmission > NEARLY:
-        warn(clear, "partial transmission is rendered as opaque")
+        clear = _dielectric(physical, path, warn, warnings)
+        if transmission > 1 - NEARLY:
+            return clear
+        return replace(clear, diffuse_share=1.0 - transmission, texture=_texture(physical))
     if physical.metalness >= 0.5 and physical.roughness <= MIRROR_LIKE:
         return _mirror(physical, path, warn)
     if physical.metalness > NEARLY:
         warn("metalness", "metal that is rough or partial is rendered as diffuse")
-    texture = None if physical.base_image is None else physical.base_image.texture()
-    return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, texture)
+    texture, emission = _texture(physical), physical.emission
+    return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, texture, emission=emission)
 
 
-def _dielectric(physical: Physical, path: str, warn: object, warnings: WarnOnce) -> Material:
+def _texture(physical: Physical) -> Texture | None:
+    return None if physical.base_image is None else physical.base_image.texture()
+
+
+def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None], warnings: WarnOnce) -> Material:
     ior = physical.ior
     if not (math.isfinite(ior) and ior > 0):
         raise InputError(
@@ -69,16 +80,19 @@ def _dielectric(physical: Physical, path: str, warn: object, warnings: WarnOnce)
         )
     if physical.roughness > SMOOTH:
         warn("roughness", "rough transmission is rendered as smooth")
-    if max(abs(c - w) for c, w in zip(physical.tint, WHITE, strict=True)) > NEARLY:
-        lost = "absorption within it" if physical.absorption_depth > 0 else "its colour"
-        warn("tint", f"glass is rendered clear: {lost} is not rendered")
     if physical.thin_walled:
         warn("thin_walled", "a thin wall passes light straight on; what it reflects is not rendered")
         ior = 1.0
-    return Material(Interaction.DIELECTRIC, physical.base_color, ior, path)
+    if max(physical.tint) > 1:
+        warn("tint", "glass passes no more than it receives: its tint is limited to 1")
+    tint = tuple(min(channel, 1.0) for channel in physical.tint)
+    if physical.absorption_depth > 0 and not physical.thin_walled:
+        absorption = tuple(-math.log(max(channel, DARKEST)) / physical.absorption_depth for channel in tint)
+        return Material(Interaction.DIELECTRIC, physical.base_color, ior, path, absorption=absorption)
+    return Material(Interaction.DIELECTRIC, physical.base_color, ior, path, transmittance=tint)
 
 
-def _mirror(physical: Physical, path: str, warn: object) -> Material:
+def _mirror(physical: Physical, path: str, warn: Callable[[str, str], None]) -> Material:
     if physical.metalness < 1 - NEARLY:
         warn("metalness", "partial metalness is rendered as metal")
     if physical.roughness > SMOOTH:

@@ -27,6 +27,8 @@ class Physical:
         absorption_depth: Distance after which white light has taken on the tint, in scene units; 0: at once.
         thin_walled: Whether the surface is a sheet, which does not refract.
         presence: Share of the surface that is there at all.
+        cutout: Presence over the surface; None where it is the same everywhere.
+        threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
         emission: Radiance that it gives off.
         sources: Path of the attribute that each of these comes from, by name; none where nothing is authored.
     """
@@ -42,5 +44,7 @@ class Physical:
     absorption_depth: float = 0.0
     thin_walled: bool = False
     presence: float = 1.0
+    cutout: Image | None = None
+    threshold: float = 0.0
     emission: Color = BLACK
     sources: dict[str, str] = field(default_factory=dict, compare=False)

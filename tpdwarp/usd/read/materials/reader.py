@@ -109,13 +109,16 @@ class Materials:
         displacement = material.ComputeDisplacementSource()[0]
         if displacement and displacement.GetPrim() != shader.GetPrim():
             self.warnings(path, "displacement is not rendered")
-        textured = found is not None and found.texture is not None
+        images = [] if found is None else [physical.base_image if found.texture else None, physical.cutout]
+        lie = [image.coordinates for image in images if image is not None]
+        if len(set(lie)) > 1:
+            self.warnings(path, "its textures lie differently: those that cut out lie as those that colour")
         return Surface(
             found or Material(path=path),
             physical.by_display_color,
             inputs.varies,
             found is None,
-            physical.base_image.coordinates if textured else None,
+            lie[0] if lie else None,
             physical,
         )
 

@@ -13,14 +13,13 @@ OPAQUE, MASK = 0, 1
 
 def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
     mode, alpha = int(inputs.number(("alpha_mode",), OPAQUE)), values["alpha"]
-    if mode == MASK:
-        values["presence"] = float(alpha >= inputs.number(("alpha_cutoff",), 0.5))
-    elif mode != OPAQUE:
-        values["presence"] = alpha
-    found = inputs.value("alpha")
-    if mode != OPAQUE and found is not None and found.spread:
-        inputs.warn("alpha", "is a texture, whose cut-outs are rendered as if they were filled")
-        values["presence"] = 1.0
+    cutoff = inputs.number(("alpha_cutoff",), 0.5)
+    if mode == OPAQUE:
+        values.pop("cutout", None)
+    elif "cutout" in values:
+        values["threshold"] = cutoff if mode == MASK else 0.0
+    else:
+        values["presence"] = float(alpha >= cutoff) if mode == MASK else alpha
     distance = values["absorption_depth"]
     values["tint"] = values["base_color"]
     if math.isfinite(distance) and distance > 0 and min(values["attenuation_color"]) < 1:

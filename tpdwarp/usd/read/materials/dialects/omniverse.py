@@ -17,8 +17,12 @@ def _adjust_glass(inputs: Inputs, values: dict[str, Any]) -> None:
 def _adjust_pbr(inputs: Inputs, values: dict[str, Any]) -> None:
     tint = inputs.color(("diffuse_tint",), (1.0, 1.0, 1.0))
     values["base_color"] = tuple(c * t for c, t in zip(values["base_color"], tint, strict=True))
-    if inputs.flag("enable_opacity"):
-        threshold = inputs.number(("opacity_threshold",), 0.0)
+    threshold = inputs.number(("opacity_threshold",), 0.0)
+    if not inputs.flag("enable_opacity"):
+        values.pop("cutout", None)
+    elif "cutout" in values:
+        values["threshold"] = threshold
+    else:
         values["presence"] = values["opacity"] if threshold <= 0 else float(values["opacity"] >= threshold)
     if inputs.flag("enable_emission"):
         inputs.warn("enable_emission", "is not rendered")
@@ -29,6 +33,8 @@ def _adjust_surface(inputs: Inputs, values: dict[str, Any]) -> None:
         values["transmission"] = 0.0
     if inputs.flag("enable_opacity"):
         values["presence"] = values["opacity"]
+    else:
+        values.pop("cutout", None)
 
 
 GLASS = Dialect(

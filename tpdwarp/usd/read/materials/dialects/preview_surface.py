@@ -13,13 +13,17 @@ MOST_DIELECTRIC_REFLECTANCE = 0.2
 
 def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
     opacity, threshold = values["opacity"], inputs.number(("opacityThreshold",), 0.0)
-    textured = (found := inputs.value("opacity")) is not None and found.spread
-    if threshold > 0 or textured or inputs.text("opacityMode") == "presence":
-        # A texture that cuts out shapes makes no glass, however clear it is on the mean.
-        if textured:
-            inputs.warn("opacity", "is a texture, whose cut-outs are rendered as if they were filled")
-            opacity = 1.0
-        values["presence"] = opacity if threshold <= 0 else float(opacity >= threshold)
+    if "cutout" in values:
+        values["threshold"] = threshold
+    elif (found := inputs.value("opacity")) is not None and found.spread:
+        # Without its file, a texture that cuts out shapes makes no glass, whatever its fallback.
+        inputs.warn("opacity", "is a texture that cannot be read, whose cut-outs are rendered as if they were filled")
+        opacity = 1.0
+    if threshold > 0:
+        values["presence"] = float(opacity >= threshold)
+    elif inputs.text("opacityMode") == "presence" or opacity >= 0.5:
+        # What is more opaque than clear is a surface that light passes in part, rather than glass.
+        values["presence"] = opacity
     else:
         values["transmission"] = max(values["transmission"], 1.0 - opacity)
     if inputs.find("roughness") is None and values["transmission"] >= 0.5:

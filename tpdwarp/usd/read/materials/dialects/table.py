@@ -14,6 +14,8 @@ from tpdwarp.usd.read.materials.textures import Image
 
 # Colours above one are art; above this, an accident.
 BRIGHTEST = 1e6
+# Properties that say how much of a surface is there; textures of them cut out shapes.
+PRESENCES = ("presence", "opacity", "alpha")
 # Connected, these change the look of what is rendered without having a value that would show how.
 CONNECTED_ONLY = ("normal", "geometry_normal", "normalCamera", "occlusion")
 
@@ -68,13 +70,17 @@ class Dialect:
                 values["base_image"] = image
                 values[name] = tuple(map(float, np.broadcast_to(image.mean, 3)))
                 continue
+            if name in PRESENCES and (image := inputs.image(*where.names)) is not None:
+                values["cutout"] = image.mapped(lambda pixels: pixels.mean(axis=-1, keepdims=True))
+                values[name] = 1.0
+                continue
             values[name] = _value(inputs, name, where)
             if name == "base_color":
                 found = inputs.value(*where.names)
                 shown = found is None or found.display_color
         if self.adjust is not None:
             self.adjust(inputs, values)
-        for name in ("opacity", "alpha"):
+        for name in PRESENCES:
             if name in sources:
                 sources.setdefault("presence", sources[name])
         self._warn(inputs, values)

@@ -1,0 +1,65 @@
+"""Surfaces that are there in part: cut-outs, sheets that let a share of light pass, and what shadows they throw."""
+
+import warp as wp
+
+from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
+from tpdwarp.scene.device.textures import TextureArrays, filtered
+
+# Less than this of a surface is nothing of it, and all but this is all of it; a shadow ray that has lost all but this
+# has lost all. Half a step of eight bits.
+LEAST_SHARE = wp.constant(2.0e-3)
+# Surfaces that a shadow ray passes at most. Chosen, not derived: trees of leaf cards have some dozens.
+MOST_LAYERS = wp.constant(64)
+# Beyond a surface that it passes a shadow ray begins so much farther on, in scenes of unit size: some roundings.
+STEP = wp.constant(1.0e-5)
+
+
+@wp.func
+def presence_at(surfaces: Surfaces, textures: TextureArrays, face: int, beta: wp.vec3) -> float:
+    """Share of the surface that is there at barycentric coordinates of triangle ``face``."""
+    material = surfaces.material_of[face]
+    share = float(textures.presences[material])
+    cutout = textures.cutout_of[material]
+    index = textures.coordinate_indices[face]
+    if cutout >= 0 and index[0] >= 0:
+        st = (
+            beta[0] * textures.coordinates[index[0]]
+            + beta[1] * textures.coordinates[index[1]]
+            + beta[2] * textures.coordinates[index[2]]
+        )
+        none = wp.vec2(0.0, 0.0)
+        there = wp.clamp(filtered(textures, cutout, st, none, none)[0], 0.0, 1.0)
+        threshold = textures.thresholds[material]
+        if threshold > 0.0:
+            there = wp.where(there >= threshold, 1.0, 0.0)
+        share *= there
+    if share < LEAST_SHARE:
+        share = 0.0
+    if share > 1.0 - LEAST_SHARE:
+        share = 1.0
+    return share
+
+
+@wp.func
+def share_that_passes(
+    surfaces: Surfaces, textures: TextureArrays, x: wp.vec3, w: wp.vec3, offset: wp.vec3, distance: float
+) -> float:
+    """Share of light that gets from x + distance·ω to x: what is there of the surfaces in between hides the rest."""
+    if not occluded(surfaces, x, w, offset, distance):
+        return 1.0
+    side = wp.normalize(offset)
+    reach = wp.length(offset)
+    share = float(1.0)
+    start = float(0.0)
+    for _layer in range(MOST_LAYERS):
+        query = wp.mesh_query_ray(surfaces.mesh, x + offset + start * w, w, distance - start)
+        if not query.result:
+            return share
+        if not is_plane_left(plane_of(surfaces, query.face), x, side, reach):
+            beta = wp.vec3(query.u, query.v, 1.0 - query.u - query.v)
+            share *= 1.0 - presence_at(surfaces, textures, query.face, beta)
+            if share < LEAST_SHARE:
+                return 0.0
+        start += query.t + STEP
+    return 0.0
