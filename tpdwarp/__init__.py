@@ -8,6 +8,8 @@
     differences = tpdwarp.check("out", "baseline", report="report.html")
     result = tpdwarp.farm("wave.usdc", "out/wave.####.exr", scheduler="tcp://host:8786")
     holdings = tpdwarp.info("wave.usdc")
+    pixels = tpdwarp.render_frame("wave.usdc", 12).channels
+    scene = tpdwarp.Scene("wave.usdc")  # stays open from frame to frame
 
 Names load what they need when they are first used, so that importing the package costs next to nothing.
 """
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from tpdwarp.errors import FrameError, InputError
     from tpdwarp.farms.farm import farm
     from tpdwarp.farms.open_job import open_job_template
+    from tpdwarp.jobs.live_scene import RenderedFrame, Scene, irradiance, render_frame
     from tpdwarp.jobs.results import FrameOutcome, SequenceResult
     from tpdwarp.jobs.sequence import render, trace_photons, write_photons
     from tpdwarp.jobs.stage_info import info
@@ -41,6 +44,8 @@ __all__ = [
     "FrameError",
     "FrameOutcome",
     "InputError",
+    "RenderedFrame",
+    "Scene",
     "SequenceResult",
     "Settings",
     "StudyResult",
@@ -49,8 +54,10 @@ __all__ = [
     "check",
     "farm",
     "info",
+    "irradiance",
     "open_job_template",
     "render",
+    "render_frame",
     "study",
     "trace_photons",
     "write_photons",
@@ -61,6 +68,8 @@ _HOMES = {
     "FrameError": "tpdwarp.errors",
     "FrameOutcome": "tpdwarp.jobs.results",
     "InputError": "tpdwarp.errors",
+    "RenderedFrame": "tpdwarp.jobs.live_scene",
+    "Scene": "tpdwarp.jobs.live_scene",
     "SequenceResult": "tpdwarp.jobs.results",
     "Settings": "tpdwarp.settings",
     "StudyResult": "tpdwarp.studies.result",
@@ -69,8 +78,10 @@ _HOMES = {
     "check": "tpdwarp.checks.run",
     "farm": "tpdwarp.farms.farm",
     "info": "tpdwarp.jobs.stage_info",
+    "irradiance": "tpdwarp.jobs.live_scene",
     "open_job_template": "tpdwarp.farms.open_job",
     "render": "tpdwarp.jobs.sequence",
+    "render_frame": "tpdwarp.jobs.live_scene",
     "study": "tpdwarp.studies.run",
     "trace_photons": "tpdwarp.jobs.sequence",
     "write_photons": "tpdwarp.jobs.sequence",

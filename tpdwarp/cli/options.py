@@ -59,6 +59,7 @@ PICTURE = (
     SettingOption("mask", ("--mask",), names, "PATH,..."),
     SettingOption("complexity", ("--complexity",), complexity, "X", also=f"a number, or {'|'.join(COMPLEXITIES)}"),
     SettingOption("samples", ("--samples",), int, "S"),
+    SettingOption("view_cutoff", ("--view-cutoff",), float, "PART"),
     SettingOption("refracted_radiance", ("--refracted-radiance",)),
     SettingOption("aovs", ("--aov",), names, "NAME,...", also=", ".join(AOVS)),
 )
@@ -71,6 +72,7 @@ METHOD = (
     SettingOption("photons", ("--photons",), int, "N"),
     SettingOption("segments", ("--segments",), segments, "K|auto"),
     SettingOption("bounces", ("--bounces",), int, "N"),
+    SettingOption("branch_cutoff", ("--branch-cutoff",), float, "PART"),
     SettingOption("target_error", ("--target-error",), float, "X"),
     SettingOption("estimator", ("--estimator",)),
     SettingOption("accumulation_times", ("--accumulation-times",), int, "N"),

@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping
 from numbers import Real
 from typing import Any
 
+import numpy as np
+
 from tpdwarp.device import Launcher
 from tpdwarp.errors import InputError
 from tpdwarp.io.files import check_name
@@ -17,7 +19,7 @@ from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.default_time import DefaultTimeScene
 from tpdwarp.usd.read.frame_specs import frames_of
-from tpdwarp.usd.read.stage import StageScene
+from tpdwarp.usd.read.stage import StageLike, StageScene
 
 Frames = str | float | Iterable[float] | None
 FilePath = str | os.PathLike[str]
@@ -25,18 +27,17 @@ FilePath = str | os.PathLike[str]
 DEFAULT_TIME = math.nan
 
 
-def chosen_settings(changes: Mapping[str, Any]) -> Settings:
-    """The default settings with ``changes``; lists become tuples.
+def chosen_settings(changes: Mapping[str, Any], settings: Settings | None = None) -> Settings:
+    """``settings`` (or the defaults) with ``changes``; lists become tuples, NumPy's numbers Python's.
 
     Raises:
         InputError: A name or a value is not usable.
     """
-    plain = {name: tuple(value) if isinstance(value, list) else value for name, value in changes.items()}
-    return Settings.of(None, **plain)
+    return Settings.of(settings, **{name: _plain(value) for name, value in changes.items()})
 
 
 def open_scene(
-    scene: FilePath, settings: Settings, default_time: bool, max_memory: float | None = None
+    scene: StageLike, settings: Settings, default_time: bool, max_memory: float | None = None
 ) -> StageScene:
     """The stage, at its default time if that is asked for.
 
@@ -46,9 +47,10 @@ def open_scene(
     Raises:
         InputError: The stage cannot be used.
     """
-    check_name(scene)
+    if isinstance(scene, str | os.PathLike):
+        check_name(scene)
     kind = DefaultTimeScene if default_time else StageScene
-    return kind.open(os.fspath(scene), settings, memory_allowed(max_memory))
+    return kind.open(scene, settings, memory_allowed(max_memory))
 
 
 def shutter_of(source: StageScene, frame: float, settings: Settings) -> Shutter:
@@ -85,7 +87,7 @@ def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None
 
 
 def opened(
-    scene: FilePath,
+    scene: StageLike,
     settings: Settings,
     frames: Frames,
     default_time: bool,
@@ -124,3 +126,9 @@ def spread_shutters(source: StageScene, settings: Settings) -> list[Shutter]:
     offsets = (round(still.middle - source.start) for still in source.reference_shutters())
     frames = [min(source.start + offset, source.end) for offset in dict.fromkeys(offsets)]
     return [shutter_of(source, frame, settings) for frame in frames]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | list | tuple):
+        return tuple(map(_plain, value))
+    return value.item() if isinstance(value, np.generic) else value

@@ -33,11 +33,11 @@ from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import trace_frame
 from tpdwarp.settings import Settings
-from tpdwarp.usd.read.stage import StageScene
+from tpdwarp.usd.read.stage import StageLike, StageScene
 
 
 def render(
-    scene: FilePath,
+    scene: StageLike,
     out: FilePath,
     *,
     frames: Frames = None,
@@ -59,7 +59,7 @@ def render(
     A frame that fails does not end the sequence; the result says which did, and why.
 
     Args:
-        scene: The stage.
+        scene: The stage: a file, an ``Sdf.Layer`` or a ``Usd.Stage``.
         out: Image file, with ``####`` where the frame number goes (see :class:`tpdwarp.io.frame_names.FrameNames`).
         frames: A specification such as ``1:24,30:40x2``, a frame, or several; None for the stage's whole range
             (its first frame where nothing changes).
@@ -102,7 +102,7 @@ def render(
 
 
 def write_photons(
-    scene: FilePath,
+    scene: StageLike,
     layer: FilePath,
     *,
     frames: Frames = None,
@@ -142,7 +142,7 @@ def write_photons(
     return reports.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds)
 
 
-def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecord:
+def trace_photons(scene: StageLike, frame: float, **settings: Any) -> PhotonRecord:
     """The photons that land over the shutter of one frame of a USD stage.
 
     Args:
@@ -161,7 +161,7 @@ def trace_photons(scene: FilePath, frame: float, **settings: Any) -> PhotonRecor
 
 
 def prepared(
-    scene: FilePath,
+    scene: StageLike,
     out: FilePath,
     settings: Settings,
     frames: Frames,

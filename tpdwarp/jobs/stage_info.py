@@ -7,11 +7,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from tpdwarp.jobs.frame_need import need_of
-from tpdwarp.jobs.opening import FilePath, Frames, chosen_settings, frames_asked, open_scene, shutter_of
+from tpdwarp.jobs.opening import Frames, chosen_settings, frames_asked, open_scene, shutter_of
 from tpdwarp.scene.requirements import Requirements, requirements_of
+from tpdwarp.usd.read.stage import StageLike
 
 
-def info(scene: FilePath, *, frames: Frames = None, default_time: bool = False, **settings: Any) -> dict[str, Any]:
+def info(scene: StageLike, *, frames: Frames = None, default_time: bool = False, **settings: Any) -> dict[str, Any]:
     """What a stage holds and requires, as plain JSON values.
 
     The stage's own description (meshes, lights, cameras, rates, units, warnings) with ``memory_of_a_frame`` (what the
