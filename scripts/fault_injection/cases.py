@@ -28,7 +28,8 @@ from scripts.fault_injection.program import (
 )
 from scripts.fault_injection.table import Row
 from tpdwarp.device import Launcher
-from tpdwarp.io.memory import machine_memory
+from tpdwarp.io.images import IMAGE_COPIES
+from tpdwarp.io.memory import memory_allowed
 from usd_scenes.hostile.gigantic import many_faces, many_pixels, nested_instancers, nested_prims, nested_references
 
 SKIP = "--skip-existing-frames"
@@ -205,7 +206,7 @@ def names(bench: Bench) -> Iterator[Row]:
     wicked = "\x1b[31m\u202e\nframe 9 (9:9) written"
     ended = run(render(bench.scene, out / f"{wicked}.####.exr"))
     raw = any(character in ended.out + ended.err for character in "\x1b\u202e")
-    lines = sum(line.startswith("frame 9") for line in ended.out.splitlines())
+    lines = sum(line.startswith("frame 9 (9:9)") for line in ended.out.splitlines())
     good = ended.code == 0 and not raw and not lines
     yield Row("a name with escapes, a mark, a line break", "escaped", f"{_did(ended)}, {lines} forged lines", 0, good)
     plain = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
@@ -284,10 +285,9 @@ def strangers(bench: Bench) -> Iterator[Row]:
         yield _refused(bench, name, render(stage, out))
     yield _refused(bench, "2²⁸ photons", [*render(bench.scene, out), "--photons", 2**28, "--max-memory", "8G"])
     frames = [bench.new(f"images/{side}") for side in ("ours", "theirs")]
-    for side in frames:
-        # Three quarters of the machine hold a quarter of that.
-        rows = int(machine_memory() / (40_000 * 4 * 4)) + 1
-        many_pixels(side / "a.0001.exr", 40_000, rows)
+    rows = int(memory_allowed(None) / (40_000 * 4 * 4 * IMAGE_COPIES)) + 1
+    bomb = many_pixels(frames[0] / "a.0001.exr", 40_000, rows)
+    shutil.copy(bomb, frames[1])
     started = time.monotonic()
     ended = run(["check", *frames])
     took = time.monotonic() - started

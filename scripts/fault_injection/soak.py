@@ -62,7 +62,8 @@ def _farm(
         time.sleep(0.2)
         with contextlib.suppress(psutil.Error):
             done = len(list(out.glob("*.exr")))
-            late = client.memory_info().rss
+            # One that has just ended holds nothing.
+            late = client.memory_info().rss or late
             early = late if done <= frames // 10 else early
         if kills and done >= kills[0]:
             kills.pop(0)
@@ -72,5 +73,6 @@ def _farm(
                 draw.choice(workers).kill()
                 killed += 1
                 tell(f"killed a worker after {done} frames")
+    seconds = time.monotonic() - started
     finish(process, timeout=10)
-    return time.monotonic() - started, late / max(early, 1), killed
+    return seconds, late / early, killed
