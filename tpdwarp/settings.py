@@ -79,7 +79,8 @@ class StageSettings(_Group):
     """How a stage is read.
 
     Attributes:
-        exposure: Exposure in frames, opening at the frame; None takes the camera's ``shutter:open/close``.
+        exposure: How long the shutter is open [frames, not stops], from the frame on; None takes the camera's
+            ``shutter:open/close``.
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
         image_width: Width in pixels; None takes the render settings' resolution, or 960.
@@ -130,8 +131,8 @@ class LightSettings(_Group):
         segments: Parts of the shutter that are traced apart, each with its share of the photons; ``auto`` chooses.
         bounces: Specular interactions followed along a path; None for as many as light takes (up to 64).
         target_error: Wanted relative RMSE of caustics; chooses photons and segments.
-        estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``tdpm`` (nearest photons),
-            ``accumulation`` (brute force), ``distribution`` (random times).
+        estimator: ``tpd`` (temporal photon differentials), ``pd`` (photons of mid shutter, which stand still), ``tdpm``
+            (nearest photons), ``accumulation`` (brute force), ``distribution`` (random times).
         kernel: Filter kernel of a footprint.
         footprint: ``shutter`` (true time average) or ``swept`` (Eq. 7 of the paper).
         emission: ``lattice`` or ``jittered``.
