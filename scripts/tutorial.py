@@ -27,10 +27,12 @@ print(f"{len(photons)} photons carry {photons.flux.sum(axis=0)} W")
 cells = np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1)
 print(f"cells from {cells.min():.2e} to {cells.max():.2e} square units; concentration {cells.max() / cells.min():.0f}")
 
-# %% The time column: D_t x is where a photon goes while the shutter is open. The wave goes to the right at 0.1625 units
-# a frame, and so does its light.
+# %% The time column: D_t x is where a photon goes while the shutter is open. A photon rides on the point of the water
+# that it passed. That goes up and down, and where it lands the photon swings to and fro: the bands of light go to the
+# right with the wave, though no photon goes with them.
 moving = scene.trace_photons(FRAME, exposure=1.0, segments=1)
-print(f"light goes {np.average(moving.dxdt[:, 0], weights=moving.flux[:, 1]):.3f} units along x within the shutter")
+ways = moving.dxdt[:, 0]
+print(f"photons go {ways.mean():.3f} ± {ways.std():.3f} units along x within the shutter")
 
 # %% Splatting by hand: what photons leave on a strip of the floor, by a uniform kernel over each photon's cell. Nothing
 # changes along y, so that a cell is as wide as D_u x and D_v x go along x.

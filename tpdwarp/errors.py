@@ -25,6 +25,7 @@ _ARGUMENTS = {
     "imageWidth": "image_width",
     "renderSettingsPrimPath": "render_settings",
     "skip-existing-frames": "skip_existing",
+    "truth": "truth_file",
 }
 _FLAG = re.compile(r"(?<![\w-])--(?!tpdwarp-)([A-Za-z][A-Za-z-]*)")
 _speaks_flags = False
