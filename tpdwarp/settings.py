@@ -68,6 +68,11 @@ class _Group:
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 _refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")
 
+    def _check_parts(self, *names: str) -> None:
+        for name in names:
+            if not 0 <= getattr(self, name) <= 1:
+                _refuse(name, f"must lie in 0 … 1, not {getattr(self, name)}")
+
     def _check_known(self, option: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
         unknown = [entry for entry in given if entry not in known]
         if unknown:
@@ -130,6 +135,7 @@ class LightSettings(_Group):
         photons: Photons emitted towards specular geometry, a frame.
         segments: Parts of the shutter that are traced apart, each with its share of the photons; ``auto`` chooses.
         bounces: Specular interactions followed along a path; None for as many as light takes (up to 64).
+        branch_cutoff: Part of the emitted flux below which reflected branches of photons are given up, and counted.
         target_error: Wanted relative RMSE of caustics; chooses photons and segments.
         estimator: ``tpd`` (temporal photon differentials), ``pd`` (photons of mid shutter, which stand still), ``tdpm``
             (nearest photons), ``accumulation`` (brute force), ``distribution`` (random times).
@@ -150,6 +156,7 @@ class LightSettings(_Group):
     photons: int = 65536
     segments: int | str = "auto"
     bounces: int | None = None
+    branch_cutoff: float = 2.0e-3
     target_error: float | None = None
     estimator: str = "tpd"
     kernel: str = "bspline"
@@ -174,6 +181,7 @@ class LightSettings(_Group):
             method = (self.estimator, self.kernel, self.emission, self.trace_at)
             if method != ("tpd", "bspline", "lattice", "middle"):
                 _refuse("target_error", "is for tpd on a lattice (leave --estimator, --kernel and --emission out)")
+        self._check_parts("branch_cutoff")
         if self.photons > 2**28:
             _refuse("photons", f"must be at most {2**28}, not {self.photons}")
         if self.tdpm_neighbours < 2:
@@ -194,6 +202,7 @@ class ViewSettings(_Group):
 
     Attributes:
         samples: Camera samples a pixel.
+        view_cutoff: Part of a sample below which reflected branches of the view are given up, and counted.
         aovs: Extra channel groups to write; ``caustics``, ``depth``, ``normal`` and ``position`` are understood.
         exr_type: ``half`` or ``float`` for all channels of an EXR; empty for half where colours are, and else float.
         view: The channel group that PNG, JPEG and TIFF show in the place of the beauty; empty for the beauty.
@@ -203,6 +212,7 @@ class ViewSettings(_Group):
     """
 
     samples: int = 4
+    view_cutoff: float = 4.0e-3
     aovs: tuple[str, ...] = ()
     refracted_radiance: str = "scaled"
     exr_type: str = ""
@@ -217,6 +227,7 @@ class ViewSettings(_Group):
         aovs = tuple(dict.fromkeys(AOV_ALIASES.get(name, name) for name in asked))
         object.__setattr__(self, "view", view)
         object.__setattr__(self, "aovs", aovs)
+        self._check_parts("view_cutoff")
         self._check_known("aov", self.aovs, AOVS)
         if self.exr_type:
             self._check_known("exr_type", (self.exr_type,), EXR_TYPES)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tpdwarp.jobs.energy_warnings import EnergyWatch
-from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.energy import FEWEST_OF_SEVERAL, STARVED, EnergyAccount
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter, Shutter
 
 SHUTTER = Shutter.still(1.0)
@@ -51,3 +51,11 @@ def test_light_that_lands_nowhere_wants_a_diffuse_surface_and_says_so_once(caplo
     for frame in (1.0, 2.0):
         watch(frame, SHUTTER, EnergyAccount(sent=100.0, escaped=100.0))
     assert [("no diffuse surface" in record.getMessage()) for record in caplog.records] == [True] * warned
+
+
+def test_starved_lights_are_warned_about_once_with_their_number(caplog):
+    watch = EnergyWatch(Source(Interaction.DIELECTRIC))
+    for frame in (1.0, 2.0):
+        watch(frame, SHUTTER, EnergyAccount(sent=1.0, deposited=1.0, counts={STARVED: 2}))
+    (record,) = caplog.records
+    assert f"2 have fewer than {FEWEST_OF_SEVERAL} photons" in record.getMessage()

@@ -7,6 +7,7 @@ import argparse
 from tpdwarp.cli.options import (
     PICTURE,
     declare_frames,
+    declare_memory,
     declare_persistence,
     declare_reports,
     declare_resume,
@@ -66,6 +67,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     declare_resume(parser)
     declare_reports(parser)
     declare_persistence(parser)
+    declare_memory(parser)
     declare_tracing(parser, [option for option in PICTURE if option.field not in _PICTURE_ONLY])
 
 
@@ -89,6 +91,7 @@ def run(options: argparse.Namespace) -> int:
             progress=shown,
             stats=options.stats,
             skip_existing=options.skip_existing,
+            max_memory=options.max_memory,
             **persistence_given(options),
             **settings_given(options),
         )

@@ -148,8 +148,8 @@ def light_of(
         return None
     with clock.stage("footprints"):
         footprints = shape_footprints(maps, settings.kernel, settings.smoothing, pixel, moves, tracer.launcher)
-    if footprints.clamped:
-        energy.counts["footprints clamped"] = energy.counts.get("footprints clamped", 0) + footprints.clamped
+    limits = {"footprints clamped": footprints.clamped, "footprints that grow too fast": footprints.growth_limited}
+    energy.add(EnergyAccount(counts={name: count for name, count in limits.items() if count}))
     if not footprints.count:
         return None
     form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)

@@ -17,6 +17,7 @@ import OpenImageIO as oiio
 
 from tpdwarp.errors import FrameError, InputError, shortened
 from tpdwarp.io.files import complete_or_absent
+from tpdwarp.io.memory import memory_allowed
 
 DISPLAY_BITS = {".png": "uint8", ".jpg": "uint8", ".jpeg": "uint8", ".tif": "uint16", ".tiff": "uint16"}
 EXTENSIONS = (".exr", *DISPLAY_BITS)
@@ -36,6 +37,9 @@ FINGERPRINT = "tpdwarp:fingerprint"
 
 # OpenImageIO has names of its own for two of OpenEXR's attributes.
 ATTRIBUTE_NAMES = {"capDate": "DateTime", "expTime": "ExposureTime"}
+
+# An image is held as read, and compared as planes, with differences beside them.
+IMAGE_COPIES = 4
 
 # The configuration built into OpenImageIO, so that an $OCIO meant for other programs changes no picture.
 COLOR_CONFIG = "ocio://default"
@@ -273,6 +277,7 @@ def read_stored(path: str | os.PathLike[str]) -> StoredImage:
     if source is None:
         raise InputError(f"cannot be read: {shortened(oiio.geterror())}", file=os.fspath(path))
     spec = source.spec()
+    refuse_gigantic(spec, path)
     pixels = source.read_image(0, 0, 0, spec.nchannels, "float")
     if pixels is None:
         raise InputError(f"cannot be read: {shortened(source.geterror())}", file=os.fspath(path))
@@ -284,6 +289,26 @@ def read_stored(path: str | os.PathLike[str]) -> StoredImage:
     depths = tuple(str(spec.channelformat(index)) for index in range(spec.nchannels))
     window = (spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height)
     return StoredImage(tuple(spec.channelnames), depths, pixels, metadata, window, parts)
+
+
+def memory_need(spec: oiio.ImageSpec) -> int:
+    """Bytes that an image needs by what its header declares."""
+    return spec.image_pixels() * spec.nchannels * 4 * IMAGE_COPIES
+
+
+def refuse_gigantic(spec: oiio.ImageSpec, path: str | os.PathLike[str]) -> None:
+    """Refuses an image, before any of its pixels is read, whose header declares more than memory has room for.
+
+    Raises:
+        InputError: It does.
+    """
+    need, allowed = memory_need(spec), memory_allowed(None)
+    if need > allowed:
+        raise InputError(
+            f"declares {spec.width} × {spec.height} pixels of {spec.nchannels} channels, which would need "
+            f"{need / 2**30:.3g} GB of memory ({allowed / 2**30:.3g} may be taken)",
+            file=os.fspath(path),
+        )
 
 
 def read_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -470,6 +495,8 @@ def _stored_texture(path: str | os.PathLike[str]) -> tuple[np.ndarray, oiio.Imag
         return None
     try:
         spec = source.spec()
+        if memory_need(spec) > memory_allowed(None):
+            return None
         eight_bits = spec.format == oiio.TypeDesc("uint8")
         pixels = source.read_image(0, 0, 0, min(spec.nchannels, 4), "uint8" if eight_bits else "float")
     finally:

@@ -47,6 +47,7 @@ def bake(
     frame_timeout: float | None = None,
     retries: int = 0,
     max_failures: int | None = None,
+    max_memory: float | None = None,
     **settings: Any,
 ) -> SequenceResult:
     """Bakes the light that photons leave on receivers as textures over their coordinates.
@@ -64,8 +65,8 @@ def bake(
         what: ``irradiance`` [W/m²], ``caustic`` (radiance: albedo/π × irradiance) or ``motion`` (flux-weighted mean of
             D_t x over the shutter [scene units]).
         gutter: How far beyond charts texels are filled.
-        frames, default_time, progress, stats, skip_existing, strict, frame_timeout, retries, max_failures: As for
-            :func:`tpdwarp.render`.
+        frames, default_time, progress, stats, skip_existing, strict, frame_timeout, retries, max_failures,
+            max_memory: As for :func:`tpdwarp.render`.
         **settings: Fields of :class:`tpdwarp.settings.Settings`.
 
     Raises:
@@ -80,12 +81,12 @@ def bake(
         raise InputError("light needs the range of .exr (name the textures so)", file=os.fspath(out))
     persistence, shown = Persistence(frame_timeout, retries, max_failures), progress_of(progress)
     chosen = chosen_settings(settings)
-    source, times = opened(scene, chosen, frames, default_time, strict)
+    source, times = opened(scene, chosen, frames, default_time, strict, max_memory)
     files = StageFiles(source)
-    plan = planned(source, files, times, chosen, strict)
+    plan = planned(source, files, times, chosen, strict, max_memory)
     fingerprint = Fingerprint({**plan.fingerprint.settings, "bake": asdict(wanted)}, plan.fingerprint.stage)
     plan = replace(plan, fingerprint=fingerprint)
-    context, atlases = LazyContext(plan), AtlasStore(source, wanted)
+    context, atlases = LazyContext(plan, wanted.resolution**2), AtlasStore(source, wanted)
     receivers = _first_receivers(plan, wanted, context, atlases)
     names = TextureNames(out, {found.path: found.tiles for found in receivers})
     names.check(times)
@@ -119,7 +120,7 @@ def _first_receivers(
     for frame in plan.frames:
         try:
             shutter = shutter_of(plan.source, frame, plan.settings)
-            return receivers_of(settings, plan.source, context(), atlases, shutter)
+            return receivers_of(settings, plan.source, context(shutter), atlases, shutter)
         except (InputError, FrameError) as error:
             refused = refused or error
     raise refused

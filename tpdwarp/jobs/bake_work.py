@@ -205,7 +205,7 @@ class BakeWork:
             if None not in kept:
                 return skipped(frame, paths[0], kept[0])
             with plan.files.unchanged(plan.strict):
-                context = self._context()
+                context = self._context(shutter)
                 scenes = context.segmentation.load(shutter, Clock())
                 shown = {r.path: self._atlases.atlas(r.path, scenes, context) for r in self._receivers}
                 atlases = [atlas for atlas in shown.values() if atlas is not None]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 
-from tpdwarp.errors import FrameError
+from tpdwarp.errors import FrameError, logger
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import write_frame
 from tpdwarp.jobs.aov_pictures import picture_of
@@ -12,12 +13,14 @@ from tpdwarp.jobs.claims import Claims
 from tpdwarp.jobs.energy_warnings import EnergyWatch
 from tpdwarp.jobs.existing_frames import ExistingFrames, KeptFrame, statistics_text
 from tpdwarp.jobs.frame_metadata import frame_metadata
+from tpdwarp.jobs.frame_need import need_of, refuse_beyond
 from tpdwarp.jobs.layer_job import DebugLayerJob
 from tpdwarp.jobs.opening import shutter_of
 from tpdwarp.jobs.plan import SequencePlan
 from tpdwarp.jobs.results import FrameOutcome
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame, trace_frame
+from tpdwarp.scene.description import Shutter
 
 
 class RenderWork:
@@ -42,7 +45,7 @@ class RenderWork:
         self._skips, self._begun = skip_existing, begun
         self.existing = ExistingFrames(plan.fingerprint)
         self._size = plan.source.resolution()
-        self._claims, self._context = Claims(), LazyContext(plan)
+        self._claims, self._context = Claims(), LazyContext(plan, math.prod(self._size))
         self._watch = EnergyWatch(plan.source)
 
     def __call__(self, frame: float) -> FrameOutcome:
@@ -62,9 +65,9 @@ class RenderWork:
                 return skipped(frame, path, kept)
             with plan.files.unchanged(plan.strict):
                 if kept is not None:
-                    made = trace_frame(self._context(), shutter)
+                    made = trace_frame(self._context(shutter), shutter)
                 else:
-                    made = render_frame(self._context(), shutter, *self._size)
+                    made = render_frame(self._context(shutter), shutter, *self._size)
             self._watch(frame, shutter, made.energy)
             refusal: FrameError | OSError | None = None
             if self._layer is not None:
@@ -99,7 +102,7 @@ class TraceWork:
 
     def __init__(self, plan: SequencePlan, layer: DebugLayerJob) -> None:
         self._plan, self._layer = plan, layer
-        self._context = LazyContext(plan)
+        self._context = LazyContext(plan, 0)
         self._watch = EnergyWatch(plan.source)
 
     def __call__(self, frame: float) -> FrameOutcome:
@@ -116,7 +119,7 @@ class TraceWork:
         if kept is not None:
             return skipped(frame, "", kept)
         with plan.files.unchanged(plan.strict):
-            traced = trace_frame(self._context(), shutter)
+            traced = trace_frame(self._context(shutter), shutter)
         self._watch(frame, shutter, traced.energy)
         statistics = statistics_text(len(traced.photons), traced.energy, traced.seconds)
         self._layer.add(frame, traced.photons, statistics)
@@ -124,20 +127,30 @@ class TraceWork:
 
 
 class LazyContext:
-    """The context of a sequence, made by its first frame: what cannot be used fails frames, not the sequence."""
+    """The context of a sequence, made by its first frame: what cannot be used fails frames, not the sequence.
 
-    def __init__(self, plan: SequencePlan) -> None:
-        self._plan = plan
+    Before, it is said what memory a frame will need; one that needs too much is not begun.
+    """
+
+    def __init__(self, plan: SequencePlan, pixels: int) -> None:
+        self._plan, self._pixels = plan, pixels
         self._context: RenderContext | None = None
 
-    def __call__(self) -> RenderContext:
+    def __call__(self, shutter: Shutter) -> RenderContext:
         """The context.
 
+        Args:
+            shutter: Of the frame that asks first.
+
         Raises:
-            InputError: The stage cannot be used.
+            InputError: The stage cannot be used, or a frame needs more memory than may be taken.
         """
         if self._context is None:
-            self._context = RenderContext(self._plan.source, self._plan.settings)
+            source, settings = self._plan.source, self._plan.settings
+            need = need_of(source, shutter, settings, self._pixels)
+            logger.info(f"{source.file}: a frame needs about {need}")
+            refuse_beyond(need, self._plan.max_memory, source.file)
+            self._context = RenderContext(source, settings)
         return self._context
 
 

@@ -27,10 +27,11 @@ from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, occluded
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.requirements import Requirements
+from tpdwarp.settings import LightSettings
 
 # Reflected branches below this part of the emitted flux are given up and accounted as lost. Chosen, not derived: half a
 # step of eight bits.
-SMALLEST_BRANCH = 2.0e-3
+SMALLEST_BRANCH = LightSettings.branch_cutoff
 # Light is followed through so many interactions however little is left, then as long as that is above the cutoff.
 # Chosen, not derived.
 FIRST_INTERACTIONS = wp.constant(8)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import IntFlag
 from functools import cache
 
 import numpy as np
@@ -22,13 +23,14 @@ from tpdwarp.scene.device.intersection import along, closest_hit, diffuse_color,
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.textures import TextureArrays, on_plane, textured_color
 from tpdwarp.scene.requirements import Requirements
+from tpdwarp.settings import ViewSettings
 from tpdwarp.view.camera import Camera, camera_ray
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import LightArrays
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceExtras, surface_extras
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
-SMALLEST_THROUGHPUT = 4.0e-3
+SMALLEST_THROUGHPUT = ViewSettings.view_cutoff
 # Where glass moves past, a pixel's view can race over the receiver. Faster than this, in scenes of unit size a shutter,
 # the differential says nothing any more. Chosen, not derived.
 FASTEST_QUERY = wp.constant(0.25)
@@ -40,18 +42,33 @@ DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 FAR = wp.constant(1.0e6)
 
 
+class PathFlag(IntFlag):
+    """What is to be known of a camera path."""
+
+    MET_MOTION = 1  # met a surface that moves, and may be another path at other times
+    TOO_FAST = 2  # races over the receiver, and is slowed down
+    NOT_FINITE = 4  # has a motion that is none, and counts as at rest
+    CULLED = 8  # had a branch below the cutoff
+
+
+# Kernels know no enumerations.
+MET_MOTION = wp.constant(int(PathFlag.MET_MOTION))
+TOO_FAST = wp.constant(int(PathFlag.TOO_FAST))
+NOT_FINITE = wp.constant(int(PathFlag.NOT_FINITE))
+CULLED = wp.constant(int(PathFlag.CULLED))
+
+
 @wp.struct
 class VisibleArrays:
     """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π.
 
-    ``met_motion`` is 1 where the path met a surface that moves, and may be another one at other times. ``albedo`` and
-    ``triangle`` are those of the surface where it ends, ``first_triangle`` is what it met first; they have rows only
-    where AOVs ask for them.
+    ``flags`` are those of :class:`PathFlag`. ``albedo`` and ``triangle`` are those of the surface where it ends,
+    ``first_triangle`` is what it met first; they have rows only where AOVs ask for them.
     """
 
     weight: wp.array(dtype=wp.vec3)
     direct: wp.array(dtype=wp.vec3)
-    met_motion: wp.array(dtype=wp.int32)
+    flags: wp.array(dtype=wp.int32)
     reported: wp.array(dtype=wp.int32)
     first_position: wp.array(dtype=wp.vec3)
     first_normal: wp.array(dtype=wp.vec3)
@@ -155,6 +172,7 @@ def visible_kernel(
         mask = masks[i]
         first_open = first_open_decision(mask)
         reported = int(0)
+        flags = int(0)
         decision = int(0)
         travelled = float(0.0)
         queries.receiver[i] = -1
@@ -191,7 +209,7 @@ def visible_kernel(
             beam = transfer_to(beam, hit, wp.static(moves))
             if wp.static(moves):
                 if wp.length_sq(hit.motion) > 0.0:
-                    out.met_motion[i] = 1
+                    flags = flags | MET_MOTION
             side = -wp.sign(wp.dot(hit.n_g, beam.w))
             n_g = side * hit.n_g
             n = shading_normal(surfaces, hit, False, wp.static(moves)).n
@@ -243,6 +261,11 @@ def visible_kernel(
                     queries.shading_normal[i] = n
                 queries.position[i] = beam.x
                 if wp.static(moves):
+                    speed = wp.length(segments * beam.dxdt)
+                    if not wp.isfinite(speed):
+                        flags = flags | NOT_FINITE
+                    elif speed > FASTEST_QUERY:
+                        flags = flags | TOO_FAST
                     queries.motion[i] = query_motion(segments * beam.dxdt)
                 break
 
@@ -265,6 +288,8 @@ def visible_kernel(
                     if not reflected:
                         throughput = throughput * wp.pow(at.eta, radiance_power)
                     reported = reported | branch.reported
+                    if wp.max(branch.culled) > 0.0:
+                        flags = flags | CULLED
                     decision += branch.decided
                 else:
                     throughput = wp.cw_mul(throughput, surfaces.tint[material])
@@ -278,6 +303,7 @@ def visible_kernel(
                 break
 
         out.reported[i] = reported
+        out.flags[i] = flags
 
     return see
 
@@ -308,6 +334,7 @@ def visible_points(
     domes: DomeArrays | None = None,
     samples: int = 1,
     aovs: tuple[str, ...] = (),
+    smallest_throughput: float = SMALLEST_THROUGHPUT,
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
 
@@ -320,6 +347,7 @@ def visible_points(
         domes: Light from all around, where there is any.
         samples: Samples a pixel; textures are averaged over the part of it that each stands for.
         aovs: Channel groups wanted beside the beauty.
+        smallest_throughput: Reflected branches that carry less are not followed.
     """
     items = np.arange(len(films), dtype=np.int32)
     masks = np.zeros(len(films), np.int32)
@@ -343,7 +371,7 @@ def visible_points(
         out = launcher.rows(VisibleArrays, len(items), but=unnamed)
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
         scene = [surfaces, lights, camera, textures or TextureArrays(), domes or DomeArrays(), device_films]
-        limits = [needs.bounces, SMALLEST_THROUGHPUT, float(segments), 2.0 if scales_radiance else 0.0]
+        limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
         launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, queries, out])
         extras = None
         if asked:

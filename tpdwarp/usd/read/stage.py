@@ -16,12 +16,15 @@ from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
+from tpdwarp.usd.read.composed_prims import composed_prims
 from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
 from tpdwarp.usd.read.domes import Dome
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
+from tpdwarp.usd.read.instance_limits import check_native_instances, refuse_too_many_prims
 from tpdwarp.usd.read.instances import InstancedMeshes
+from tpdwarp.usd.read.layer_limits import checked_layers
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
@@ -110,16 +113,18 @@ class StageScene:
             warnings("", "no light shines: a light at the camera stands in (add a UsdLux light)")
 
     @classmethod
-    def open(cls, stage: StageLike, settings: StageSettings) -> StageScene:
+    def open(cls, stage: StageLike, settings: StageSettings, max_memory: float = math.inf) -> StageScene:
         """Opens a stage and checks that it can be rendered.
 
         Args:
             stage: A USD file, a root layer, or a stage that is open already (of which nothing is changed).
             settings: ``motion``, ``purposes``, ``mask``, ``camera``, ``render_settings``, ``image_width``,
                 ``shutter`` and ``exposure`` are used.
+            max_memory: Bytes that its largest array may need.
 
         Raises:
-            InputError: The file cannot be read; no visible mesh; no such camera, mask or render settings.
+            InputError: The file cannot be read, or stands for more than can be rendered; no visible mesh; no such
+                camera, mask or render settings.
         """
         if isinstance(stage, Usd.Stage):
             name = stage.GetRootLayer().identifier
@@ -134,7 +139,13 @@ class StageScene:
                 raise InputError("is a folder (name a USD file)", name)
         warnings = WarnOnce(name)
         with usd_diagnostics(warnings):
-            return cls(name, _open_stage(stage, name, settings), settings, warnings)
+            # Kept until the stage is open, so that USD does not read them again.
+            layers = checked_layers(name, max_memory) if isinstance(stage, str) else []
+            refuse_too_many_prims(composed_prims(layers))
+            opened = _open_stage(stage, name, settings)
+            del layers
+            check_native_instances(opened)
+            return cls(name, opened, settings, warnings)
 
     def at(self, shutter: Shutter) -> SceneAtShutter:
         """The scene over ``shutter``; what does not move is the same object on every call.
