@@ -36,7 +36,7 @@ def test_the_paper_is_taken_to_the_letter():
 
 
 def test_an_unknown_preset_is_refused():
-    with pytest.raises(InputError, match="--preset must be one of draft, standard, final, paper, not 'best'"):
+    with pytest.raises(InputError, match=r"^preset must be one of draft, standard, final, paper, not 'best'"):
         Settings.of(preset="best")
 
 

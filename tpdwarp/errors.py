@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -18,8 +19,40 @@ def shortened(text: str) -> str:
     return line if len(line) <= LONGEST_QUOTE else line[: LONGEST_QUOTE - 2] + " …"
 
 
+# Options of the command line that are no other spelling of their argument in Python.
+_ARGUMENTS = {
+    "aov": "aovs",
+    "imageWidth": "image_width",
+    "renderSettingsPrimPath": "render_settings",
+    "skip-existing-frames": "skip_existing",
+    "truth": "truth_file",
+}
+_FLAG = re.compile(r"(?<![\w-])--(?!tpdwarp-)([A-Za-z][A-Za-z-]*)")
+_speaks_flags = False
+
+
+@contextmanager
+def flags_spoken() -> Iterator[None]:
+    """While entered, errors name options as the command line does; else by their arguments in Python."""
+    global _speaks_flags
+    before, _speaks_flags = _speaks_flags, True
+    try:
+        yield
+    finally:
+        _speaks_flags = before
+
+
+def spoken(message: str) -> str:
+    """A message whose options are written as flags (``--frame-timeout``), as its reader knows them."""
+    if _speaks_flags:
+        return message
+    return _FLAG.sub(lambda flag: _ARGUMENTS.get(flag[1], flag[1].replace("-", "_")), message)
+
+
 class InputError(Exception):
     """Input that cannot be used (exit code 2). ``str()`` is ``FILE: /Prim/Path: what is wrong (and what to do)``.
+
+    Options are written as the command line's flags; who calls from Python reads the names of arguments.
 
     Args:
         message: What is wrong, and what to do about it, in one line.
@@ -28,7 +61,7 @@ class InputError(Exception):
     """
 
     def __init__(self, message: str, file: str = "", prim: str = "") -> None:
-        self.file, self.prim, self.message = str(file), str(prim), " ".join(message.split())
+        self.file, self.prim, self.message = str(file), str(prim), spoken(" ".join(message.split()))
         super().__init__(": ".join(part for part in (self.file, self.prim, self.message) if part))
 
 

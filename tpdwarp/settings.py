@@ -84,7 +84,8 @@ class StageSettings(_Group):
     """How a stage is read.
 
     Attributes:
-        exposure: Exposure in frames, opening at the frame; None takes the camera's ``shutter:open/close``.
+        exposure: How long the shutter is open [frames, not stops], from the frame on; None takes the camera's
+            ``shutter:open/close``.
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
         image_width: Width in pixels; None takes the render settings' resolution, or 960.
@@ -136,8 +137,8 @@ class LightSettings(_Group):
         bounces: Specular interactions followed along a path; None for as many as light takes (up to 64).
         branch_cutoff: Part of the emitted flux below which reflected branches of photons are given up, and counted.
         target_error: Wanted relative RMSE of caustics; chooses photons and segments.
-        estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``tdpm`` (nearest photons),
-            ``accumulation`` (brute force), ``distribution`` (random times).
+        estimator: ``tpd`` (temporal photon differentials), ``pd`` (photons of mid shutter, which stand still), ``tdpm``
+            (nearest photons), ``accumulation`` (brute force), ``distribution`` (random times).
         kernel: Filter kernel of a footprint.
         footprint: ``shutter`` (true time average) or ``swept`` (Eq. 7 of the paper).
         emission: ``lattice`` or ``jittered``.
@@ -202,7 +203,6 @@ class ViewSettings(_Group):
     Attributes:
         samples: Camera samples a pixel.
         view_cutoff: Part of a sample below which reflected branches of the view are given up, and counted.
-        aovs: Extra channel groups to write.
         aovs: Extra channel groups to write; ``caustics``, ``depth``, ``normal`` and ``position`` are understood.
         exr_type: ``half`` or ``float`` for all channels of an EXR; empty for half where colours are, and else float.
         view: The channel group that PNG, JPEG and TIFF show in the place of the beauty; empty for the beauty.
@@ -221,13 +221,13 @@ class ViewSettings(_Group):
 
     def _check(self) -> None:
         self._check_counts("samples")
-        self._check_parts("view_cutoff")
         view = AOV_ALIASES.get(self.view, self.view)
         asked = [*self.aovs, view] if view else self.aovs
         # What is asked for twice is written once.
         aovs = tuple(dict.fromkeys(AOV_ALIASES.get(name, name) for name in asked))
         object.__setattr__(self, "view", view)
         object.__setattr__(self, "aovs", aovs)
+        self._check_parts("view_cutoff")
         self._check_known("aov", self.aovs, AOVS)
         if self.exr_type:
             self._check_known("exr_type", (self.exr_type,), EXR_TYPES)

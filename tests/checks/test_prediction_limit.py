@@ -43,5 +43,5 @@ def test_what_has_no_limit_is_refused(values, tail):
 def test_without_scipy_calibration_says_what_to_install_before_it_renders(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "scipy.special", None)
     monkeypatch.setattr("tpdwarp.checks.calibrate.render_like", lambda *_, **__: pytest.fail("rendered"))
-    with pytest.raises(InputError, match=r"--calibrate needs SciPy \(pip install 'tpdwarp\[study\]'\)"):
+    with pytest.raises(InputError, match=r"^calibrate needs SciPy \(pip install 'tpdwarp\[study\]'\)"):
         calibrate(tmp_path / "scene.usda", tmp_path / "baseline")

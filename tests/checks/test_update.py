@@ -65,14 +65,14 @@ def test_equal_frames_replace_nothing(baseline):
 
 def test_no_reason_no_update(frames, baseline):
     before = contents(baseline)
-    with pytest.raises(InputError, match="--reason"):
+    with pytest.raises(InputError, match="reason"):
         update_baseline(check(frames, baseline), "  ")
     assert contents(baseline) == before
 
 
 def test_frames_that_are_missing_stay_unless_they_may_go(frames, baseline):
     before = contents(baseline)
-    with pytest.raises(InputError, match=r"lacks 1 of 4 frames of the baseline: 3 \(--drop-missing"):
+    with pytest.raises(InputError, match=r"lacks 1 of 4 frames of the baseline: 3 \(drop_missing"):
         update_baseline(check(frames, baseline), "half a render")
     # Whether a check counts them is another matter.
     ignored = Limits(sequence=SequenceLimits(missing_frames="ignore"))

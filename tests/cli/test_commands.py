@@ -101,6 +101,15 @@ def test_info_prints_text_or_json(stage, capsys):
     assert holdings["requirements"][0]["moving_meshes"] == ["/World/Pane"]
 
 
+def test_info_says_what_it_warns_of_once_and_power_with_its_unit(tmp_path, capsys):
+    camera_less = write_stage(tmp_path / "a.usda", camera=False)
+    (tmp_path / "b.usda").write_text((tmp_path / "a.usda").read_text().replace("angle = 0", "angle = 1"))
+    assert main(["info", str(tmp_path / "b.usda")]) == 0
+    stdout, stderr = capsys.readouterr()
+    assert stderr == "" and "inputs:angle" in stdout and ", unit W/m2, moves no" in stdout
+    assert main(["info", camera_less]) == 0
+
+
 def test_an_unusable_prim_is_named_in_one_line(tmp_path, capsys):
     broken = write_stage(tmp_path / "broken.usda", broken=(1, 2, 3))
     assert main(["render", broken, str(tmp_path / "a.##.exr"), *SMALL, "--progress", "none"]) == 2

@@ -44,7 +44,7 @@ def test_two_outputs_of_one_name_are_refused_with_both_their_options(tmp_path, e
     path = tmp_path / "a.1.exr"
     if exists:
         path.write_text("x")
-    with pytest.raises(InputError, match="is written by --stats and by frames"):
+    with pytest.raises(InputError, match="is written by stats and by frames"):
         check_outputs({"--stats": path}, {}, [path])
-    with pytest.raises(InputError, match="is written by --csv and by --json"):
+    with pytest.raises(InputError, match="is written by csv and by json"):
         check_outputs({"--csv": path, "--json": path}, {})

@@ -65,7 +65,7 @@ def test_a_png_shows_the_group_asked_for(small, tmp_path):
 
 
 def test_a_view_is_for_formats_that_hold_one_picture(small, tmp_path):
-    with pytest.raises(InputError, match="--view is for"):
+    with pytest.raises(InputError, match="view is for"):
         tpdwarp.render(small, tmp_path / "a.exr", frames=2, view="caustic", **SMALL)
     with pytest.raises(InputError, match="holds one picture, not Z"):
         tpdwarp.render(small, tmp_path / "a.png", frames=2, view="caustic", aovs=["Z"], **SMALL)

@@ -24,7 +24,7 @@ class Source:
 @pytest.mark.parametrize(("lost", "warned"), [(0.9, False), (1.1, True)])
 def test_the_limit_of_loss_is_a_hundredth_of_what_was_sent(caplog, lost, warned):
     source = Source(Interaction.DIELECTRIC)
-    EnergyWatch(source)(1.0, SHUTTER, EnergyAccount(sent=100.0, lost={"bounces": lost}))
+    EnergyWatch(source)(1.0, SHUTTER, EnergyAccount(sent=100.0, deposited=50.0, lost={"bounces": lost}))
     assert bool(caplog.records) == warned and source.reads == 0
 
 
@@ -45,9 +45,17 @@ def test_only_a_scene_without_specular_surfaces_can_have_no_caustic(caplog, inte
     assert source.reads == 1
 
 
+@pytest.mark.parametrize(("interaction", "warned"), [(Interaction.DIFFUSE, 0), (Interaction.MIRROR, 1)])
+def test_light_that_lands_nowhere_wants_a_diffuse_surface_and_says_so_once(caplog, interaction, warned):
+    watch = EnergyWatch(Source(interaction))
+    for frame in (1.0, 2.0):
+        watch(frame, SHUTTER, EnergyAccount(sent=100.0, escaped=100.0))
+    assert [("no diffuse surface" in record.getMessage()) for record in caplog.records] == [True] * warned
+
+
 def test_starved_lights_are_warned_about_once_with_their_number(caplog):
     watch = EnergyWatch(Source(Interaction.DIELECTRIC))
     for frame in (1.0, 2.0):
-        watch(frame, SHUTTER, EnergyAccount(sent=1.0, counts={STARVED: 2}))
+        watch(frame, SHUTTER, EnergyAccount(sent=1.0, deposited=1.0, counts={STARVED: 2}))
     (record,) = caplog.records
     assert f"2 have fewer than {FEWEST_OF_SEVERAL} photons" in record.getMessage()

@@ -157,5 +157,5 @@ def test_nothing_is_shown_unless_asked_for(capsys):
 def test_progress_may_be_an_object_and_not_any_word():
     mine = Progress()
     assert progress_of(mine) is mine
-    with pytest.raises(InputError, match="--progress must be one of auto, bar, plain, alf, openjd, none"):
+    with pytest.raises(InputError, match=r"^progress must be one of auto, bar, plain, alf, openjd, none"):
         progress_of("wheel")

@@ -3,15 +3,19 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.small_stage import write_stage
 from tpdwarp.errors import FrameError, InputError
+from tpdwarp.io.images import read_image, write_frame
 from tpdwarp.studies import run
 from tpdwarp.studies.cases import Sweep
 from tpdwarp.studies.progress import StudyProgress
+from tpdwarp.studies.result import rows_of
 from tpdwarp.studies.run import study
 from tpdwarp.studies.solutions import Renderer
+from tpdwarp.studies.table import table_lines
 from tpdwarp.studies.truth import TruthSettings
 
 SWEEP = Sweep(methods=("tpd", "pd"), photons=(64, 256), segments=(1,))
@@ -146,13 +150,13 @@ def test_no_output_is_written_over_the_scene(stage, tmp_path):
         for output in kept:
             with pytest.raises(InputError, match="is part of the scene"):
                 small(shot, tmp_path, **{kind: output})
-    with pytest.raises(InputError, match="is written by --csv and by --json"):
+    with pytest.raises(InputError, match="is written by csv and by json"):
         small(shot, tmp_path, csv=tmp_path / "a", json=tmp_path / "a")
     assert {path: path.read_bytes() for path in kept} == kept
 
 
 def test_a_fixed_shutter_and_swept_exposures_exclude_each_other(stage, tmp_path):
-    with pytest.raises(InputError, match="--shutter fixes the exposure"):
+    with pytest.raises(InputError, match=r"^shutter fixes the exposure"):
         small(stage, tmp_path, shutter=(0.0, 0.5), sweep=Sweep(exposures=(1.0,)))
 
 
@@ -160,3 +164,41 @@ def test_a_scene_without_a_caustic_is_refused(tmp_path):
     matte = write_stage(tmp_path / "matte.usda", glass=False)
     with pytest.raises(InputError, match="no light comes from photons"):
         small(matte, tmp_path)
+
+
+def test_a_truth_that_was_kept_is_the_truth_again(stage, tmp_path):
+    first = small(stage, tmp_path, save_truth=tmp_path / "truth.##.exr")
+    again = small(stage, tmp_path, truth_file=tmp_path / "truth.##.exr")
+    (one,), (other,) = first.exposures, again.exposures
+    assert [found.errors for found in other.measured] == [found.errors for found in one.measured]
+    assert other.truth.relative_noise == pytest.approx(one.truth.relative_noise, rel=1e-6)
+
+
+def test_frames_of_other_renderers_stand_beside_with_their_seconds(stage, tmp_path):
+    truth = tmp_path / "truth.##.exr"
+    small(stage, tmp_path, save_truth=truth)
+    channels, _ = read_image(tmp_path / "truth.02.exr")
+    # A renderer whose image is brighter by .01 everywhere, and that knows no caustic layer.
+    brighter = {name: channels[name] + np.float32(0.01) for name in "RGB"}
+    (tmp_path / "cycles").mkdir()
+    write_frame(tmp_path / "cycles" / "f.02.exr", brighter | {"A": channels["A"]}, {}, "float")
+    result = small(stage, tmp_path, truth_file=truth, against=[tmp_path / "cycles" / "f.##.exr"], seconds=[2.5])
+    found = next(found for found in result.exposures[0].measured if found.case.outside)
+    assert (found.case.label, found.cpu) == ("cycles/f", 2.5)
+    assert found.errors.rmse == pytest.approx(0.01, rel=1e-4)
+    assert "cycles/f" in "\n".join(table_lines(result))
+    row = next(row for row in rows_of(result) if row["method"] == "cycles/f")
+    assert row["photons"] is None and row["cpu"] == 2.5
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"against": ["a.##.exr"], "seconds": [1.0, 2.0]}, "seconds has 2 values for 1"),
+        ({"truth_file": "none.##.exr"}, r"none\.02\.exr"),
+        ({"truth_file": "none.##.exr", "sweep": Sweep(exposures=(0.5, 1.0))}, "one exposure"),
+    ],
+)
+def test_frames_that_do_not_fit_a_study_are_refused(stage, tmp_path, options, why):
+    with pytest.raises(InputError, match=why):
+        small(stage, tmp_path, **options)

@@ -13,7 +13,7 @@ from tpdwarp.cli.memory import check_address_space
 from tpdwarp.cli.outcome import DONE, FAILED, REFUSED, SIGNALLED, debugging
 from tpdwarp.cli.parser import build_parser
 from tpdwarp.cli.streams import mend_streams
-from tpdwarp.errors import InputError, shortened
+from tpdwarp.errors import InputError, flags_spoken, shortened
 from tpdwarp.io.terminal import say
 from tpdwarp.stopping import Stopped, raise_if_asked, signals_stop
 
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     mend_streams()
     try:
         # Behind the process's own command line only the interpreter's end follows.
-        with signals_stop(_leave if arguments is None else None):
+        with flags_spoken(), signals_stop(_leave if arguments is None else None):
             return _run(arguments)
     except KeyboardInterrupt as error:
         return _interrupted(error)

@@ -38,7 +38,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Prints; returns the exit code."""
-    with warnings_shown(Progress()):
+    # What it found stands among what it prints.
+    with warnings_shown(Progress(), "error"):
         # Here and not above, so that --help need not wait for USD to load.
         from tpdwarp.jobs.stage_info import info
 

@@ -62,6 +62,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
         ("--truth-samples", "Camera samples a pixel in each half. [16]"),
     ):
         truth.add_argument(flag, type=int, metavar="N", help=text)
+    truth.add_argument("--truth", metavar="FILE", help="EXR frames (####) that are the truth, with caustic channels.")
+    truth.add_argument("--save-truth", metavar="FILE", help="Also write the truth to these EXR frames (####).")
+    swept.add_argument(
+        "--against", action="append", default=[], metavar="FILE", help="EXR frames (####) of another renderer."
+    )
+    swept.add_argument(
+        "--seconds", action="append", default=[], type=float, metavar="S", help="CPU seconds a frame of each of these."
+    )
     says = parser.add_argument_group("what it says, and when it stops")
     says.add_argument("--csv", metavar="FILE.csv", help="Also write the measurements as CSV.")
     says.add_argument("--json", metavar="FILE.json", help="Also write everything measured as JSON.")
@@ -108,6 +116,10 @@ def run(options: argparse.Namespace) -> int:
             csv=options.csv,
             json=options.json,
             report=options.report,
+            against=options.against,
+            seconds=options.seconds,
+            truth_file=options.truth,
+            save_truth=options.save_truth,
             **settings_given(options),
         )
     say("\n".join(table_lines(result)), sys.stdout)

@@ -66,7 +66,7 @@ def bake(
             D_t x over the shutter [scene units]).
         gutter: How far beyond charts texels are filled.
         frames, default_time, progress, stats, skip_existing, strict, frame_timeout, retries, max_failures,
-        max_memory: As for :func:`tpdwarp.render`.
+            max_memory: As for :func:`tpdwarp.render`.
         **settings: Fields of :class:`tpdwarp.settings.Settings`.
 
     Raises:

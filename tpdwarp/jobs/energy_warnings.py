@@ -5,7 +5,7 @@ from __future__ import annotations
 from tpdwarp.errors import logger
 from tpdwarp.io.frame_names import frame_text
 from tpdwarp.photons.energy import FEWEST_OF_SEVERAL, STARVED, EnergyAccount
-from tpdwarp.scene.description import SceneSource, Shutter
+from tpdwarp.scene.description import Interaction, SceneSource, Shutter
 from tpdwarp.scene.requirements import requirements_of
 
 # Part of the flux sent that may be lost without a warning. Chosen, not derived: it shows as 1 % of the caustic.
@@ -22,9 +22,13 @@ class EnergyWatch:
     def __init__(self, source: SceneSource) -> None:
         self._source = source
         self._warned_of_loss = self._warned_of_no_caustic = self._warned_of_starving = False
+        self._warned_of_no_receiver = False
 
     def __call__(self, frame: float, shutter: Shutter, energy: EnergyAccount) -> None:
-        """Warns at the first frame that loses more than 1 % of the flux sent, or with starved lights, or no caustic."""
+        """Warns at the first frame that loses more than 1 % of the flux sent, starved lights, or no caustic.
+
+        There is no caustic without something specular, or something diffuse for light to fall on.
+        """
         if not self._warned_of_loss and energy.lost_total > LOST_SHARE * energy.sent > 0:
             self._warned_of_loss = True
             causes = sorted(energy.lost, key=lambda cause: energy.lost[cause], reverse=True)
@@ -49,3 +53,11 @@ class EnergyWatch:
                     "so there can be no caustic (bind a material with opacity 0, or with metallic 1 and roughness 0)"
                 )
             self._warned_of_no_caustic = True
+        if not self._warned_of_no_receiver and energy.sent > 0 and energy.deposited == 0:
+            meshes = self._source.at(shutter).meshes
+            if not any(material.interaction == Interaction.DIFFUSE for mesh in meshes for material in mesh.materials):
+                logger.warning(
+                    f"{self._source.file}: frame {frame_text(frame)} has no diffuse surface, so light of photons stays "
+                    "nowhere (add a floor, or whatever the caustic is to fall on)"
+                )
+            self._warned_of_no_receiver = True

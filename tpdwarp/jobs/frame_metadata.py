@@ -58,7 +58,7 @@ def frame_metadata(
         STATISTICS: statistics_text(len(made.photons), energy, made.seconds),
         "tpdwarp:seed": settings.seed,
         "tpdwarp:renderSeconds": sum(made.seconds.values()),
-        "tpdwarp:photons": len(made.photons),
+        "tpdwarp:photonsLanded": len(made.photons),
         "tpdwarp:fluxSent": float(to_float32(energy.sent)),
         "tpdwarp:fluxDeposited": float(to_float32(energy.deposited)),
         "tpdwarp:fluxEscaped": float(to_float32(energy.escaped)),

@@ -137,10 +137,13 @@ class LazyContext:
         self._context: RenderContext | None = None
 
     def __call__(self, shutter: Shutter) -> RenderContext:
-        """The context; ``shutter`` is that of the frame that asks for it.
+        """The context.
+
+        Args:
+            shutter: Of the frame that asks first.
 
         Raises:
-            InputError: The stage cannot be used, or a frame needs too much memory.
+            InputError: The stage cannot be used, or a frame needs more memory than may be taken.
         """
         if self._context is None:
             source, settings = self._plan.source, self._plan.settings

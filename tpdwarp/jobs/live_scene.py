@@ -49,11 +49,19 @@ class Scene:
     """A USD stage with the settings that it is rendered with, open from frame to frame.
 
     Settings given to a method hold for that call only. What stays the same (the stage, its units, its lattices of
-    photons) is made once::
+    photons) is made once.
 
-        scene = tpdwarp.Scene("usd_scenes/wave.usdc", photons=4096, exposure=1.0, image_width=128)
-        for frame in scene.frames[:3]:
-            print(frame, scene.render_frame(frame).channels["R"].mean())
+    >>> import tpdwarp
+    >>> scene = tpdwarp.Scene("usd_scenes/wave.usdc", photons=1024, exposure=1.0, image_width=32, samples=1)
+    >>> scene
+    tpdwarp.Scene('usd_scenes/wave.usdc', frames 1 to 24)
+    >>> scene.frames[:3]
+    (1.0, 2.0, 3.0)
+    >>> frame = scene.render_frame(2, aovs=["irradiance"])
+    >>> sorted(frame.channels)
+    ['A', 'B', 'G', 'R', 'irradiance.B', 'irradiance.G', 'irradiance.R']
+    >>> frame.channels["R"].shape
+    (18, 32)
 
     Args:
         scene: A USD file, an ``Sdf.Layer`` or a ``Usd.Stage``.
@@ -127,6 +135,12 @@ class Scene:
 
         Returns:
             Irradiance [W/m²], shape [n, 3] float64; NaN where there is no diffuse surface.
+
+        >>> import tpdwarp
+        >>> scene = tpdwarp.Scene("usd_scenes/wave.usdc", photons=1024, exposure=1.0)
+        >>> on_floor, above_it = scene.irradiance(2, [[0, 0, 0], [0, 0, 0.5]], [[0, 0, 1], [0, 0, 1]])
+        >>> bool((on_floor > 0).all()), bool((above_it == above_it).any())
+        (True, False)
 
         Raises:
             InputError: The arrays do not fit, or the stage cannot be used there.

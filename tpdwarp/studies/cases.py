@@ -21,17 +21,19 @@ class Case:
         exposure: In frames; None takes the camera's shutter.
         settings: How it is rendered.
         preset: Name of the preset it is, or empty.
+        outside: Whether another renderer made the frames; ``settings`` then say nothing of them.
     """
 
     series: str
     exposure: float | None
     settings: Settings
     preset: str = ""
+    outside: bool = False
 
     @property
     def label(self) -> str:
         """The case in words, for tables and progress."""
-        return f"{self.series}, {self.settings.photons} photons"
+        return self.series if self.outside else f"{self.series}, {self.settings.photons} photons"
 
 
 @dataclass(frozen=True)

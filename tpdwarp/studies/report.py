@@ -95,7 +95,7 @@ def _table(part: ExposureResult, front: tuple[Measured, ...]) -> list[str]:
         stages = ", ".join(f"{name} {seconds:.2f}" for name, seconds in solution.cpu_seconds.items())
         cells = (
             found.case.series,
-            str(found.case.settings.photons),
+            "-" if found.case.outside else str(found.case.settings.photons),
             f"{solution.landed:.0f}",
             f"{errors.relative_rmse:.4f}",
             f"{errors.rmse:.4g}",

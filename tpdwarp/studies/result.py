@@ -98,15 +98,15 @@ def rows_of(result: StudyResult) -> list[dict[str, Any]]:
         front = part.front
         for found in part.measured:
             settings, solution = found.case.settings, found.solution
-            tdpm = settings.estimator == "tdpm"
+            tdpm, outside = settings.estimator == "tdpm", found.case.outside
             rows.append(
                 {
                     "exposure": part.exposure,
-                    "method": settings.estimator,
+                    "method": found.case.series if outside else settings.estimator,
                     "preset": found.case.preset,
-                    "photons": settings.photons,
-                    "segments": settings.segments,
-                    "kernel": "" if tdpm else settings.kernel,
+                    "photons": None if outside else settings.photons,
+                    "segments": None if outside else settings.segments,
+                    "kernel": "" if tdpm or outside else settings.kernel,
                     "neighbours": settings.tdpm_neighbours if tdpm else None,
                     "between": settings.tdpm_between if tdpm else None,
                     **asdict(found.errors),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from tpdwarp.errors import FrameError, InputError
@@ -16,6 +17,8 @@ from tpdwarp.settings import Settings
 from tpdwarp.studies.cases import Case, Sweep
 from tpdwarp.studies.files import write_csv, write_json
 from tpdwarp.studies.measures import errors_of
+from tpdwarp.studies.pictures import name_of, read_against, read_truth
+from tpdwarp.studies.pictures import save_truth as write_truth
 from tpdwarp.studies.plot import matplotlib_module
 from tpdwarp.studies.progress import StudyProgress, study_progress_of
 from tpdwarp.studies.report import write_report
@@ -43,6 +46,10 @@ def study(
     csv: FilePath | None = None,
     json: FilePath | None = None,
     report: FilePath | None = None,
+    against: Sequence[FilePath] = (),
+    seconds: Sequence[float] = (),
+    truth_file: FilePath | None = None,
+    save_truth: FilePath | None = None,
     **settings: Any,
 ) -> StudyResult:
     """Measures error against time over methods and settings, beside a converged accumulation of the same frames.
@@ -57,6 +64,10 @@ def study(
         progress: ``auto``, ``bar``, ``plain``, ``none``, an object of
             :class:`tpdwarp.studies.progress.StudyProgress`, or None, which shows nothing.
         csv, json, report: Also write the measurements to these files; the report is one HTML page.
+        against: EXR frames of other renderers, with ``####`` where the frame number goes, measured beside all that.
+        seconds: CPU seconds that a frame of each of these took.
+        truth_file: EXR frames that are the truth, in the place of an accumulation.
+        save_truth: EXR frames to which the truth is written.
         **settings: Fields of :class:`tpdwarp.settings.Settings` that all cases share.
 
     Raises:
@@ -72,14 +83,19 @@ def study(
     base = chosen_settings({"image_width": DEFAULT_WIDTH, **settings})
     if base.shutter is not None and any(exposure is not None for exposure in sweep.exposures):
         raise InputError("--shutter fixes the exposure (leave one out)")
+    if len(seconds) not in (0, len(against)):
+        raise InputError(f"--seconds has {len(seconds)} values for {len(against)} of --against (give one each)")
+    if len(sweep.exposures) > 1 and (against or truth_file or save_truth):
+        raise InputError("--against, --truth and --save-truth are of one exposure (leave the others out)")
     cases = sweep.cases(base)
     source = open_scene(scene, base, default_time=False)
     check_outputs(outputs, {"is part of the scene": source.used_files()})
     chosen = frames_asked(frames, False) or (float(round(0.5 * (source.start + source.end))),)
     shown = study_progress_of(progress)
     store = Store(cache or default_folder(), content_hash(source.file))
-    work = _Work(source, chosen, store, shown, started, time_limit)
-    shown.start(len(cases) + 2 * len(sweep.exposures))
+    pictures = _Pictures(tuple(against), tuple(seconds) or (0.0,) * len(against), truth_file, save_truth)
+    work = _Work(source, chosen, store, shown, started, time_limit, pictures)
+    shown.start(len(cases) + (0 if truth_file else 2 * len(sweep.exposures)))
     exposures: list[ExposureResult] = []
     left: list[str] = []
     try:
@@ -90,9 +106,8 @@ def study(
             left += missed
     finally:
         shown.finish()
-    seconds = time.perf_counter() - started
-    size = (work.renderer.width, work.renderer.height)
-    result = StudyResult(source.file, chosen, size, tuple(exposures), tuple(left), seconds)
+    spent = time.perf_counter() - started
+    result = StudyResult(source.file, chosen, work.size, tuple(exposures), tuple(left), spent)
     for path, write in ((csv, write_csv), (json, write_json), (report, write_report)):
         if path is not None:
             write(path, result)
@@ -106,13 +121,22 @@ def _at_exposure(
     halves = truth.halves(base, exposure)
     shutters = work.shutters(halves[0])
     length = shutters[0].exposure
-    solutions = [
-        work.solution(f"truth {number} of 2, exposure {length:g}", half) for number, half in enumerate(halves, 1)
-    ]
-    if None in solutions:
-        return None, [f"truth, exposure {length:g}", *(f"{case.label}, exposure {length:g}" for case in cases)]
-    converged = truth_of(*solutions, work.source.file)
+    if work.pictures.truth is not None:
+        converged = read_truth(work.pictures.truth, work.frames, work.size)
+    else:
+        solutions = [
+            work.solution(f"truth {number} of 2, exposure {length:g}", half) for number, half in enumerate(halves, 1)
+        ]
+        if None in solutions:
+            return None, [f"truth, exposure {length:g}", *(f"{case.label}, exposure {length:g}" for case in cases)]
+        converged = truth_of(*solutions, work.source.file)
+    if work.pictures.saved is not None:
+        write_truth(work.pictures.saved, work.frames, converged)
     measured, failed, left = [], {}, []
+    for path, seconds in zip(work.pictures.against, work.pictures.seconds, strict=True):
+        case = Case(name_of(path), exposure, base, outside=True)
+        solution = read_against(path, work.frames, work.size, converged, seconds)
+        measured.append(Measured(case, errors_of(solution, converged.solution), solution))
     for case in cases:
         label = f"{case.label}, exposure {length:g}"
         try:
@@ -127,6 +151,16 @@ def _at_exposure(
     return ExposureResult(length, converged, tuple(measured), failed), left
 
 
+@dataclass(frozen=True)
+class _Pictures:
+    """Frames on disk that a study takes or keeps."""
+
+    against: tuple[FilePath, ...]
+    seconds: tuple[float, ...]
+    truth: FilePath | None
+    saved: FilePath | None
+
+
 class _Work:
     """Renders what is not kept from before, until time is up."""
 
@@ -138,18 +172,24 @@ class _Work:
         shown: StudyProgress,
         started: float,
         time_limit: float | None,
+        pictures: _Pictures,
     ) -> None:
+        self.pictures, self.frames = pictures, frames
         self.source, self.renderer = source, Renderer(source, *source.resolution())
-        self._frames, self._store, self._shown = frames, store, shown
+        self._store, self._shown = store, shown
         self._started, self._time_limit = started, time_limit
 
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.renderer.width, self.renderer.height
+
     def shutters(self, settings: Settings) -> list[Shutter]:
-        return [shutter_of(self.source, frame, settings) for frame in self._frames]
+        return [shutter_of(self.source, frame, settings) for frame in self.frames]
 
     def solution(self, label: str, settings: Settings) -> Solution | None:
         """The frames rendered with ``settings``; None where they are not kept and time is up."""
         size = [self.renderer.width, self.renderer.height]
-        path = self._store.path({"settings": settings.as_dict(), "frames": list(self._frames), "size": size})
+        path = self._store.path({"settings": settings.as_dict(), "frames": list(self.frames), "size": size})
         found = self._store.load(path)
         fresh, begun = found is None, time.perf_counter()
         if fresh and self._time_limit is not None and begun - self._started > self._time_limit:

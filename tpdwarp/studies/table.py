@@ -37,7 +37,7 @@ def _lines(part: ExposureResult) -> list[str]:
             [
                 "*" if any(found is other for other in front) else "",
                 found.case.series,
-                str(found.case.settings.photons),
+                "-" if found.case.outside else str(found.case.settings.photons),
                 f"{solution.landed:.0f}",
                 f"{errors.relative_rmse:.4f}",
                 f"{errors.rmse:.4g}",

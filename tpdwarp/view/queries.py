@@ -221,8 +221,8 @@ class CameraView:
             surfaces, lights, camera, films, loaded.requirements, self._launcher,
             moves=self._moves, segments=count, scales_radiance=self._settings.refracted_radiance == "scaled",
             textures=loaded.textures, domes=self._domes_of(loaded), samples=self._settings.samples,
-            smallest_throughput=self._settings.view_cutoff,
             aovs=self._settings.aovs,
+            smallest_throughput=self._settings.view_cutoff,
         )
         while True:
             with self._clock.stage("view"):

@@ -66,9 +66,8 @@ CULLED = wp.constant(int(PathFlag.CULLED))
 class VisibleArrays:
     """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π.
 
-    ``flags`` are those of :class:`PathFlag`.
-    ``albedo`` and ``triangle`` are those of the surface where the path ends, ``first_triangle`` is what it met first;
-    they have rows only where AOVs ask for them.
+    ``flags`` are those of :class:`PathFlag`. ``albedo`` and ``triangle`` are those of the surface where it ends,
+    ``first_triangle`` is what it met first; they have rows only where AOVs ask for them.
     """
 
     weight: wp.array(dtype=wp.vec3)
@@ -421,8 +420,8 @@ def visible_points(
     textures: TextureArrays | None = None,
     domes: DomeArrays | None = None,
     samples: int = 1,
-    smallest_throughput: float = SMALLEST_THROUGHPUT,
     aovs: tuple[str, ...] = (),
+    smallest_throughput: float = SMALLEST_THROUGHPUT,
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
 
@@ -434,8 +433,8 @@ def visible_points(
         textures: The textures of the surfaces, where there are any.
         domes: Light from all around, where there is any.
         samples: Samples a pixel; textures are averaged over the part of it that each stands for.
-        smallest_throughput: Reflected branches that carry less are not followed.
         aovs: Channel groups wanted beside the beauty.
+        smallest_throughput: Reflected branches that carry less are not followed.
     """
     items = np.arange(len(films), dtype=np.int32)
     masks = np.zeros(len(films), np.int32)

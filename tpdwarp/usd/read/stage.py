@@ -45,6 +45,8 @@ MOST_PIXELS = 2**30
 HIGHEST_RATE = 1e6
 LONGEST_SHUTTER = 1e6
 REFERENCE_COUNT = 9
+# Of the power of each kind of light: irradiance at normal incidence, radiant intensity, radiance (times a picture's).
+UNITS = {"distant": "W/m2", "point": "W/sr", "dome": "W/(m2 sr)"}
 
 # What names a stage: its file, its root layer, or itself.
 StageLike = str | os.PathLike[str] | Sdf.Layer | Usd.Stage
@@ -386,7 +388,9 @@ class StageScene:
         lights = [self._described_light(light) for light in (*self._lights, *self._domes)]
         if self._camera_light:
             power = [CAMERA_LIGHT_IRRADIANCE] * 3
-            lights.append({"path": CAMERA_LIGHT, "kind": "distant", "power": power, "moves": self._camera.moves})
+            unit = UNITS["distant"]
+            moves = self._camera.moves
+            lights.append({"path": CAMERA_LIGHT, "kind": "distant", "power": power, "unit": unit, "moves": moves})
         return lights
 
     def _described_light(self, light: Light) -> dict[str, Any]:
@@ -394,6 +398,7 @@ class StageScene:
             "path": light.path,
             "kind": light.kind_name,
             "power": list(light.power(self.start)),
+            "unit": UNITS[light.kind_name],
             "moves": light.varies,
         }
 
@@ -475,7 +480,7 @@ class StageScene:
         for instancer in self._instancers:
             span = union(span, instancer.instancer.span)
         if not span[0] <= shutter.frame <= span[1] and self._changes:
-            self.warnings("", f"frames outside {span[0]:g} … {span[1]:g} hold the ends of the animation")
+            self.warnings("", f"frames outside the animation, {span[0]:g} … {span[1]:g}, show its first or last moment")
 
     def _choose_camera(self) -> str | None:
         wanted = self._settings.camera
