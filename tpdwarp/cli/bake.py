@@ -92,7 +92,6 @@ def run(options: argparse.Namespace) -> int:
             stats=options.stats,
             max_memory=options.max_memory,
             skip_existing=options.skip_existing,
-            max_memory=options.max_memory,
             **persistence_given(options),
             **settings_given(options),
         )
