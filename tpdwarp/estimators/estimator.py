@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from tpdwarp.clock import Clock
-from tpdwarp.device import Launcher
-from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
-from tpdwarp.footprints.gather import gather
-from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
+from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays
+from tpdwarp.footprints.light import FootprintLight
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.energy import EnergyAccount
@@ -24,53 +22,9 @@ from tpdwarp.scene.device.loading import LoadedScene
 class IrradianceField(Protocol):
     """Irradiance from photons at any point."""
 
-    def irradiance(
-        self,
-        queries: QueryArrays,
-        *,
-        time: float,
-        window: tuple[float, float],
-        query_moves: bool,
-        with_motion: bool,
-    ) -> Irradiance:
-        """Irradiance at ``queries``; the arguments are those of :func:`tpdwarp.footprints.gather.gather`."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class FootprintField:
-    """The irradiance that footprints add up to.
-
-    Attributes:
-        footprints: The footprints.
-        form: How they are evaluated.
-        launcher: Where.
-    """
-
-    footprints: FootprintMap
-    form: GatherForm
-    launcher: Launcher
-
-    def irradiance(
-        self,
-        queries: QueryArrays,
-        *,
-        time: float,
-        window: tuple[float, float],
-        query_moves: bool,
-        with_motion: bool,
-    ) -> Irradiance:
+    def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``."""
-        return gather(
-            self.footprints,
-            queries,
-            self.form,
-            self.launcher,
-            time=time,
-            window=window,
-            query_moves=query_moves,
-            with_motion=with_motion,
-        )
+        ...
 
 
 @dataclass
@@ -133,10 +87,8 @@ def light_of(
     if pixel is None:
         return None
     with clock.stage("footprints"):
-        footprints = shape_footprints(maps, settings.kernel, settings.smoothing, pixel, moves, tracer.launcher)
-    if footprints.clamped:
-        energy.counts["footprints clamped"] = energy.counts.get("footprints clamped", 0) + footprints.clamped
-    if not footprints.count:
-        return None
-    form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
-    return FootprintField(footprints, form, tracer.launcher)
+        form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
+        light = FootprintLight(maps, form, settings.smoothing, pixel, moves, tracer.launcher)
+    if light.clamped:
+        energy.counts["footprints clamped"] = energy.counts.get("footprints clamped", 0) + light.clamped
+    return light if light.count else None

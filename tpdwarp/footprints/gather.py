@@ -17,7 +17,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import PieceArrays
 from tpdwarp.footprints.bspline import trajectory_extent
 from tpdwarp.footprints.footprint_map import FootprintMap
-from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays, has_shading_normals
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.parabolas import Parabola, parabola_at
 from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratio
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
@@ -42,6 +42,8 @@ FEWEST_FOR_PARABOLA = wp.constant(8)
 NARROW_CONE = wp.constant(math.cos(math.radians(10.0)))
 ALWAYS_FACING = wp.constant(math.cos(math.radians(60.0 - 10.0)))
 NEVER_FACING = wp.constant(math.cos(math.radians(60.0 + 10.0)))
+# At rest, over the whole shutter, nothing but irradiance.
+PLAIN_LOOKUP = Lookup()
 
 
 @wp.func
@@ -265,37 +267,32 @@ def gather(
     queries: QueryArrays,
     form: GatherForm,
     launcher: Launcher,
-    *,
-    time: float = 0.0,
-    window: tuple[float, float] = (0.0, 1.0),
-    query_moves: bool = False,
-    with_motion: bool = False,
+    lookup: Lookup = PLAIN_LOOKUP,
 ) -> Irradiance:
-    """Irradiance that ``footprints`` leave at ``queries`` (Eq. 8 without the BRDF), averaged over part of the shutter.
+    """Irradiance that ``footprints`` leave at ``queries`` (Eq. 8 without the BRDF), averaged over part of the shutter."""
+    return irradiance_of(gathered(footprints, queries, form, launcher, lookup), lookup.with_motion)
 
-    Args:
-        time: When the queries stand where they are, in the shutter (−½ … ½).
-        window: Middle and length of the part of the shutter that these queries stand for (it holds ``time``). What a
-            pixel sees correlates with when it sees it, so its samples share the shutter out between them.
-        query_moves: Whether queries carry their motion.
-        with_motion: Whether the flux-weighted D_t x and the number of footprints are wanted.
-    """
+
+def gathered(
+    footprints: FootprintMap, queries: QueryArrays, form: GatherForm, launcher: Launcher, lookup: Lookup
+) -> IrradianceArrays:
+    """The same, on the device."""
     count = queries.position.shape[0]
-    out = irradiance_arrays(count, with_motion, launcher)
+    out = irradiance_arrays(count, lookup.with_motion, launcher)
     if footprints.count:
-        moves = footprints.moves or query_moves
+        moves = footprints.moves or lookup.query_moves
         shaded = footprints.shaded and has_shading_normals(queries)
-        kernel = gather_kernel(form, moves, footprints.curved, shaded, query_moves, with_motion)
+        kernel = gather_kernel(form, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
-        inputs = [*photons, time_window(time, window), count, queries, out]
+        inputs = [*photons, time_window(lookup), count, queries, out]
         launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)
-    return irradiance_of(out, with_motion)
+    return out
 
 
-def time_window(time: float, window: tuple[float, float]) -> TimeWindow:
-    """The window of queries that stand at ``time`` and look over the part ``window`` (middle, length)."""
+def time_window(lookup: Lookup) -> TimeWindow:
+    """The window of queries that stand at ``lookup.time`` and look over the part ``lookup.window``."""
     out = TimeWindow()
-    out.time, (out.center, out.length) = time, window
+    out.time, (out.center, out.length) = lookup.time, lookup.window
     return out
 
 
