@@ -25,17 +25,18 @@ from tpdwarp.footprints.shaping import PixelSize, pixel_on_plane, tangent_frame
 from tpdwarp.photons.photon_map import PhotonMap
 
 # Photons of less than this part of the irradiance that all but a tenth of the flux exceeds are background.
-# Chosen by ``scripts/benchmarks/solids.py``: TODO
-FAINT = 1.0 / 16.0
+# Chosen with ``scripts/benchmarks/solids.py``: ball, torus and blob err by .0173, .0255 and .1046 of their means with an
+# eighth, by .0174, .0256 and .1045 without any background.
+FAINT = 1.0 / 8.0
 FAINT_QUANTILE = 0.1
-# Squares that a background footprint covers at least; as many as make it as smooth as bilinear interpolation between
-# them is. Chosen, not derived.
-FEWEST_SQUARES = wp.constant(256.0)
+# Squares that a background footprint covers at least, so that they blur it less than its own support does. Chosen, not
+# derived: with 256 the same scenes err as much.
+FEWEST_SQUARES = wp.constant(16.0)
 # Squares are powers of two in the tracer's units, and no finer than this, which bounds what numbers them.
 FINEST_SQUARE = wp.constant(2.0**-11)
 COARSEST_SQUARE = wp.constant(2.0**-3)
-# Squares of so many pixels at least gain anything beside gathering at each pixel.
-FEWEST_PIXELS = wp.constant(2.0)
+# Squares so many pixels wide at least gain anything beside gathering at each pixel.
+FEWEST_PIXELS = wp.constant(1.5)
 # Cells that a footprint of the B-spline reaches over.
 CELLS = wp.constant(2.0 * SUPPORT)
 # Planes of one receiver that are tried, and the photons that make one worth a raster. Chosen, not derived.
@@ -91,7 +92,7 @@ def measure_light(
     brightness: wp.array(dtype=wp.float32),
     squares: wp.array(dtype=wp.float32),
 ):
-    """How bright footprints are while they shine, and the squares that their sweep is 256 or more of; 0 for none.
+    """How bright footprints are while they shine, and the largest squares that they cover enough of; 0 for none.
 
     The area of a swept parallelogram is |a × b| + |a × c| + |b × c|.
     """

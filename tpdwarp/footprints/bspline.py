@@ -90,7 +90,7 @@ class Trajectory:
     At the part s (−½ … ½) of the shutter its centre stands at s velocity + ½ s² acceleration + ⅙ s³ jerk, and its axes
     are those of mid shutter times 1 + s jacobian_rate. Only the B-spline's trajectory curves and only its axes grow.
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
-    stay.
+    stay. ``straight`` is set where it does not curve and its axes do not grow.
     """
 
     velocity: wp.vec2
@@ -98,6 +98,7 @@ class Trajectory:
     jerk: wp.vec2
     jacobian_rate: wp.mat22
     filter_width: wp.vec3
+    straight: bool
 
 
 @wp.func
@@ -256,13 +257,18 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
         first = int(wp.floor((within[0] + 0.5) * panels))
         last = int(wp.ceil((within[1] + 0.5) * panels))
         total = float(0.0)
+        step = 1.0 / panels
+        if wp.static(curved):
+            if not trajectory.straight:
+                for panel in range(first, last):
+                    middle = (float(panel) + 0.5) * step - 0.5
+                    total += at_time(middle - GAUSS_OFFSET * step, y, trajectory)
+                    total += at_time(middle + GAUSS_OFFSET * step, y, trajectory)
+                return 0.5 * step * total
         for panel in range(first, last):
-            for node in range(2):
-                s = (float(panel) + 0.5 + GAUSS_OFFSET * float(2 * node - 1)) / panels - 0.5
-                if wp.static(curved):
-                    total += at_time(s, y, trajectory)
-                else:
-                    total += tensor(y - s * trajectory.velocity, trajectory.filter_width)
-        return 0.5 * total / panels
+            there = y - ((float(panel) + 0.5) * step - 0.5) * trajectory.velocity
+            apart = (GAUSS_OFFSET * step) * trajectory.velocity
+            total += tensor(there + apart, trajectory.filter_width) + tensor(there - apart, trajectory.filter_width)
+        return 0.5 * step * total
 
     return moving

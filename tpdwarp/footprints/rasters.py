@@ -14,12 +14,14 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import SAME_NORMAL, Plane
 from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
+from tpdwarp.footprints.leaves import LEAF
 from tpdwarp.footprints.placing import PLANE_ROUNDING
 from tpdwarp.footprints.shaping import tangent_frame
 
 # Corners of a tile along u and v: together the queries of one thread of the gather.
 TILE_U = wp.constant(16)
 TILE_V = wp.constant(8)
+LEAF_SIDE = wp.constant(4)
 TILE_CORNERS = int(TILE_U) * int(TILE_V)
 # Rasters reach so far from the foot of the origin along either axis: the scene has unit radius.
 REACH = wp.constant(2.0)
@@ -62,6 +64,16 @@ def tile_of(rasters: RasterArrays, plane: int, level: int, u: int, v: int) -> in
     """The number of the tile that corner (u, v) belongs to."""
     within = u // TILE_U + rasters.tiles_across[level] * (v // TILE_V)
     return plane * rasters.tiles_of_plane + rasters.first_tile[level] + within
+
+
+@wp.func
+def within_tile(u: int, v: int) -> int:
+    """The place of corner (u, v) in its tile, leaf by leaf: squares of four by four corners."""
+    across = u % TILE_U
+    down = v % TILE_V
+    return LEAF * (across // LEAF_SIDE + TILE_U // LEAF_SIDE * (down // LEAF_SIDE)) + (
+        across % LEAF_SIDE + LEAF_SIDE * (down % LEAF_SIDE)
+    )
 
 
 @wp.kernel(enable_backward=False)
@@ -120,8 +132,13 @@ def place_corners(
     number = tile % rasters.tiles_of_plane - rasters.first_tile[level]
     across = rasters.tiles_across[level]
     side = rasters.side[level]
-    u = float(TILE_U * (number % across) + within % TILE_U) * side - REACH
-    v = float(TILE_V * (number // across) + within // TILE_U) * side - REACH
+    leaf = within // LEAF
+    place = within % LEAF
+    leaves_across = TILE_U // LEAF_SIDE
+    corner_u = TILE_U * (number % across) + LEAF_SIDE * (leaf % leaves_across) + place % LEAF_SIDE
+    corner_v = TILE_V * (number // across) + LEAF_SIDE * (leaf // leaves_across) + place // LEAF_SIDE
+    u = float(corner_u) * side - REACH
+    v = float(corner_v) * side - REACH
     n = rasters.normal[plane]
     frame = tangent_frame(n)
     queries.position[i] = rasters.foot[plane] + u * frame.e1 + v * frame.e2
@@ -156,7 +173,7 @@ def add_rasters(
                 cv = v + corner // 2
                 weight = (1.0 - wp.abs(at[0] - float(cu))) * (1.0 - wp.abs(at[1] - float(cv)))
                 slot = rasters.slots[tile_of(rasters, plane, level, cu, cv)]
-                total += weight * rasters.values[slot * TILE_U * TILE_V + cu % TILE_U + TILE_U * (cv % TILE_V)]
+                total += weight * rasters.values[slot * TILE_U * TILE_V + within_tile(cu, cv)]
         irradiance[i] = total
 
 
