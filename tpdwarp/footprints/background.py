@@ -25,8 +25,8 @@ from tpdwarp.footprints.shaping import PixelSize, pixel_on_plane, tangent_frame
 from tpdwarp.photons.photon_map import PhotonMap
 
 # Photons of less than this part of the irradiance that all but a tenth of the flux exceeds are background.
-# Chosen with ``scripts/benchmarks/solids.py``: ball, torus and blob err by .0173, .0255 and .1046 of their means with an
-# eighth, by .0174, .0256 and .1045 without any background.
+# Chosen with ``scripts/benchmarks/solids.py``: ball, torus and blob err by .0173, .0255 and .1046 of their means with
+# an eighth, by .0174, .0256 and .1045 without any background.
 FAINT = 1.0 / 8.0
 FAINT_QUANTILE = 0.1
 # Squares that a background footprint covers at least, so that they blur it less than its own support does. Chosen, not
@@ -113,13 +113,14 @@ def measure_light(
 def split_light(maps: list[PhotonMap], smoothing: float, pixel: PixelSize, launcher: Launcher) -> SplitLight:
     """Tells photons of the background from others."""
     measured = [_measured(photons, smoothing, pixel, launcher) for photons in maps]
-    brightness = np.concatenate([bright / photons.duration for photons, (bright, _) in zip(maps, measured, strict=True)])
+    while_shining = [bright / photons.duration for photons, (bright, _) in zip(maps, measured, strict=True)]
+    brightness = np.concatenate(while_shining)
     flux = np.concatenate([photons.flux.sum(axis=1, dtype=np.float64) for photons in maps])
     limit = FAINT * _exceeded_by_most(brightness, flux)
     out = SplitLight([])
     faint = [
-        (bright < limit * photons.duration) & (squares > 0.0) & ~photons.receiver_motion.any(axis=1)
-        for photons, (bright, squares) in zip(maps, measured, strict=True)
+        (bright < limit) & (squares > 0.0) & ~photons.receiver_motion.any(axis=1)
+        for photons, bright, (_, squares) in zip(maps, while_shining, measured, strict=True)
     ]
     out.planes = _planes(maps, faint)
     for photons, chosen, (_, squares) in zip(maps, faint, measured, strict=True):

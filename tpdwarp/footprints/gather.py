@@ -310,7 +310,7 @@ def gather(
     launcher: Launcher,
     lookup: Lookup = PLAIN_LOOKUP,
 ) -> Irradiance:
-    """Irradiance that ``footprints`` leave at ``queries`` (Eq. 8 without the BRDF), averaged over part of the shutter."""
+    """Irradiance that ``footprints`` leave at ``queries`` over a part of the shutter: Eq. 8 without the BRDF."""
     return irradiance_of(gathered(footprints, queries, form, launcher, lookup), lookup.with_motion)
 
 

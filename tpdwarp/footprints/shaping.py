@@ -61,7 +61,8 @@ LARGEST_GROWTH = wp.constant(0.5)
 # off by so much at the ends of the shutter alone errs by a hundredth of its peak, and the sum of a lattice by less.
 SMALLEST_SAGITTA = wp.constant(1.0 / 32.0)
 # Those that curve by more than this go straight, too: what is thinner than its own bend, with its support of three
-# cells, is not known so well (scripts/benchmarks/solids.py: blob .1046 with 16 cells, .1047 with 4; torus .0256, .0255).
+# cells, is not known so well (scripts/benchmarks/solids.py: with 16 and 4 cells blob errs by .1046 and .1047, torus by
+# .0256 and .0255).
 LARGEST_SAGITTA = wp.constant(4.0)
 HALF_WIDTH = wp.constant(SUPPORT)
 
