@@ -60,10 +60,6 @@ LARGEST_GROWTH = wp.constant(0.5)
 # Trajectories that curve, together with what axes grow by, by less than this go straight, in cells: a footprint that is
 # off by so much at the ends of the shutter alone errs by a hundredth of its peak, and the sum of a lattice by less.
 SMALLEST_SAGITTA = wp.constant(1.0 / 32.0)
-# Those that curve by more than this go straight, too: what is thinner than its own bend, with its support of three
-# cells, is not known so well (scripts/benchmarks/solids.py: with 16 and 4 cells blob errs by .1046 and .1047, torus by
-# .0256 and .0255).
-LARGEST_SAGITTA = wp.constant(4.0)
 HALF_WIDTH = wp.constant(SUPPORT)
 
 
@@ -480,11 +476,9 @@ def footprint_kernel(radial: str | None, curved: bool) -> wp.Kernel:
             turn = wp.mat22(cr, -sr, sr, cr)
             sagitta = 0.125 * wp.length(rows_times(out.row_u[i], out.row_v[i], acceleration))
             sagitta += wp.length(rows_times(out.row_u[i], out.row_v[i], jerk)) / 48.0
-            slight = sagitta + HALF_WIDTH * wp.max(wp.abs(growth1), wp.abs(growth2)) < SMALLEST_SAGITTA
-            if slight:
+            if sagitta + HALF_WIDTH * wp.max(wp.abs(growth1), wp.abs(growth2)) < SMALLEST_SAGITTA:
                 growth1 = 0.0
                 growth2 = 0.0
-            if slight or sagitta > LARGEST_SAGITTA:
                 out.acceleration[i] = wp.vec3(0.0, 0.0, 0.0)
                 out.jerk[i] = wp.vec3(0.0, 0.0, 0.0)
             out.jacobian_rate[i] = 2.0 * (turn * wp.mat22(growth1, 0.0, 0.0, growth2) * wp.transpose(turn))
