@@ -134,6 +134,26 @@ def _relative_cell(square: float) -> float:
 
 
 @wp.func
+def panels_to(y: wp.vec2, middle: float, step: float, speeds: wp.vec2, growth: float, trajectory: Trajectory) -> int:
+    """How many panels of the integral (beyond the paper) pass at least until the footprint may reach y; 0 if it does.
+
+    Args:
+        middle: Time of a panel's middle, ``step`` its length.
+        speeds: The most that the footprint moves along either axis over the shutter, in cells.
+        growth: The most that its axes grow by.
+    """
+    out = int(0)
+    motion = trajectory.velocity + (0.5 * middle) * (trajectory.acceleration + (middle / 3.0) * trajectory.jerk)
+    for axis in range(2):
+        per_panel = wp.max(speeds[axis] * step, 1.0e-6)
+        extent = HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis) + 0.5 * per_panel
+        beyond = wp.abs(y[axis] - middle * motion[axis]) - extent
+        if beyond > 0.0:
+            out = wp.max(out, 1 + int(wp.min(beyond / per_panel, MOST_PANELS)))
+    return out
+
+
+@wp.func
 def box_extent(width: wp.vec3, axis: int) -> float:
     """Half the widths of the boxes along an axis, which a pixel's average (beyond the paper) adds to a footprint."""
     if axis == 0:
@@ -241,12 +261,14 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
             return 0.0
         speed = float(0.0)
         growth = float(0.0)
+        speeds = wp.vec2(0.0, 0.0)
         for axis in range(2):
             fastest = wp.abs(trajectory.velocity[axis])
             if wp.static(curved):
                 fastest += 0.5 * wp.abs(trajectory.acceleration[axis]) + 0.125 * wp.abs(trajectory.jerk[axis])
                 rates = wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1])
                 growth = wp.max(growth, 0.5 * rates)
+            speeds[axis] = fastest
             square = trajectory.filter_width[axis] * trajectory.filter_width[axis]
             if axis == 1:
                 square += trajectory.filter_width[2] * trajectory.filter_width[2]
@@ -260,15 +282,20 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
         step = 1.0 / panels
         if wp.static(curved):
             if not trajectory.straight:
-                for panel in range(first, last):
+                panel = int(first)
+                while panel < last:
                     middle = (float(panel) + 0.5) * step - 0.5
-                    total += at_time(middle - GAUSS_OFFSET * step, y, trajectory)
-                    total += at_time(middle + GAUSS_OFFSET * step, y, trajectory)
+                    apart = panels_to(y, middle, step, speeds, growth, trajectory)
+                    if apart == 0:
+                        total += at_time(middle - GAUSS_OFFSET * step, y, trajectory)
+                        total += at_time(middle + GAUSS_OFFSET * step, y, trajectory)
+                    panel += wp.max(apart, 1)
                 return 0.5 * step * total
         for panel in range(first, last):
             there = y - ((float(panel) + 0.5) * step - 0.5) * trajectory.velocity
-            apart = (GAUSS_OFFSET * step) * trajectory.velocity
-            total += tensor(there + apart, trajectory.filter_width) + tensor(there - apart, trajectory.filter_width)
+            offset = (GAUSS_OFFSET * step) * trajectory.velocity
+            total += tensor(there + offset, trajectory.filter_width)
+            total += tensor(there - offset, trajectory.filter_width)
         return 0.5 * step * total
 
     return moving
