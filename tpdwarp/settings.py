@@ -53,6 +53,11 @@ class _Group:
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 _refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")
 
+    def _check_parts(self, *names: str) -> None:
+        for name in names:
+            if not 0 <= getattr(self, name) <= 1:
+                _refuse(name, f"must lie in 0 … 1, not {getattr(self, name)}")
+
     def _check_known(self, option: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
         unknown = [entry for entry in given if entry not in known]
         if unknown:
@@ -104,6 +109,7 @@ class LightSettings(_Group):
         photons: Photons emitted towards specular geometry, a frame.
         segments: Parts of the shutter that are traced apart, each with its share of the photons; ``auto`` chooses.
         bounces: Specular interactions followed along a path; None for as many as light takes (up to 64).
+        branch_cutoff: Part of the emitted flux below which reflected branches of photons are given up, and counted.
         target_error: Wanted relative RMSE of caustics; chooses photons and segments.
         estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``tdpm`` (nearest photons),
             ``accumulation`` (brute force), ``distribution`` (random times).
@@ -124,6 +130,7 @@ class LightSettings(_Group):
     photons: int = 65536
     segments: int | str = "auto"
     bounces: int | None = None
+    branch_cutoff: float = 2.0e-3
     target_error: float | None = None
     estimator: str = "tpd"
     kernel: str = "bspline"
@@ -148,6 +155,7 @@ class LightSettings(_Group):
             method = (self.estimator, self.kernel, self.emission, self.trace_at)
             if method != ("tpd", "bspline", "lattice", "middle"):
                 _refuse("target_error", "is for tpd on a lattice (leave --estimator, --kernel and --emission out)")
+        self._check_parts("branch_cutoff")
         if self.photons > 2**28:
             _refuse("photons", f"must be at most {2**28}, not {self.photons}")
         if self.tdpm_neighbours < 2:
@@ -168,17 +176,20 @@ class ViewSettings(_Group):
 
     Attributes:
         samples: Camera samples a pixel.
+        view_cutoff: Part of a sample below which reflected branches of the view are given up, and counted.
         aovs: Extra channel groups to write.
         refracted_radiance: ``scaled`` by the square of the relative index where the camera looks through an interface,
             as light is, or ``unscaled``, for hosts whose renderer leaves that out.
     """
 
     samples: int = 4
+    view_cutoff: float = 4.0e-3
     aovs: tuple[str, ...] = ()
     refracted_radiance: str = "scaled"
 
     def _check(self) -> None:
         self._check_counts("samples")
+        self._check_parts("view_cutoff")
         self._check_known("aov", self.aovs, AOVS)
 
 

@@ -18,7 +18,7 @@ from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame, trace_frame
 from tpdwarp.scene.description import MeshAtShutter, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.changing import PARTS, changing_cells
+from tpdwarp.trajectories.changing import PARTS, changing_cells, place_in_cell
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from usd_scenes.oracle import Wave
 from usd_scenes.oracle.closed_forms import fresnel_reflectance, lit_edge_profile, snell
@@ -43,7 +43,9 @@ def changing(source: Source, photons: int = 4096):
     context, clock = RenderContext(source, Settings.of(SETTINGS, photons=photons)), Clock()
     tracer = context.tracer
     plan, loaded = tracer.plan(photons), tracer.load(OPEN)
-    return changing_cells(ShutterKeyframes.over(tracer, plan, loaded, clock), plan, clock)
+    keyframes = ShutterKeyframes.over(tracer, plan, loaded, clock)
+    photons, _ = tracer.trace(loaded, plan, clock, tags=keyframes.tags.of(loaded.scene))
+    return changing_cells(keyframes, photons, plan, clock)
 
 
 @pytest.mark.parametrize("photons", [4096, 16384])
@@ -67,6 +69,31 @@ def test_the_board_takes_away_as_much_light_as_it_covers_on_average():
     # The edge passes the same places to either side of the middle: half of the water is lit, to a row of cells.
     assert energy.sent == pytest.approx(still.energy.sent, rel=2 / 64)
     assert energy.deposited + energy.escaped + energy.lost_total == pytest.approx(energy.sent, rel=1e-6)
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 0.45, 0.8])
+def test_an_edge_along_the_motion_takes_part_of_a_cell_wherever_it_lies(place):
+    """It is at the same place at all times, so that no keyframe sees it change."""
+    cell = 4 / 64
+    board = quad("/board", (place * cell, -9), (6, 9), 2.0, motion=(0, GLIDE, 0))
+    traced = trace_frame(RenderContext(steady([floor(), WATER, board], (sun(),)), SETTINGS), OPEN)
+    lit = traced.energy.sent / (3 * 4)  # the width of water in the light
+    # Eight places in each cell, of which the edge divides those it goes through alike up to half a place; photons in
+    # the middle of their cells would be wrong by up to half a cell.
+    assert lit == pytest.approx(2 + place * cell, abs=cell / PARTS / 2)
+
+
+def test_places_in_a_cell_are_spread_evenly_over_time_and_along_both_of_its_sides():
+    cells = np.stack(np.meshgrid(np.arange(-40, 40), np.arange(40)), axis=-1).reshape(-1, 2)
+    places = np.stack([place_in_cell(cells, number) for number in range(PARTS)])
+    steps = ((places + 0.5) * PARTS).astype(int)
+    np.testing.assert_array_equal(np.sort(steps, axis=0), np.tile(np.arange(PARTS)[:, None, None], (len(cells), 2)))
+    # In time and along u: one place in each box of two parts by a quarter of the cell, and of four by a half.
+    for parts in (2, 4):
+        boxes = np.sort(steps[:, :, 0].reshape(PARTS // parts, parts, -1) // (PARTS // parts), axis=1)
+        np.testing.assert_array_equal(boxes, np.broadcast_to(np.arange(parts)[None, :, None], boxes.shape))
+    # Cells differ.
+    assert abs(np.corrcoef(places[0, :-1, 0], places[0, 1:, 0])[0, 1]) < 0.1
 
 
 def test_each_photon_has_an_id_of_its_own_and_the_others_keep_theirs():

@@ -16,6 +16,7 @@ from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
+from tpdwarp.trajectories.changing import PARTS
 from tpdwarp.view.film import BACKGROUND_DEPTH, Film
 from tpdwarp.view.visibility import VisibleArrays, VisiblePoints
 from usd_scenes.oracle.closed_forms import fresnel_reflectance
@@ -173,6 +174,21 @@ def test_a_moving_card_drags_its_shadow_along():
     x = -1 + (np.arange(width) + 0.5) * 2 / width
     expected = np.clip(0.5 + x / way, 0, 1)
     np.testing.assert_allclose(lit, np.broadcast_to(expected, (8, width)), atol=1 / 16 + (2 / width) / way)
+
+
+def test_a_floor_that_a_board_hides_in_part_is_lit_as_while_it_is_seen():
+    way, width = 0.5, 32
+    black = Material(color=(0.0, 0.0, 0.0))
+    board = quad("/board", (-3, -3), (0, 3), 0.2, black, motion=(way, 0, 0))
+    source = steady([floor(), water(), board], (SUN,), looking_down(height=0.5))
+    settings = Settings(photons=4096, threads=1, aovs=("caustic",), samples=16, segments=1)
+    caustic = render_frame(RenderContext(source, settings), OPEN, width, 8).channels["caustic.R"].mean(axis=0)
+    x = -1 + (np.arange(width) + 0.5) * 2 / width
+    # Straight below the water, light falls where the board is not, and there the camera sees the floor. Lit by the mean
+    # of the shutter it would be the square of this.
+    seen = np.clip(0.5 + x / way, 0, 1)
+    # When the board covers a cell is known to half of a part of the shutter, when it hides the floor to half a sample.
+    np.testing.assert_allclose(caustic * math.pi / (1 - R0), seen, atol=0.5 / PARTS + 0.5 / 16)
 
 
 def test_motion_and_photon_counts_are_reported_where_photons_fell():

@@ -20,7 +20,15 @@ from tpdwarp.scene.device.loading import LoadedScene
 
 
 class IrradianceField(Protocol):
-    """Irradiance from photons at any point."""
+    """Irradiance from photons at any point.
+
+    Attributes:
+        longest_way: How far a query may move within its window [tracer's units] to stand for all of it; beyond, it
+            stands for a part.
+    """
+
+    @property
+    def longest_way(self) -> float: ...
 
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``."""
@@ -89,6 +97,6 @@ def light_of(
     with clock.stage("footprints"):
         form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
         light = FootprintLight(maps, form, settings.smoothing, pixel, moves, tracer.launcher)
-    if light.clamped:
-        energy.counts["footprints clamped"] = energy.counts.get("footprints clamped", 0) + light.clamped
+    limits = {"footprints clamped": light.clamped, "footprints that grow too fast": light.growth_limited}
+    energy.add(EnergyAccount(counts={name: count for name, count in limits.items() if count}))
     return light if light.count else None

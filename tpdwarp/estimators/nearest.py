@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -59,7 +60,12 @@ class NearestField:
         maps: Photons, one map an instant; ``time`` and ``duration`` say for which part of the shutter it stands.
         neighbours: k.
         threads: Threads that search.
+
+    Attributes:
+        longest_way: Queries may move as far as they like: they are looked up where they stand.
     """
+
+    longest_way = math.inf
 
     def __init__(self, maps: list[PhotonMap], neighbours: int, threads: int) -> None:
         self._tree_type = tree_type()
@@ -78,15 +84,10 @@ class NearestField:
         position, normal, receiver = (getattr(queries, name).numpy() for name in ("position", "normal", "receiver"))
         shading = queries.shading_normal.numpy() if has_shading_normals(queries) else normal
         light, found = np.zeros((len(receiver), 3)), np.zeros(len(receiver), np.int32)
-        moves = queries.motion.numpy().any(axis=1) if lookup.query_moves else np.zeros(len(receiver), bool)
         for owner in np.unique(receiver[receiver >= 0]):
-            for those, part in ((~moves, (0.0, 1.0)), (moves, lookup.window)):
-                rows = np.flatnonzero((receiver == owner) & those)
-                if len(rows):
-                    nearby = self._nearby(int(owner), *part)
-                    light[rows], found[rows] = self._estimate(
-                        nearby, position[rows], normal[rows], shading[rows]
-                    )
+            rows = np.flatnonzero(receiver == owner)
+            nearby = self._nearby(int(owner), *lookup.window)
+            light[rows], found[rows] = self._estimate(nearby, position[rows], normal[rows], shading[rows])
         if not lookup.with_motion:
             return Irradiance(light)
         return Irradiance(light, np.zeros_like(light), light.sum(axis=1), found)

@@ -9,13 +9,13 @@ from typing import Any
 from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, light_of
 from tpdwarp.footprints.shaping import PixelSize
-from tpdwarp.photons.energy import EnergyAccount
-from tpdwarp.photons.lattices import FEWEST_OF_SEVERAL, EmissionPlan
+from tpdwarp.photons.energy import STARVED, EnergyAccount
+from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.changing import PARTS, changing_cells
+from tpdwarp.trajectories.changing import PARTS, changing_cells, in_middle_of_cell
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 
@@ -52,7 +52,7 @@ class Temporal:
             energy.add(account)
         energy.counts["segments traced"] = count
         if plan.starved_lights:
-            energy.counts[f"lights with fewer than {FEWEST_OF_SEVERAL} photons"] = plan.starved_lights
+            energy.counts[STARVED] = plan.starved_lights
         moves = any(seen.requirements.photon_motion for seen in scenes)
         yield Part(maps, energy, light_of(maps, energy, moves, tracer, pixel, clock), plan, scenes, shutter)
 
@@ -71,18 +71,26 @@ def _along_keyframes(
         Photons of mid segment, then those of each part of it that has its own; where their flux went.
     """
     keyframes = ShutterKeyframes.over(tracer, plan, seen, clock)
-    changing = changing_cells(keyframes, plan, clock) if tracer.settings.emission == "lattice" else None
-    tags, others = keyframes.tags.of(seen.scene), changing.others if changing else None
-    photons, account = tracer.trace(seen, plan, clock, weight=weight, chosen=others, tags=tags, **options)
+    tags = keyframes.tags.of(seen.scene)
+    photons, account = tracer.trace(seen, plan, clock, weight=weight, tags=tags, **options)
+    changing = None
+    if tracer.settings.emission == "lattice":
+        changing = changing_cells(keyframes, photons, plan, clock)
+    if changing:
+        again = {"weight": weight, "chosen": changing.at_middle(), "tags": tags, **options}
+        _, replaced = tracer.trace(seen, plan, clock, **again)
+        account.subtract(replaced)
+        photons = photons.rows(~changing.holds(photons))
     photons, fitted = fit_trajectories(photons, plan, keyframes, clock)
     account.add(fitted)
     traced = [photons]
     if changing:
         for part, shutter in enumerate(seen.scene.shutter.segments(PARTS)):
-            time = (part + 0.5) / PARTS - 0.5
             loaded = tracer.load(shutter, clock)
-            chosen = changing.at(time)
+            chosen = changing.of_part(part)
             photons, more = tracer.trace(loaded, plan, clock, weight=weight / PARTS, chosen=chosen, **options)
+            photons = in_middle_of_cell(photons, part)
+            time = (part + 0.5) / PARTS - 0.5
             traced.append(replace(photons, time=time, duration=1.0 / PARTS, part=part + 1))
             account.add(more)
         account.counts["cells traced again in time"] = len(changing)

@@ -88,7 +88,8 @@ class Trajectory:
     """How a footprint moves over the shutter, in its own filter space at mid shutter.
 
     At the part s (−½ … ½) of the shutter its centre stands at s velocity + ½ s² acceleration + ⅙ s³ jerk, and its axes
-    are those of mid shutter times 1 + s jacobian_rate. Only the B-spline's trajectory curves and only its axes grow.
+    are those of mid shutter times 1 + s jacobian_rate; its flux is that of mid shutter times 1 + s gain. Only the
+    B-spline's trajectory curves, and only its axes and its flux grow.
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
     stay. ``straight`` is set where it does not curve and its axes do not grow.
     """
@@ -97,6 +98,7 @@ class Trajectory:
     acceleration: wp.vec2
     jerk: wp.vec2
     jacobian_rate: wp.mat22
+    gain: float
     filter_width: wp.vec3
     straight: bool
 
@@ -240,7 +242,7 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
 
     @wp.func
     def at_time(s: float, y: wp.vec2, trajectory: Trajectory) -> float:
-        """The weight at the part s of the shutter, with axes as they are then."""
+        """The weight at the part s of the shutter, with axes and flux as they are then."""
         rate = trajectory.jacobian_rate
         width = trajectory.filter_width
         grown_u = 1.0 + s * rate[0, 0]
@@ -251,7 +253,7 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
         z_u = scale * (grown_v * z[0] - s * rate[0, 1] * z[1])
         z_v = scale * (grown_u * z[1] - s * rate[1, 0] * z[0])
         boxes = scale * wp.vec3(grown_v * width[0], grown_u * width[1], grown_u * width[2])
-        return scale * tensor(wp.vec2(z_u, z_v), boxes)
+        return (1.0 + s * trajectory.gain) * scale * tensor(wp.vec2(z_u, z_v), boxes)
 
     @wp.func
     def moving(y: wp.vec2, trajectory: Trajectory) -> float:
@@ -292,10 +294,15 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
                     panel += wp.max(apart, 1)
                 return 0.5 * step * total
         for panel in range(first, last):
-            there = y - ((float(panel) + 0.5) * step - 0.5) * trajectory.velocity
+            middle_time = (float(panel) + 0.5) * step - 0.5
+            there = y - middle_time * trajectory.velocity
             offset = (GAUSS_OFFSET * step) * trajectory.velocity
-            total += tensor(there + offset, trajectory.filter_width)
-            total += tensor(there - offset, trajectory.filter_width)
+            early = tensor(there + offset, trajectory.filter_width)
+            late = tensor(there - offset, trajectory.filter_width)
+            total += early + late
+            if wp.static(curved):
+                shift = GAUSS_OFFSET * step
+                total += trajectory.gain * ((middle_time - shift) * early + (middle_time + shift) * late)
         return 0.5 * step * total
 
     return moving

@@ -11,6 +11,7 @@ from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
 from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, irradiance_of
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.rasters import Rasters
+from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.photon_map import PhotonMap
@@ -29,6 +30,7 @@ class FootprintLight:
 
     Attributes:
         clamped: Footprints whose length or aspect was limited.
+        growth_limited: Footprints whose axes grow too fast to be followed.
         count: Number of footprints.
     """
 
@@ -54,8 +56,16 @@ class FootprintLight:
         if self._background:
             shaded = self._background[0].shaded
             self._rasters = Rasters(split.planes, sorted(split.coarse), shaded, self._at_corners, launcher)
-        self.clamped = sum(footprints.clamped for footprints in (self._fine, *self._background))
-        self.count = sum(footprints.count for footprints in (self._fine, *self._background))
+        everything = (self._fine, *self._background)
+        self.clamped = sum(footprints.clamped for footprints in everything)
+        self.growth_limited = sum(footprints.growth_limited for footprints in everything)
+        self.count = sum(footprints.count for footprints in everything)
+
+    @property
+    def longest_way(self) -> float:
+        """How far a query may move within its window and stand for all of it: through a run."""
+        sizes = [footprints.run_size for footprints in (self._fine, *self._background) if footprints.count]
+        return min(sizes, default=0.0) / (1.0 + float(LARGEST_DEVIATION))
 
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``."""

@@ -25,7 +25,7 @@ class TimeWindow:
     """The part of the shutter that a query stands for.
 
     The query stands at its position at ``time`` (−½ … ½), and goes by ``motion`` over the whole shutter; it looks from
-    ``center`` − ½ ``length`` to ``center`` + ½ ``length``. One that stands still takes the whole shutter.
+    ``center`` − ½ ``length`` to ``center`` + ½ ``length``.
     """
 
     time: float
@@ -98,7 +98,7 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
             opening = photon_time - 0.5 * duration
             closing = photon_time + 0.5 * duration
             share = float(1.0)
-            if wp.length_sq(window.motion) > 0.0:
+            if window.length < 1.0 or wp.length_sq(window.motion) > 0.0:
                 opening = wp.max(window.center - 0.5 * window.length, opening)
                 closing = wp.min(window.center + 0.5 * window.length, closing)
                 share = window.length
@@ -119,6 +119,10 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
                 center += (0.5 * late * late) * (acceleration + (late / 3.0) * jerk)
                 motion += late * (acceleration + (0.5 * late) * jerk)
                 acceleration += late * jerk
+                gain = footprints.gain[j]
+                flux_then = 1.0 + late * gain
+                density = density * flux_then
+                trajectory.gain = part * gain / flux_then
                 if late != 0.0:
                     # The same trajectory, with the axes as they are in the middle of the part.
                     grown = wp.identity(n=2, dtype=float) + late * rate

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+# Photons without which a light beside others counts as starved. Chosen, not derived: 32 cells along either side.
+FEWEST_OF_SEVERAL = 1024
+# What such lights are counted as.
+STARVED = f"lights with fewer than {FEWEST_OF_SEVERAL} photons"
+
 
 @dataclass
 class EnergyAccount:
@@ -37,6 +42,14 @@ class EnergyAccount:
         for mine, theirs in ((self.lost, other.lost), (self.counts, other.counts)):
             for cause, value in theirs.items():
                 mine[cause] = mine.get(cause, 0) + value
+
+    def subtract(self, other: EnergyAccount) -> None:
+        """Takes another account, of photons that this one counts too, out of this one."""
+        for name in ("sent", "deposited", "escaped", "absorbed"):
+            setattr(self, name, getattr(self, name) - getattr(other, name))
+        for mine, theirs in ((self.lost, other.lost), (self.counts, other.counts)):
+            for cause, value in theirs.items():
+                mine[cause] = mine.get(cause, 0) - value
 
     def as_dict(self) -> dict[str, object]:
         """The account as plain JSON values."""

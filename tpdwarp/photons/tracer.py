@@ -61,7 +61,12 @@ class PhotonTracer:
                 plan,
                 loaded.requirements,
                 self.launcher,
-                **{"jittered": self.settings.emission == "jittered", "riding": self.riding, **options},
+                **{
+                    "jittered": self.settings.emission == "jittered",
+                    "riding": self.riding,
+                    "smallest_branch": self.settings.branch_cutoff,
+                    **options,
+                },
             )
 
     def _planned(self, photons: int) -> EmissionPlan:

@@ -108,7 +108,7 @@ def render_frame(
     photons = _Photons()
     for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
         view = CameraView(part.scenes, settings, context.normalization, context.launcher, width, height, clock)
-        expose(film, part.light, view.look(), part.weight, clock)
+        part.energy.add(expose(film, part.light, view.look(), part.weight, clock))
         photons.add(part)
         # Before photons are recorded in scene units: ten million footprints take more memory than their photons.
         del part
@@ -122,23 +122,29 @@ def middle_camera(scenes: list[LoadedScene]) -> CameraAtShutter:
 
 def expose(
     film: Film, light: IrradianceField | None, view: Iterable[SeenPoints | QueryBatch], weight: float, clock: Clock
-) -> None:
+) -> EnergyAccount:
     """Adds to ``film`` what the camera sees: direct light as it is seen, light from photons where it is looked up.
 
     Args:
         light: The light of photons; None where there is none.
         view: What the camera sees.
         weight: Share of the exposure that the view stands for.
+
+    Returns:
+        An account that counts what was not seen as it is.
     """
+    account = EnergyAccount()
     for seen in view:
         if isinstance(seen, SeenPoints):
             with clock.stage("view"):
                 film.add_view(seen.points, seen.pixels, weight)
+                account.add(EnergyAccount(counts=seen.counts()))
         elif light is not None:
             with clock.stage("gather"):
                 lookup = Lookup(seen.time, seen.window, seen.moves, film.wants_motion)
                 found = light.irradiance(seen.queries, lookup)
                 film.add_caustic(seen.pixels, seen.weights, seen.first, found)
+    return account
 
 
 def pixel_of(context: RenderContext, scenes: list[LoadedScene], width: int, height: int) -> PixelSize:

@@ -1,4 +1,8 @@
-"""Query batches: what camera samples see, sorted for the gather: still queries together, moving ones by time."""
+"""Query batches: what camera samples see, sorted for the gather: still queries together, moving ones by time.
+
+A still point that something moves in front of is seen for part of the shutter, and light there may change meanwhile. So
+in pixels where anything moving is met each sample looks at its own part of the shutter, wherever its path ends.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +16,26 @@ import warp as wp
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
+from tpdwarp.scene.description import DomeAtShutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
 from tpdwarp.view.camera import Camera, camera_of, in_pixels, pixel_size
-from tpdwarp.view.merging import merged
+from tpdwarp.view.domes import DomeArrays, dome_arrays
+from tpdwarp.view.merging import Columns, merged
 from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
-from tpdwarp.view.visibility import LightArrays, VisiblePoints, light_arrays, visible_points
+from tpdwarp.view.visibility import LightArrays, PathFlag, VisiblePoints, light_arrays, visible_points
 
 # Samples that are looked at together, which limits memory: their arrays take some 200 MB.
 BATCH_SAMPLES = 1 << 20
+
+
+# What is counted of camera paths.
+COUNTED = {
+    "views slowed down": PathFlag.TOO_FAST,
+    "views of no finite motion": PathFlag.NOT_FINITE,
+    "view branches below cutoff": PathFlag.CULLED,
+}
 
 
 @dataclass
@@ -59,6 +73,12 @@ class SeenPoints:
     points: VisiblePoints
     pixels: np.ndarray
 
+    def counts(self) -> dict[str, int]:
+        """How many paths were not seen as they are, by what is wrong with them."""
+        flags = self.points.arrays.flags.numpy()
+        numbers = {name: int(np.count_nonzero(flags & flag)) for name, flag in COUNTED.items()}
+        return {name: number for name, number in numbers.items() if number}
+
 
 @dataclass
 class _Rows:
@@ -67,7 +87,9 @@ class _Rows:
     moving: bool
     columns: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
-    def add(self, points: VisiblePoints, chosen: np.ndarray, pixels: np.ndarray, spots: np.ndarray) -> None:
+    def add(
+        self, points: VisiblePoints, chosen: np.ndarray, pixels: np.ndarray, spots: np.ndarray, number: int
+    ) -> None:
         values = {
             "position": points.queries.position.numpy()[chosen],
             "normal": points.queries.normal.numpy()[chosen],
@@ -76,6 +98,7 @@ class _Rows:
             "pixel": pixels[chosen],
             "spot": spots[chosen],
             "first": np.full(len(chosen), int(points.first)),
+            "slice": np.full(len(chosen), number),
         }
         if has_shading_normals(points.queries):
             values["shading_normal"] = points.queries.shading_normal.numpy()[chosen]
@@ -83,6 +106,10 @@ class _Rows:
             values["motion"] = points.queries.motion.numpy()[chosen]
         for name, rows in values.items():
             self.columns.setdefault(name, []).append(rows)
+
+    def joined(self) -> Columns:
+        """All rows of each column."""
+        return {name: np.concatenate(parts) for name, parts in self.columns.items()}
 
 
 class CameraView:
@@ -111,6 +138,7 @@ class CameraView:
     ) -> None:
         self._scenes, self._settings, self._size, self._clock = scenes, settings, (width, height), clock
         self._normalization, self._launcher = normalization, launcher
+        self._domes: tuple[tuple[DomeAtShutter, ...], DomeArrays] | None = None
         self._moves = any(s.requirements.view_motion for s in scenes)
         self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
         self._pixels = block_order(width, height) if pixels is None else pixels
@@ -131,27 +159,40 @@ class CameraView:
         """Some pixels, at all times of the shutter."""
         samples, seed = self._settings.samples, self._settings.seed
         still = _Rows(moving=False)
+        disturbed = np.zeros(len(pixels), bool)
         for number in range(self._times):
-            time, window = self._time(number)
             places, chosen = samples_at(number, self._times, pixels, samples, seed)
             films = film_positions(pixels[places], chosen, self._size[0], samples, seed)
             spots = self._spots(films, pixels[places], places, chosen)
             for points in self._visible(number, films):
-                seen = numbers[places][points.items]
+                there = places[points.items]
+                seen = numbers[there]
                 yield SeenPoints(points, seen)
                 with self._clock.stage("view"):
                     diffuse = points.queries.receiver.numpy() >= 0
                     moving = np.zeros_like(diffuse)
                     if self._moves:
                         moving = diffuse & points.queries.motion.numpy().any(axis=1)
-                    still.add(points, np.flatnonzero(diffuse & ~moving), seen, spots[points.items])
+                        disturbed[there[(points.arrays.flags.numpy() & PathFlag.MET_MOTION) != 0]] = True
+                    still.add(points, np.flatnonzero(diffuse & ~moving), seen, spots[points.items], number)
                     moving_rows = np.flatnonzero(moving)
                 if len(moving_rows):
                     rows = _Rows(moving=True)
-                    rows.add(points, moving_rows, seen, spots[points.items])
-                    yield self._batch(rows, time, window)
+                    rows.add(points, moving_rows, seen, spots[points.items], number)
+                    yield self._batch(rows.joined(), True, number)
         if still.columns:
-            yield self._batch(still, 0.0, (0.0, 1.0))
+            yield from self._still_batches(still.joined(), disturbed)
+
+    def _still_batches(self, rows: Columns, disturbed: np.ndarray) -> Iterator[QueryBatch]:
+        """Still points in one batch over the whole shutter, but those of ``disturbed`` pixels [n] slice by slice."""
+        count = self._settings.samples
+        place = rows["spot"] // (part_count(count) ** 2 if self._merges else count)
+        apart = disturbed[place]
+        if not apart.all():
+            yield self._batch({name: values[~apart] for name, values in rows.items()}, False)
+        for number in np.unique(rows["slice"][apart]):
+            chosen = np.flatnonzero(apart & (rows["slice"] == number))
+            yield self._batch({name: values[chosen] for name, values in rows.items()}, False, int(number))
 
     def _time(self, number: int) -> tuple[float, tuple[float, float]]:
         """When in the shutter a slice looks, and middle and length of the part that its samples stand for."""
@@ -178,6 +219,8 @@ class CameraView:
         passes = visible_points(
             surfaces, lights, camera, films, loaded.requirements, self._launcher,
             moves=self._moves, segments=count, scales_radiance=self._settings.refracted_radiance == "scaled",
+            textures=loaded.textures, domes=self._domes_of(loaded), samples=self._settings.samples,
+            smallest_throughput=self._settings.view_cutoff,
         )
         while True:
             with self._clock.stage("view"):
@@ -186,18 +229,28 @@ class CameraView:
                 return
             yield points
 
+    def _domes_of(self, loaded: LoadedScene) -> DomeArrays | None:
+        """The domes of a scene, made anew only where they are others than the last."""
+        domes = loaded.scene.domes
+        if not domes:
+            return None
+        if self._domes is None or self._domes[0] != domes:
+            self._domes = domes, dome_arrays(domes, self._normalization, self._launcher)
+        return self._domes[1]
+
     def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays]:
         return (
             camera_of(loaded.scene.camera, *self._size, self._normalization),
             light_arrays(loaded.scene.lights, self._normalization, self._launcher),
         )
 
-    def _batch(self, rows: _Rows, time: float, window: tuple[float, float]) -> QueryBatch:
+    def _batch(self, columns: Columns, moves: bool, number: int | None = None) -> QueryBatch:
+        """The queries of ``columns``, all of them of slice ``number``; without, they stand for the whole shutter."""
+        time, window = (0.0, (0.0, 1.0)) if number is None else self._time(number)
         with self._clock.stage("view"):
-            columns = {name: np.concatenate(parts) for name, parts in rows.columns.items()}
-            if not rows.moving and self._merges:
+            if number is None and self._merges:
                 columns = merged(columns, partial(in_pixels, self._pixel))
-            elif not rows.moving and self._times > 1:
+            elif number is None and self._times > 1:
                 # What lies together in the image is gathered together, whenever it was seen.
                 by_place = np.argsort(columns["spot"], kind="stable")
                 columns = {name: values[by_place] for name, values in columns.items()}
@@ -210,4 +263,4 @@ class CameraView:
                 array = launcher.zeros(0, wp.vec3) if given is None else launcher.array(given, wp.vec3)
                 setattr(queries, name, array)
             queries.receiver = launcher.array(columns["receiver"], wp.int32)
-        return QueryBatch(queries, columns["pixel"], columns["weight"], columns["first"], time, window, rows.moving)
+        return QueryBatch(queries, columns["pixel"], columns["weight"], columns["first"], time, window, moves)

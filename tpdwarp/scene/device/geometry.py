@@ -8,8 +8,9 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.device.contact import separate_coincident
+from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.normalization import Normalization
 
 
@@ -18,7 +19,8 @@ class Surfaces:
     """Triangles with everything a ray needs to know where it lands; positions in the tracer's units.
 
     ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly. ``magnitude``
-    is how large the coordinates of the scene are along each axis.
+    is how large the coordinates of the scene are along each axis. Where solids are nested, ``medium_of`` has the medium
+    of each object and ``medium_index`` the index of each medium (:mod:`tpdwarp.scene.nesting`).
     """
 
     mesh: wp.uint64
@@ -37,6 +39,8 @@ class Surfaces:
     interaction: wp.array(dtype=wp.int32)
     tint: wp.array(dtype=wp.vec3)
     ior: wp.array(dtype=wp.float32)
+    medium_of: wp.array(dtype=wp.int32)
+    medium_index: wp.array(dtype=wp.float32)
 
 
 @dataclass
@@ -48,12 +52,14 @@ class Geometry:
         mesh: The BVH (kept alive with ``surfaces``).
         moves: Whether any vertex moves over the shutter.
         paths: Prim path of each object, indexed by ``surfaces.object_of``.
+        materials: The materials, indexed by ``surfaces.material_of``.
     """
 
     surfaces: Surfaces
     mesh: wp.Mesh
     moves: bool
     paths: tuple[str, ...]
+    materials: tuple[Material, ...] = ()
     _moved: wp.Mesh | None = None
 
     def at(self, time: float, launcher: Launcher) -> Surfaces:
@@ -112,7 +118,7 @@ def geometry_of(
     points, motions, triangles = [], [], []
     normals, normal_motions, normal_indices = [], [], []
     colors, color_indices, material_of, object_of = [], [], [], []
-    materials: dict[object, int] = {}
+    materials: dict[Material, int] = {}
     vertex_count = normal_count = color_count = 0
     # A frame may show nothing at all; a tree of triangles wants at least one.
     for number, mesh in enumerate(scene.meshes or (NOTHING,)):
@@ -142,9 +148,9 @@ def geometry_of(
     table = list(materials)
     diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
     boxes = np.array([(placed.min(axis=0), placed.max(axis=0)) for placed in points])
-    separated = separate_coincident(
-        mesh, corners, owners, diffuse, boxes, launcher
-    )
+    nesting = nesting_of(scene)
+    media = np.full(len(boxes), -1, np.int32) if nesting is None else nesting.media
+    separated = separate_coincident(mesh, corners, owners, diffuse, boxes, media, launcher)
     if separated is not None:
         mesh.points.assign(separated)
         mesh.refit()
@@ -164,7 +170,11 @@ def geometry_of(
     surfaces.interaction = launcher.array(np.array([int(m.interaction) for m in table], np.int32), wp.int32)
     surfaces.tint = launcher.array(np.array([m.color for m in table], np.float32), wp.vec3)
     surfaces.ior = launcher.array(np.array([m.ior for m in table], np.float32), wp.float32)
-    return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), tuple(mesh.path for mesh in scene.meshes))
+    surfaces.medium_of = launcher.array(media, wp.int32)
+    indices = np.zeros(0) if nesting is None else nesting.indices
+    surfaces.medium_index = launcher.array(indices.astype(np.float32), wp.float32)
+    paths = tuple(mesh.path for mesh in scene.meshes)
+    return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, tuple(table))
 
 
 def _or_zeros(values: np.ndarray | None, like: np.ndarray) -> np.ndarray:

@@ -21,6 +21,9 @@ from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import Transforms, union, usable
 
+# Of nested dielectrics; see tpdwarp.scene.nesting.
+PRIORITY = "tpdwarp:priority"
+
 
 class Placement(Protocol):
     """Where a prim stands in the world."""
@@ -138,6 +141,9 @@ class PlacedMesh:
                     triangle_materials=appearance.triangle_materials,
                     colors=appearance.colors,
                     color_indices=appearance.color_indices,
+                    coordinates=appearance.coordinates,
+                    coordinate_indices=appearance.coordinate_indices,
+                    priority=priority_of(self.prim, self._warnings),
                 ),
                 appearance.kept,
             )
@@ -182,11 +188,25 @@ class PlacedMesh:
         return usable(self.placement.world(time, frame), time, self.label, self._warnings.file)
 
 
+def priority_of(prim: Usd.Prim, warnings: WarnOnce) -> int:
+    """``primvars:tpdwarp:priority`` of a mesh, or of what it inherits from: where solids overlap the highest holds; 0
+    without."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(PRIORITY)
+    if not primvar or not primvar.HasValue():
+        return 0
+    path = str(primvar.GetAttr().GetPath())
+    value = primvar.Get(Usd.TimeCode.EarliestTime())
+    if not isinstance(value, int):
+        warnings(path, "is no whole number and is ignored (author an int)")
+        return 0
+    return value
+
+
 def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:
     """The mesh without the triangles that its materials cut out."""
     if kept is None:
         return mesh
-    by_triangle = ("triangles", "normal_indices", "triangle_materials", "color_indices")
+    by_triangle = ("triangles", "normal_indices", "triangle_materials", "color_indices", "coordinate_indices")
     parts = {name: None if (part := getattr(mesh, name)) is None else part[kept] for name in by_triangle}
     return replace(mesh, **parts)
 
