@@ -10,6 +10,7 @@ import pytest
 from tests.footprints.photons import UP, grid, photon_map, queries
 from tpdwarp.errors import InputError
 from tpdwarp.estimators.nearest import NearestField
+from tpdwarp.footprints.irradiance import Lookup
 
 DOWN = (0.0, 0.0, -1.0)
 ZERO = (0, 0, 0)
@@ -24,7 +25,7 @@ def scattered(count: int, seed: int = 0, **options):
 
 def light(maps, neighbours, points, *, window=(0.0, 1.0), query_moves=False, with_motion=False):
     field = NearestField(maps, neighbours, 1)
-    return field.irradiance(points, time=0.0, window=window, query_moves=query_moves, with_motion=with_motion)
+    return field.irradiance(points, Lookup(0.0, window, query_moves, with_motion))
 
 
 def brute_force(photons, neighbours: int, point: np.ndarray) -> np.ndarray:

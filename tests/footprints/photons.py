@@ -10,7 +10,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
 from tpdwarp.footprints.gather import gather
-from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
+from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
@@ -80,7 +80,7 @@ def queries(positions, motions=(0, 0, 0), normals=UP, receiver=0) -> QueryArrays
 
 
 def irradiance(footprints: FootprintMap, points: QueryArrays, form=GatherForm(), **options) -> Irradiance:  # noqa: B008
-    return gather(footprints, points, form, ONE_THREAD, **options)
+    return gather(footprints, points, form, ONE_THREAD, Lookup(**options))
 
 
 def first_channel(footprints: FootprintMap, positions, form=GatherForm(), **options) -> np.ndarray:  # noqa: B008

@@ -8,6 +8,7 @@ import pytest
 from tests.footprints.photons import ONE_THREAD, UP, first_channel, grid, irradiance, photon_map, queries, shaped
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.gather import gather
+from tpdwarp.footprints.irradiance import Lookup
 from tpdwarp.footprints.weights import GatherForm
 from usd_scenes.oracle import footprint_weight
 from usd_scenes.oracle.closed_forms import lit_edge_profile
@@ -256,7 +257,7 @@ def test_neighbouring_queries_do_not_change_an_answer():
 def test_answers_do_not_depend_on_the_number_of_threads():
     footprints, at = shaped(uneven((0.1, 0.05, 0)), moves=True), points(5000)
     one, three = (
-        gather(footprints, queries(at), GatherForm(), launcher, with_motion=True)
+        gather(footprints, queries(at), GatherForm(), launcher, Lookup(with_motion=True))
         for launcher in (ONE_THREAD, Launcher("cpu", 3))
     )
     for name in ("irradiance", "motion", "weight", "photons"):

@@ -10,7 +10,7 @@ import pytest
 from tests.footprints.photons import ONE_THREAD, UP, grid, photon_map, queries, shaped
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.gather import gather
-from tpdwarp.footprints.irradiance import QueryArrays
+from tpdwarp.footprints.irradiance import Lookup, QueryArrays
 from tpdwarp.footprints.plain_gather import plain_gather
 from tpdwarp.footprints.weights import GatherForm
 
@@ -45,9 +45,8 @@ def lattice(height=lambda x, y: 0.0 * x, half: int = 14, seed: int = 3, spread: 
 
 
 def agree(footprints: FootprintMap, points: QueryArrays, form: GatherForm, allowed: float, **options) -> None:
-    fast = gather(footprints, points, form, ONE_THREAD, **options).irradiance
-    options.pop("query_moves", None)
-    plain = plain_gather(footprints, points, form, ONE_THREAD, **options).irradiance
+    fast = gather(footprints, points, form, ONE_THREAD, Lookup(**options)).irradiance
+    plain = plain_gather(footprints, points, form, ONE_THREAD, Lookup(**options)).irradiance
     assert np.count_nonzero(plain.any(axis=1)) > 0.3 * len(plain)
     np.testing.assert_allclose(fast, plain, atol=allowed * np.percentile(plain, 99))
 

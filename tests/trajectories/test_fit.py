@@ -24,6 +24,7 @@ from tests.view.scenes import (
 )
 from tpdwarp.clock import Clock
 from tpdwarp.estimators import ESTIMATORS
+from tpdwarp.footprints.irradiance import Lookup
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, Shutter
@@ -178,7 +179,7 @@ def test_light_under_water_that_rises_towards_a_lamp_is_that_of_the_time(time):
     pixel, tracer, norm = pixel_size(None, 1), context.tracer, context.normalization
     (part,) = ESTIMATORS["tpd"]().parts(tracer, OPEN, [tracer.load(OPEN)], pixel, clock)
     below = queries(norm.points(np.zeros((1, 3))))
-    seen = part.light.irradiance(below, time=time, window=(time, 0.25), query_moves=False, with_motion=False)
+    seen = part.light.irradiance(below, Lookup(time, (time, 0.25)))
     found = seen.irradiance[0, 0] * norm.scale**2 * norm.power
     # Flat water of depth z makes its lamp, d above it, seem d + z/n off.
     depth = 1 + speed * time

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from tpdwarp.clock import Clock
-from tpdwarp.device import Launcher
-from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
-from tpdwarp.footprints.gather import gather
-from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
-from tpdwarp.footprints.runs import LARGEST_DEVIATION
+from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays
+from tpdwarp.footprints.light import FootprintLight
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.energy import EnergyAccount
@@ -33,58 +30,9 @@ class IrradianceField(Protocol):
     @property
     def longest_way(self) -> float: ...
 
-    def irradiance(
-        self,
-        queries: QueryArrays,
-        *,
-        time: float,
-        window: tuple[float, float],
-        query_moves: bool,
-        with_motion: bool,
-    ) -> Irradiance:
-        """Irradiance at ``queries``; the arguments are those of :func:`tpdwarp.footprints.gather.gather`."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class FootprintField:
-    """The irradiance that footprints add up to.
-
-    Attributes:
-        footprints: The footprints.
-        form: How they are evaluated.
-        launcher: Where.
-    """
-
-    footprints: FootprintMap
-    form: GatherForm
-    launcher: Launcher
-
-    @property
-    def longest_way(self) -> float:
-        """How far a query may move within its window and stand for all of it: through a run."""
-        return self.footprints.run_size / (1.0 + float(LARGEST_DEVIATION))
-
-    def irradiance(
-        self,
-        queries: QueryArrays,
-        *,
-        time: float,
-        window: tuple[float, float],
-        query_moves: bool,
-        with_motion: bool,
-    ) -> Irradiance:
+    def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``."""
-        return gather(
-            self.footprints,
-            queries,
-            self.form,
-            self.launcher,
-            time=time,
-            window=window,
-            query_moves=query_moves,
-            with_motion=with_motion,
-        )
+        ...
 
 
 @dataclass
@@ -147,13 +95,11 @@ def light_of(
     if pixel is None:
         return None
     with clock.stage("footprints"):
-        footprints = shape_footprints(maps, settings.kernel, settings.smoothing, pixel, moves, tracer.launcher)
-    limits = {"footprints clamped": footprints.clamped, "footprints that grow too fast": footprints.growth_limited}
+        form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
+        light = FootprintLight(maps, form, settings.smoothing, pixel, moves, tracer.launcher)
+    limits = {"footprints clamped": light.clamped, "footprints that grow too fast": light.growth_limited}
     energy.add(EnergyAccount(counts={name: count for name, count in limits.items() if count}))
-    if not footprints.count:
-        return None
-    form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
-    return FootprintField(footprints, form, tracer.launcher)
+    return light if light.count else None
 
 
 def reshaped(part: Part, pixel: PixelSize, tracer: PhotonTracer, clock: Clock) -> IrradianceField | None:
@@ -161,6 +107,6 @@ def reshaped(part: Part, pixel: PixelSize, tracer: PhotonTracer, clock: Clock) -
 
     Estimates that do not average over what a query stands for are the same for all.
     """
-    if not isinstance(part.light, FootprintField):
+    if not isinstance(part.light, FootprintLight):
         return part.light
-    return light_of(part.maps, EnergyAccount(), part.light.footprints.moves, tracer, pixel, clock)
+    return light_of(part.maps, EnergyAccount(), part.light.moves, tracer, pixel, clock)

@@ -11,7 +11,7 @@ import numpy as np
 
 from tpdwarp.errors import InputError
 from tpdwarp.footprints.gather import SMALLEST_COSINE
-from tpdwarp.footprints.irradiance import Irradiance, QueryArrays, has_shading_normals
+from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.placing import LARGEST_SHADING_RATIO
 from tpdwarp.photons.photon_map import PhotonMap
 
@@ -79,24 +79,16 @@ class NearestField:
         self._parts = [(len(m), m.time - 0.5 * m.duration, m.time + 0.5 * m.duration) for m in maps]
         self._trees: dict[tuple[int, float, float], _Nearby] = {}
 
-    def irradiance(
-        self,
-        queries: QueryArrays,
-        *,
-        time: float,
-        window: tuple[float, float],
-        query_moves: bool,
-        with_motion: bool,
-    ) -> Irradiance:
+    def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``, as :func:`tpdwarp.footprints.gather.gather` gives it; photons have no motion."""
         position, normal, receiver = (getattr(queries, name).numpy() for name in ("position", "normal", "receiver"))
         shading = queries.shading_normal.numpy() if has_shading_normals(queries) else normal
         light, found = np.zeros((len(receiver), 3)), np.zeros(len(receiver), np.int32)
         for owner in np.unique(receiver[receiver >= 0]):
             rows = np.flatnonzero(receiver == owner)
-            nearby = self._nearby(int(owner), *window)
+            nearby = self._nearby(int(owner), *lookup.window)
             light[rows], found[rows] = self._estimate(nearby, position[rows], normal[rows], shading[rows])
-        if not with_motion:
+        if not lookup.with_motion:
             return Irradiance(light)
         return Irradiance(light, np.zeros_like(light), light.sum(axis=1), found)
 

@@ -91,7 +91,7 @@ class Trajectory:
     are those of mid shutter times 1 + s jacobian_rate; its flux is that of mid shutter times 1 + s gain. Only the
     B-spline's trajectory curves, and only its axes and its flux grow.
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
-    stay.
+    stay. ``straight`` is set where it does not curve and its axes do not grow.
     """
 
     velocity: wp.vec2
@@ -100,6 +100,7 @@ class Trajectory:
     jacobian_rate: wp.mat22
     gain: float
     filter_width: wp.vec3
+    straight: bool
 
 
 @wp.func
@@ -132,6 +133,26 @@ def _relative_cell(square: float) -> float:
     scripts/benchmarks/run.py accuracy).
     """
     return wp.where(square > 0.0, 1.6, 1.0) / wp.sqrt(1.0 + TWELFTH * square)
+
+
+@wp.func
+def panels_to(y: wp.vec2, middle: float, step: float, speeds: wp.vec2, growth: float, trajectory: Trajectory) -> int:
+    """How many panels of the integral (beyond the paper) pass at least until the footprint may reach y; 0 if it does.
+
+    Args:
+        middle: Time of a panel's middle, ``step`` its length.
+        speeds: The most that the footprint moves along either axis over the shutter, in cells.
+        growth: The most that its axes grow by.
+    """
+    out = int(0)
+    motion = trajectory.velocity + (0.5 * middle) * (trajectory.acceleration + (middle / 3.0) * trajectory.jerk)
+    for axis in range(2):
+        per_panel = wp.max(speeds[axis] * step, 1.0e-6)
+        extent = HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis) + 0.5 * per_panel
+        beyond = wp.abs(y[axis] - middle * motion[axis]) - extent
+        if beyond > 0.0:
+            out = wp.max(out, 1 + int(wp.min(beyond / per_panel, MOST_PANELS)))
+    return out
 
 
 @wp.func
@@ -221,7 +242,7 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
 
     @wp.func
     def at_time(s: float, y: wp.vec2, trajectory: Trajectory) -> float:
-        """The weight at the part s of the shutter, with axes as they are then."""
+        """The weight at the part s of the shutter, with axes and flux as they are then."""
         rate = trajectory.jacobian_rate
         width = trajectory.filter_width
         grown_u = 1.0 + s * rate[0, 0]
@@ -232,7 +253,7 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
         z_u = scale * (grown_v * z[0] - s * rate[0, 1] * z[1])
         z_v = scale * (grown_u * z[1] - s * rate[1, 0] * z[0])
         boxes = scale * wp.vec3(grown_v * width[0], grown_u * width[1], grown_u * width[2])
-        return scale * tensor(wp.vec2(z_u, z_v), boxes)
+        return (1.0 + s * trajectory.gain) * scale * tensor(wp.vec2(z_u, z_v), boxes)
 
     @wp.func
     def moving(y: wp.vec2, trajectory: Trajectory) -> float:
@@ -242,12 +263,14 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
             return 0.0
         speed = float(0.0)
         growth = float(0.0)
+        speeds = wp.vec2(0.0, 0.0)
         for axis in range(2):
             fastest = wp.abs(trajectory.velocity[axis])
             if wp.static(curved):
                 fastest += 0.5 * wp.abs(trajectory.acceleration[axis]) + 0.125 * wp.abs(trajectory.jerk[axis])
                 rates = wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1])
                 growth = wp.max(growth, 0.5 * rates)
+            speeds[axis] = fastest
             square = trajectory.filter_width[axis] * trajectory.filter_width[axis]
             if axis == 1:
                 square += trajectory.filter_width[2] * trajectory.filter_width[2]
@@ -258,13 +281,28 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
         first = int(wp.floor((within[0] + 0.5) * panels))
         last = int(wp.ceil((within[1] + 0.5) * panels))
         total = float(0.0)
+        step = 1.0 / panels
+        if wp.static(curved):
+            if not trajectory.straight:
+                panel = int(first)
+                while panel < last:
+                    middle = (float(panel) + 0.5) * step - 0.5
+                    apart = panels_to(y, middle, step, speeds, growth, trajectory)
+                    if apart == 0:
+                        total += at_time(middle - GAUSS_OFFSET * step, y, trajectory)
+                        total += at_time(middle + GAUSS_OFFSET * step, y, trajectory)
+                    panel += wp.max(apart, 1)
+                return 0.5 * step * total
         for panel in range(first, last):
-            for node in range(2):
-                s = (float(panel) + 0.5 + GAUSS_OFFSET * float(2 * node - 1)) / panels - 0.5
-                if wp.static(curved):
-                    total += (1.0 + s * trajectory.gain) * at_time(s, y, trajectory)
-                else:
-                    total += tensor(y - s * trajectory.velocity, trajectory.filter_width)
-        return 0.5 * total / panels
+            middle_time = (float(panel) + 0.5) * step - 0.5
+            there = y - middle_time * trajectory.velocity
+            offset = (GAUSS_OFFSET * step) * trajectory.velocity
+            early = tensor(there + offset, trajectory.filter_width)
+            late = tensor(there - offset, trajectory.filter_width)
+            total += early + late
+            if wp.static(curved):
+                shift = GAUSS_OFFSET * step
+                total += trajectory.gain * ((middle_time - shift) * early + (middle_time + shift) * late)
+        return 0.5 * step * total
 
     return moving

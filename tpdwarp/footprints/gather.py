@@ -17,7 +17,8 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import PieceArrays
 from tpdwarp.footprints.bspline import trajectory_extent
 from tpdwarp.footprints.footprint_map import FootprintMap
-from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays, has_shading_normals
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
+from tpdwarp.footprints.leaves import LEAF, LeafArrays, leaves_of
 from tpdwarp.footprints.parabolas import Parabola, parabola_at
 from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratio
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
@@ -42,6 +43,8 @@ FEWEST_FOR_PARABOLA = wp.constant(8)
 NARROW_CONE = wp.constant(math.cos(math.radians(10.0)))
 ALWAYS_FACING = wp.constant(math.cos(math.radians(60.0 - 10.0)))
 NEVER_FACING = wp.constant(math.cos(math.radians(60.0 + 10.0)))
+# At rest, over the whole shutter, nothing but irradiance.
+PLAIN_LOOKUP = Lookup()
 
 
 @wp.func
@@ -58,25 +61,52 @@ def found_before(pieces: PieceArrays, piece: int, low: wp.vec3, high: wp.vec3) -
     return False
 
 
-@cache
-def _misses(form: GatherForm) -> wp.Function:
-    """Whether w of Eq. 8 is zero at all queries of a run: long oblique footprints miss most runs that their boxes meet.
+@wp.struct
+class Reach:
+    """How far in filter space a placed footprint reaches over its part of the shutter, from where it is in the middle.
 
-    What it returns is cautious: it may be false although w is zero.
+    ``u`` and ``v`` are along its axes, ``across`` is across its velocity, times the velocity's length.
     """
+
+    u: float
+    v: float
+    across: float
+
+
+@cache
+def _reach_of(form: GatherForm) -> wp.Function:
+    """Bounds of where w of Eq. 8 is not zero."""
     smooth, support = form.smooth, wp.constant(form.support)
 
     @wp.func
-    def misses(placed: PlacedFootprint, offset: wp.vec3, spread: float) -> bool:
+    def reach_of(placed: PlacedFootprint) -> Reach:
         velocity = placed.trajectory.velocity
-        off_u = wp.abs(wp.dot(placed.row_u, offset)) - wp.length(placed.row_u) * spread - 0.5 * wp.abs(velocity[0])
-        off_v = wp.abs(wp.dot(placed.row_v, offset)) - wp.length(placed.row_v) * spread - 0.5 * wp.abs(velocity[1])
+        extent_u = float(support)
+        extent_v = float(support)
         if wp.static(smooth):
-            off_u -= trajectory_extent(placed.trajectory, 0) - support
-            off_v -= trajectory_extent(placed.trajectory, 1) - support
-        return off_u > support or off_v > support
+            extent_u = trajectory_extent(placed.trajectory, 0)
+            extent_v = trajectory_extent(placed.trajectory, 1)
+        reach = Reach()
+        reach.u = extent_u + 0.5 * wp.abs(velocity[0])
+        reach.v = extent_v + 0.5 * wp.abs(velocity[1])
+        reach.across = extent_u * wp.abs(velocity[1]) + extent_v * wp.abs(velocity[0])
+        return reach
 
-    return misses
+    return reach_of
+
+
+@wp.func
+def misses(placed: PlacedFootprint, reach: Reach, offset: wp.vec3, half: wp.vec3) -> bool:
+    """Whether w of Eq. 8 is zero in all of a box, whose middle lies at ``offset`` from the footprint.
+
+    Long oblique footprints miss most boxes that theirs meets. It is cautious: it may be false although w is zero.
+    """
+    velocity = placed.trajectory.velocity
+    skew = velocity[1] * placed.row_u - velocity[0] * placed.row_v
+    off_u = wp.abs(wp.dot(placed.row_u, offset)) - wp.dot(wp.abs(placed.row_u), half)
+    off_v = wp.abs(wp.dot(placed.row_v, offset)) - wp.dot(wp.abs(placed.row_v), half)
+    off_line = wp.abs(wp.dot(skew, offset)) - wp.dot(wp.abs(skew), half)
+    return off_u > reach.u or off_v > reach.v or off_line > reach.across
 
 
 @wp.func
@@ -181,7 +211,7 @@ def gather_kernel(
     parabolas = smooth and not shaded
     collect = next_run(query_moves)
     place = place_footprint(smooth, moves, curved, shaded)
-    misses = _misses(form)
+    reach_of = _reach_of(form)
     add_parabola = _add_parabola(form, moves, curved)
     add_to_queries = _add_to_queries(form, moves, curved, shaded, query_moves, with_motion)
 
@@ -197,6 +227,7 @@ def gather_kernel(
         window: TimeWindow,
         count: int,
         queries: QueryArrays,
+        leaves: LeafArrays,
         # Out
         out: IrradianceArrays,
     ):
@@ -210,7 +241,8 @@ def gather_kernel(
             if not run.empty:
                 middle = 0.5 * (run.low + run.high)
                 radius = 0.5 * wp.length(run.high - run.low)
-                spread = radius + run.window.length * run.fastest
+                grown = run.window.length * run.fastest
+                half = 0.5 * (run.high - run.low) + wp.vec3(grown, grown, grown)
                 run_since = run.window.center - window.time
                 parabola = Parabola()
                 piece = int(0)
@@ -224,7 +256,8 @@ def gather_kernel(
                         # ---- Cull
                         last = run.stop
                         offset = middle + placed.since * run.window.motion - placed.center
-                        if not placed.overlap or misses(placed, offset, spread):
+                        reach = reach_of(placed)
+                        if not placed.overlap or misses(placed, reach, offset, half):
                             last = start
                         summed = bool(False)
                         if wp.static(parabolas):
@@ -247,7 +280,17 @@ def gather_kernel(
 
                         # ---- Add: the others to each query
                         dxdt = footprints.dxdt_relative[j] / durations[j]
-                        add_to_queries(queries, start, last, placed, dxdt, summed, out)
+                        first = int(start)
+                        while first < last:
+                            stop = last
+                            missed = bool(False)
+                            if wp.static(not query_moves):
+                                leaf = first // LEAF
+                                stop = wp.min(last, (leaf + 1) * LEAF)
+                                missed = misses(placed, reach, leaves.middle[leaf] - placed.center, leaves.half[leaf])
+                            if not missed:
+                                add_to_queries(queries, first, stop, placed, dxdt, summed, out)
+                            first = stop
                 if parabola.used:
                     for i in range(start, run.stop):
                         if queries.receiver[i] >= 0:
@@ -265,37 +308,33 @@ def gather(
     queries: QueryArrays,
     form: GatherForm,
     launcher: Launcher,
-    *,
-    time: float = 0.0,
-    window: tuple[float, float] = (0.0, 1.0),
-    query_moves: bool = False,
-    with_motion: bool = False,
+    lookup: Lookup = PLAIN_LOOKUP,
 ) -> Irradiance:
-    """Irradiance that ``footprints`` leave at ``queries`` (Eq. 8 without the BRDF), averaged over part of the shutter.
+    """Irradiance that ``footprints`` leave at ``queries`` over a part of the shutter: Eq. 8 without the BRDF."""
+    return irradiance_of(gathered(footprints, queries, form, launcher, lookup), lookup.with_motion)
 
-    Args:
-        time: When the queries stand where they are, in the shutter (−½ … ½).
-        window: Middle and length of the part of the shutter that these queries stand for (it holds ``time``). What a
-            pixel sees correlates with when it sees it, so its samples share the shutter out between them.
-        query_moves: Whether queries carry their motion.
-        with_motion: Whether the flux-weighted D_t x and the number of footprints are wanted.
-    """
+
+def gathered(
+    footprints: FootprintMap, queries: QueryArrays, form: GatherForm, launcher: Launcher, lookup: Lookup
+) -> IrradianceArrays:
+    """The same, on the device."""
     count = queries.position.shape[0]
-    out = irradiance_arrays(count, with_motion, launcher)
+    out = irradiance_arrays(count, lookup.with_motion, launcher)
     if footprints.count:
-        moves = footprints.moves or query_moves
+        moves = footprints.moves or lookup.query_moves
         shaded = footprints.shaded and has_shading_normals(queries)
-        kernel = gather_kernel(form, moves, footprints.curved, shaded, query_moves, with_motion)
+        kernel = gather_kernel(form, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
-        inputs = [*photons, time_window(time, window), count, queries, out]
+        leaves = leaves_of(queries, count, launcher)
+        inputs = [*photons, time_window(lookup), count, queries, leaves, out]
         launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)
-    return irradiance_of(out, with_motion)
+    return out
 
 
-def time_window(time: float, window: tuple[float, float]) -> TimeWindow:
-    """The window of queries that stand at ``time`` and look over the part ``window`` (middle, length)."""
+def time_window(lookup: Lookup) -> TimeWindow:
+    """The window of queries that stand at ``lookup.time`` and look over the part ``lookup.window``."""
     out = TimeWindow()
-    out.time, (out.center, out.length) = time, window
+    out.time, (out.center, out.length) = lookup.time, lookup.window
     return out
 
 

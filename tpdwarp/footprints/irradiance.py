@@ -39,6 +39,24 @@ class IrradianceArrays:
     photons: wp.array(dtype=wp.int32)
 
 
+@dataclass(frozen=True)
+class Lookup:
+    """When queries look, and what is wanted beside irradiance.
+
+    Attributes:
+        time: When the queries stand where they are, in the shutter (−½ … ½).
+        window: Middle and length of the part of the shutter that they stand for (it holds ``time``). What a pixel sees
+            correlates with when it sees it, so its samples share the shutter out between them.
+        query_moves: Whether queries carry their motion.
+        with_motion: Whether the flux-weighted D_t x and the number of footprints are wanted.
+    """
+
+    time: float = 0.0
+    window: tuple[float, float] = (0.0, 1.0)
+    query_moves: bool = False
+    with_motion: bool = False
+
+
 @dataclass
 class Irradiance:
     """Irradiance at queries, in the tracer's units.

@@ -135,6 +135,7 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
                     v_scale = inverse[1, 1]
                     trajectory.filter_width = wp.vec3(inverse[0, 0] * width[0], v_scale * width[1], v_scale * width[2])
                     rate = inverse * rate
+                trajectory.straight = wp.length_sq(acceleration) + wp.length_sq(jerk) + wp.ddot(rate, rate) == 0.0
                 second = part * part
                 third = part * part * part
                 trajectory.acceleration = second * wp.vec2(wp.dot(row_u, acceleration), wp.dot(row_v, acceleration))

@@ -11,8 +11,8 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.footprint_map import FootprintMap
-from tpdwarp.footprints.gather import SMALLEST_COSINE, irradiance_arrays, irradiance_of, time_window
-from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, QueryArrays, has_shading_normals
+from tpdwarp.footprints.gather import PLAIN_LOOKUP, SMALLEST_COSINE, irradiance_arrays, irradiance_of, time_window
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.placing import TimeWindow, place_footprint, shading_ratio
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, window_of
 from tpdwarp.footprints.shaping import FootprintArrays
@@ -50,15 +50,18 @@ def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool, shaded: boo
 
 
 def plain_gather(
-    footprints: FootprintMap, queries: QueryArrays, form: GatherForm, launcher: Launcher, *,
-    time: float = 0.0, window: tuple[float, float] = (0.0, 1.0),
-) -> Irradiance:  # fmt: skip
+    footprints: FootprintMap,
+    queries: QueryArrays,
+    form: GatherForm,
+    launcher: Launcher,
+    lookup: Lookup = PLAIN_LOOKUP,
+) -> Irradiance:
     """Irradiance at ``queries``; the arguments are those of :func:`tpdwarp.footprints.gather.gather`."""
     count = queries.position.shape[0]
     out = irradiance_arrays(count, False, launcher)
     moves = footprints.moves or queries.motion.shape[0] > 0
     shaded = footprints.shaded and has_shading_normals(queries)
     kernel = plain_gather_kernel(form, moves, footprints.curved, shaded)
-    inputs = [footprints.arrays, footprints.durations, footprints.run_size, time_window(time, window), queries, out]
+    inputs = [footprints.arrays, footprints.durations, footprints.run_size, time_window(lookup), queries, out]
     launcher(kernel, count, inputs)
     return irradiance_of(out, False)

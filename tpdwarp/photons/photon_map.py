@@ -25,6 +25,10 @@ class TrajectoryColumns:
     dxdvt: np.ndarray
     gain: np.ndarray
 
+    def rows(self, chosen: np.ndarray) -> TrajectoryColumns:
+        """Those of some of the photons, by index or mask."""
+        return TrajectoryColumns(*(getattr(self, f.name)[chosen] for f in fields(self)))
+
 
 @dataclass
 class PhotonMap:
@@ -87,7 +91,8 @@ class PhotonMap:
         """Some of the photons, by index or mask."""
         arrays = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
         columns = [name for name in arrays if len(getattr(self, name)) == len(self)]
-        return replace(self, **{name: getattr(self, name)[chosen] for name in columns})
+        trajectory = None if self.trajectory is None else self.trajectory.rows(chosen)
+        return replace(self, trajectory=trajectory, **{name: getattr(self, name)[chosen] for name in columns})
 
 
 def joined(parts: list[np.ndarray]) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 from tpdwarp.clock import Clock
 from tpdwarp.estimators import ESTIMATORS
 from tpdwarp.estimators.estimator import IrradianceField, Part
+from tpdwarp.footprints.irradiance import Lookup
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
@@ -148,13 +149,8 @@ def expose(
                 account.add(EnergyAccount(counts=seen.counts()))
         elif light is not None:
             with clock.stage("gather"):
-                found = light.irradiance(
-                    seen.queries,
-                    time=seen.time,
-                    window=seen.window,
-                    query_moves=seen.moves,
-                    with_motion=film.wants_motion,
-                )
+                lookup = Lookup(seen.time, seen.window, seen.moves, film.wants_motion)
+                found = light.irradiance(seen.queries, lookup)
                 film.add_caustic(seen.pixels, seen.weights, seen.first, found)
     return account
 

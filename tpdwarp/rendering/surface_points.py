@@ -12,7 +12,7 @@ import warp as wp
 from tpdwarp.clock import Clock
 from tpdwarp.estimators import ESTIMATORS
 from tpdwarp.estimators.estimator import IrradianceField, Part, reshaped
-from tpdwarp.footprints.irradiance import QueryArrays
+from tpdwarp.footprints.irradiance import Lookup, QueryArrays
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import FramePhotons, Traced
@@ -267,9 +267,8 @@ def _add_light(
         surfaces, scene = surfaces_at((number + 0.5) / times, part.scenes, context)
         queries = _queries(surfaces, points, context, scene, moves, count)
         middle = (number + 0.5) / times - 0.5
-        found = field.irradiance(
-            queries, time=middle, window=(middle, 1.0 / times), query_moves=moves, with_motion=with_motion
-        )
+        lookup = Lookup(middle, (middle, 1.0 / times), query_moves=moves, with_motion=with_motion)
+        found = field.irradiance(queries, lookup)
         total.irradiance[chosen] += found.irradiance / times
         if with_motion:
             total.motion[chosen] += found.motion / times

@@ -70,8 +70,8 @@ class Film:
             return
         depth = points.arrays.first_depth.numpy()
         hit = depth >= 0.0
-        self._coverage += weight * self._sum(hit, pixels)
-        self._diffuse += weight * self._sum(points.queries.receiver.numpy() >= 0, pixels)
+        _add_up(self._coverage, weight * hit, pixels)
+        _add_up(self._diffuse, weight * (points.queries.receiver.numpy() >= 0), pixels)
         if "N" in self._aovs:
             self._add("N", weight * points.arrays.first_normal.numpy(), pixels)
         if "P" in self._aovs:
@@ -104,7 +104,7 @@ class Film:
             self._add("irradiance", share * light.irradiance[seen], pixels)
         if light.motion is not None:
             self._add("motion", share * light.motion[seen], pixels)
-            self._motion_weight += self._sum(share[:, 0] * light.weight[seen], pixels)
+            _add_up(self._motion_weight, share[:, 0] * light.weight[seen], pixels)
             self._add("photons", (share * light.photons[seen, None]).astype(np.float64), pixels)
 
     def channels(self) -> dict[str, np.ndarray]:
@@ -157,13 +157,18 @@ class Film:
         self._id_depth[pixels[chosen]] = depths[chosen]
         self._ids[pixels[chosen]] = self._numbers[objects[chosen]]
 
-    def _sum(self, values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-        return np.bincount(pixels, weights=values, minlength=self.width * self.height)
-
     def _add(self, name: str, values: np.ndarray, pixels: np.ndarray) -> None:
         sums = self._sums.setdefault(name, np.zeros((values.shape[1], self.width * self.height)))
         for k in range(values.shape[1]):
-            sums[k] += self._sum(values[:, k], pixels)
+            _add_up(sums[k], values[:, k], pixels)
 
     def _get(self, name: str, width: int) -> np.ndarray:
         return self._sums.get(name, np.zeros((width, self.width * self.height)))
+
+
+def _add_up(sums: np.ndarray, values: np.ndarray, pixels: np.ndarray) -> None:
+    """Adds ``values`` [n] to the sums of their pixels, in order; only the rows that a batch covers are gone through."""
+    if len(pixels):
+        first = pixels.min()
+        part = np.bincount(pixels - first, weights=values)
+        sums[first : first + len(part)] += part

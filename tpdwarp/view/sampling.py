@@ -10,9 +10,9 @@ import numpy as np
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 # Times of the shutter at which the view is taken at least; the scene's BVH is refitted for each. Chosen, not derived.
 LEAST_TIMES = 16
-# Side of the blocks, in pixels, in which pixels follow each other: small, so that runs of queries are compact. Chosen,
-# not derived.
-BLOCK = 8
+# Sides of the blocks, in pixels, in which pixels follow each other, and of the blocks within these: small, so that runs
+# of queries and their leaves are compact. Chosen, not derived.
+BLOCK, INNER_BLOCK = 8, 4
 
 
 def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: int, seed: int) -> np.ndarray:
@@ -51,7 +51,8 @@ def time_count(samples: int) -> int:
 def block_order(width: int, height: int) -> np.ndarray:
     """All pixels, block by block, so that what follows each other in the list lies together in the image."""
     y, x = np.divmod(np.arange(width * height), width)
-    return np.lexsort((x % BLOCK, y % BLOCK, x // BLOCK, y // BLOCK))
+    inner = [place % BLOCK // INNER_BLOCK for place in (x, y)]
+    return np.lexsort((x % INNER_BLOCK, y % INNER_BLOCK, *inner, x // BLOCK, y // BLOCK))
 
 
 def pixel_grid(width: int, height: int, most: int, seed: int) -> np.ndarray:

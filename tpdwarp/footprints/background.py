@@ -1,0 +1,178 @@
+"""Background light: footprints so faint that none of them is told apart, shaped for coarse squares.
+
+Closed glass sends much of its light through inner reflections, each a few percent of a photon, spread over most of a
+floor: nine tenths of what footprints cover belongs to two or three percent of the flux. At any time the footprints of
+one path tile the receiver, and their sum is as bright as each of them, Φ/|D_u x × D_v x|. So where that is far less
+than what nearly all other light makes, its detail cannot matter, and the footprint is averaged over squares that are
+larger than pixels, but small beside what it sweeps over itself.
+
+Only flat receivers that stand still have background light: there squares make a raster (``rasters``).
+
+Beyond the paper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.footprints.bspline import SUPPORT
+from tpdwarp.footprints.placing import PLANE_ROUNDING
+from tpdwarp.footprints.shaping import PixelSize, pixel_on_plane, tangent_frame
+from tpdwarp.photons.photon_map import PhotonMap
+
+# Photons of less than this part of the irradiance that all but a tenth of the flux exceeds are background.
+# Chosen with ``scripts/benchmarks/solids.py``: ball, torus and blob err by .0173, .0255 and .1046 of their means with
+# an eighth, by .0174, .0256 and .1045 without any background.
+FAINT = 1.0 / 8.0
+FAINT_QUANTILE = 0.1
+# Squares that a background footprint covers at least, so that they blur it less than its own support does. Chosen, not
+# derived: with 256 the same scenes err as much.
+FEWEST_SQUARES = wp.constant(16.0)
+# Squares are powers of two in the tracer's units, and no finer than this, which bounds what numbers them.
+FINEST_SQUARE = wp.constant(2.0**-11)
+COARSEST_SQUARE = wp.constant(2.0**-3)
+# Squares so many pixels wide at least gain anything beside gathering at each pixel.
+FEWEST_PIXELS = wp.constant(1.5)
+# Cells that a footprint of the B-spline reaches over.
+CELLS = wp.constant(2.0 * SUPPORT)
+# Planes of one receiver that are tried, and the photons that make one worth a raster. Chosen, not derived.
+MOST_PLANES = 8
+FEWEST_PHOTONS = 128
+# Normals of one plane differ by their rounding alone.
+SAME_NORMAL = 1e-6
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A flat receiver at rest: the number of its object, the foot of the origin on it, and its unit normal."""
+
+    receiver: int
+    foot: np.ndarray
+    normal: np.ndarray
+
+    def holds(self, receiver: np.ndarray, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Which of the photons lie on it, shape [n]."""
+        heights = np.abs((positions - self.foot) @ self.normal)
+        same = (receiver == self.receiver) & (normals @ self.normal > 1.0 - SAME_NORMAL)
+        return same & (heights <= float(PLANE_ROUNDING))
+
+
+@dataclass
+class SplitLight:
+    """Photons by how their light is looked up.
+
+    Attributes:
+        fine: Those whose footprints are gathered at every query.
+        coarse: Those of the background, by the side of their squares.
+        planes: Where those of the background landed.
+    """
+
+    fine: list[PhotonMap]
+    coarse: dict[float, list[PhotonMap]] = field(default_factory=dict)
+    planes: list[Plane] = field(default_factory=list)
+
+
+@wp.kernel(enable_backward=False)
+def measure_light(
+    base: int,
+    # In
+    position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
+    dxdu: wp.array(dtype=wp.vec3),
+    dxdv: wp.array(dtype=wp.vec3),
+    dxdt: wp.array(dtype=wp.vec3),
+    flux: wp.array(dtype=wp.vec3),
+    smoothing: float,
+    pixel: PixelSize,
+    # Out
+    brightness: wp.array(dtype=wp.float32),
+    squares: wp.array(dtype=wp.float32),
+):
+    """How bright footprints are while they shine, and the largest squares that they cover enough of; 0 for none.
+
+    The area of a swept parallelogram is |a × b| + |a × c| + |b × c|.
+    """
+    i = base + wp.tid()
+    u = CELLS * smoothing * dxdu[i]
+    v = CELLS * smoothing * dxdv[i]
+    area = wp.length(wp.cross(u, v))
+    brightness[i] = (flux[i][0] + flux[i][1] + flux[i][2]) / wp.max(area, 1.0e-30)
+    swept = area + wp.length(wp.cross(u, dxdt[i])) + wp.length(wp.cross(v, dxdt[i]))
+    on_plane = pixel_on_plane(pixel, position[i], normal[i], tangent_frame(normal[i]))
+    pixel_area = wp.abs(on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0])
+    side = wp.pow(2.0, wp.floor(0.5 * wp.log2(wp.max(swept, 1.0e-30) / FEWEST_SQUARES)))
+    squares[i] = 0.0
+    if side >= FINEST_SQUARE and side * side >= FEWEST_PIXELS * FEWEST_PIXELS * pixel_area:
+        squares[i] = wp.min(side, COARSEST_SQUARE)
+
+
+def split_light(maps: list[PhotonMap], smoothing: float, pixel: PixelSize, launcher: Launcher) -> SplitLight:
+    """Tells photons of the background from others."""
+    measured = [_measured(photons, smoothing, pixel, launcher) for photons in maps]
+    while_shining = [bright / photons.duration for photons, (bright, _) in zip(maps, measured, strict=True)]
+    brightness = np.concatenate(while_shining)
+    flux = np.concatenate([photons.flux.sum(axis=1, dtype=np.float64) for photons in maps])
+    limit = FAINT * _exceeded_by_most(brightness, flux)
+    out = SplitLight([])
+    faint = [
+        (bright < limit) & (squares > 0.0) & ~photons.receiver_motion.any(axis=1)
+        for photons, bright, (_, squares) in zip(maps, while_shining, measured, strict=True)
+    ]
+    out.planes = _planes(maps, faint)
+    for photons, chosen, (_, squares) in zip(maps, faint, measured, strict=True):
+        on_planes = np.zeros(len(photons), bool)
+        for plane in out.planes:
+            on_planes |= plane.holds(photons.receiver, photons.position, photons.normal)
+        chosen &= on_planes
+        out.fine.append(photons if not chosen.any() else photons.rows(~chosen))
+        for side in np.unique(squares[chosen]):
+            rows = photons.rows(chosen & (squares == side))
+            # What is faint may go straight.
+            out.coarse.setdefault(float(side), []).append(replace(rows, trajectory=None))
+    return out
+
+
+def _measured(
+    photons: PhotonMap, smoothing: float, pixel: PixelSize, launcher: Launcher
+) -> tuple[np.ndarray, np.ndarray]:
+    out = [launcher.zeros(len(photons), wp.float32) for _ in range(2)]
+    columns = ("position", "normal", "dxdu", "dxdv", "dxdt", "flux")
+    given = [launcher.array(getattr(photons, name), wp.vec3) for name in columns]
+    launcher(measure_light, len(photons), [*given, float(smoothing), pixel, *out])
+    return out[0].numpy(), out[1].numpy()
+
+
+def _exceeded_by_most(brightness: np.ndarray, flux: np.ndarray) -> float:
+    """The brightness below which ``FAINT_QUANTILE`` of the flux lies; zero without any."""
+    order = np.argsort(brightness)
+    below = np.cumsum(flux[order])
+    if not len(below) or not below[-1] > 0.0:
+        return 0.0
+    return float(brightness[order][np.searchsorted(below, FAINT_QUANTILE * below[-1])])
+
+
+def _planes(maps: list[PhotonMap], chosen: list[np.ndarray]) -> list[Plane]:
+    """The planes that the chosen photons landed on, of those that hold enough of them."""
+    receiver, position, normal = (
+        np.concatenate([getattr(photons, name)[rows] for photons, rows in zip(maps, chosen, strict=True)])
+        for name in ("receiver", "position", "normal")
+    )
+    found: list[Plane] = []
+    for number in np.unique(receiver):
+        left = np.flatnonzero(receiver == number)
+        for _ in range(MOST_PLANES):
+            if len(left) < FEWEST_PHOTONS:
+                break
+            n = normal[left[0]].astype(np.float64)
+            plane = Plane(int(number), n * (position[left[0]] @ n), n)
+            held = plane.holds(receiver[left], position[left], normal[left])
+            # Not one that rounding keeps from holding itself.
+            held[0] = True
+            if np.count_nonzero(held) >= FEWEST_PHOTONS:
+                found.append(plane)
+            left = left[~held]
+    return found

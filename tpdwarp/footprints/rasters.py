@@ -1,0 +1,258 @@
+"""Rasters of background light: irradiance at the corners of squares on planes, found when first looked at.
+
+What lies in a square is interpolated between its corners. Corners are gathered in tiles, always whole ones, so that
+their values depend neither on who looks first nor on how queries are cut into batches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.footprints.background import SAME_NORMAL, Plane
+from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
+from tpdwarp.footprints.leaves import LEAF
+from tpdwarp.footprints.placing import PLANE_ROUNDING
+from tpdwarp.footprints.shaping import tangent_frame
+
+# Corners of a tile along u and v: together the queries of one thread of the gather.
+TILE_U = wp.constant(16)
+TILE_V = wp.constant(8)
+LEAF_SIDE = wp.constant(4)
+TILE_CORNERS = int(TILE_U) * int(TILE_V)
+# Rasters reach so far from the foot of the origin along either axis: the scene has unit radius.
+REACH = wp.constant(2.0)
+FLAT = wp.constant(1.0 - SAME_NORMAL)
+# What becomes of a query: its receiver has no background light; or it lies on no raster and is gathered itself.
+ELSEWHERE = wp.constant(-1)
+OFF_RASTER = wp.constant(-2)
+
+
+@wp.struct
+class RasterArrays:
+    """Rasters of several planes, with one and the same sides of squares on each.
+
+    Tiles are numbered plane by plane, side by side, ``first_tile`` counting from the first one of a plane; ``slots``
+    says where the corners of a tile stand in ``values``, −1 where they are not known yet.
+    """
+
+    receiver: wp.array(dtype=wp.int32)
+    foot: wp.array(dtype=wp.vec3)
+    normal: wp.array(dtype=wp.vec3)
+    side: wp.array(dtype=wp.float32)
+    tiles_across: wp.array(dtype=wp.int32)
+    first_tile: wp.array(dtype=wp.int32)
+    tiles_of_plane: int
+    slots: wp.array(dtype=wp.int32)
+    values: wp.array(dtype=wp.vec3)
+
+
+@wp.func
+def on_plane(rasters: RasterArrays, plane: int, x: wp.vec3) -> wp.vec2:
+    """Coordinates of x on a plane, from the corner where its rasters begin."""
+    n = rasters.normal[plane]
+    frame = tangent_frame(n)
+    d = x - rasters.foot[plane]
+    return wp.vec2(wp.dot(frame.e1, d) + REACH, wp.dot(frame.e2, d) + REACH)
+
+
+@wp.func
+def tile_of(rasters: RasterArrays, plane: int, level: int, u: int, v: int) -> int:
+    """The number of the tile that corner (u, v) belongs to."""
+    within = u // TILE_U + rasters.tiles_across[level] * (v // TILE_V)
+    return plane * rasters.tiles_of_plane + rasters.first_tile[level] + within
+
+
+@wp.func
+def within_tile(u: int, v: int) -> int:
+    """The place of corner (u, v) in its tile, leaf by leaf: squares of four by four corners."""
+    across = u % TILE_U
+    down = v % TILE_V
+    return LEAF * (across // LEAF_SIDE + TILE_U // LEAF_SIDE * (down // LEAF_SIDE)) + (
+        across % LEAF_SIDE + LEAF_SIDE * (down % LEAF_SIDE)
+    )
+
+
+@wp.kernel(enable_backward=False)
+def find_planes(
+    base: int,
+    # In
+    rasters: RasterArrays,
+    queries: QueryArrays,
+    shaded: int,
+    # Out
+    planes: wp.array(dtype=wp.int32),
+    wanted: wp.array(dtype=wp.int32),
+):
+    """The plane of each query, and which tiles queries need that are not known yet."""
+    i = base + wp.tid()
+    planes[i] = ELSEWHERE
+    x = queries.position[i]
+    for plane in range(rasters.receiver.shape[0]):
+        if rasters.receiver[plane] == queries.receiver[i] and planes[i] < 0:
+            planes[i] = OFF_RASTER
+            n = rasters.normal[plane]
+            flat = wp.dot(n, queries.normal[i]) > FLAT
+            if shaded != 0:
+                flat = flat and wp.dot(n, queries.shading_normal[i]) > FLAT
+            place = on_plane(rasters, plane, x)
+            inside = wp.min(place) > 0.0 and wp.max(place) < 2.0 * REACH
+            if flat and inside and wp.abs(wp.dot(n, x - rasters.foot[plane])) <= PLANE_ROUNDING:
+                planes[i] = plane
+    plane = planes[i]
+    if plane >= 0:
+        place = on_plane(rasters, plane, x)
+        for level in range(rasters.side.shape[0]):
+            u = int(place[0] / rasters.side[level])
+            v = int(place[1] / rasters.side[level])
+            for corner in range(4):
+                tile = tile_of(rasters, plane, level, u + corner % 2, v + corner // 2)
+                if rasters.slots[tile] < 0:
+                    wanted[tile] = 1
+
+
+@wp.kernel(enable_backward=False)
+def place_corners(
+    base: int,
+    # In
+    rasters: RasterArrays,
+    level: int,
+    tiles: wp.array(dtype=wp.int32),
+    # Out
+    queries: QueryArrays,
+):
+    """Queries at the corners of ``tiles``, which are all of one side."""
+    i = base + wp.tid()
+    tile = tiles[i // (TILE_U * TILE_V)]
+    within = i % (TILE_U * TILE_V)
+    plane = tile // rasters.tiles_of_plane
+    number = tile % rasters.tiles_of_plane - rasters.first_tile[level]
+    across = rasters.tiles_across[level]
+    side = rasters.side[level]
+    leaf = within // LEAF
+    place = within % LEAF
+    leaves_across = TILE_U // LEAF_SIDE
+    corner_u = TILE_U * (number % across) + LEAF_SIDE * (leaf % leaves_across) + place % LEAF_SIDE
+    corner_v = TILE_V * (number // across) + LEAF_SIDE * (leaf // leaves_across) + place // LEAF_SIDE
+    u = float(corner_u) * side - REACH
+    v = float(corner_v) * side - REACH
+    n = rasters.normal[plane]
+    frame = tangent_frame(n)
+    queries.position[i] = rasters.foot[plane] + u * frame.e1 + v * frame.e2
+    queries.normal[i] = n
+    if queries.shading_normal.shape[0] > 0:
+        queries.shading_normal[i] = n
+    queries.receiver[i] = rasters.receiver[plane]
+
+
+@wp.kernel(enable_backward=False)
+def add_rasters(
+    base: int,
+    # In
+    rasters: RasterArrays,
+    queries: QueryArrays,
+    planes: wp.array(dtype=wp.int32),
+    # Out
+    irradiance: wp.array(dtype=wp.vec3),
+):
+    """Adds the light of all rasters to queries on planes, bilinearly between the corners of squares."""
+    i = base + wp.tid()
+    plane = planes[i]
+    if plane >= 0:
+        place = on_plane(rasters, plane, queries.position[i])
+        total = irradiance[i]
+        for level in range(rasters.side.shape[0]):
+            at = place / rasters.side[level]
+            u = int(at[0])
+            v = int(at[1])
+            for corner in range(4):
+                cu = u + corner % 2
+                cv = v + corner // 2
+                weight = (1.0 - wp.abs(at[0] - float(cu))) * (1.0 - wp.abs(at[1] - float(cv)))
+                slot = rasters.slots[tile_of(rasters, plane, level, cu, cv)]
+                total += weight * rasters.values[slot * TILE_U * TILE_V + within_tile(cu, cv)]
+        irradiance[i] = total
+
+
+class Rasters:
+    """Background light on planes.
+
+    Args:
+        planes: The planes.
+        sides: Sides of the squares of each raster.
+        shaded: Whether receivers are shaded by normals that are not those of their triangles.
+        light: Irradiance of the background footprints of one of ``sides``, by its number, at queries, shape [n, 3].
+        launcher: Where.
+    """
+
+    def __init__(
+        self,
+        planes: list[Plane],
+        sides: list[float],
+        shaded: bool,
+        light: Callable[[int, QueryArrays], np.ndarray],
+        launcher: Launcher,
+    ) -> None:
+        self._light, self._launcher, self._shaded = light, launcher, shaded
+        # One square more, for the corners at the end.
+        squares = [int(2.0 * float(REACH) / side) + 1 for side in sides]
+        across, down = (np.array([-(-(count + 1) // size) for count in squares]) for size in (int(TILE_U), int(TILE_V)))
+        first = np.concatenate([[0], np.cumsum(across * down)])
+        self._first_tiles = first
+        out = self._arrays = RasterArrays()
+        out.receiver = launcher.array(np.array([plane.receiver for plane in planes], np.int32), wp.int32)
+        for name in ("foot", "normal"):
+            setattr(out, name, launcher.array(np.array([getattr(p, name) for p in planes], np.float32), wp.vec3))
+        out.side = launcher.array(np.array(sides, np.float32), wp.float32)
+        out.tiles_across = launcher.array(across.astype(np.int32), wp.int32)
+        out.first_tile = launcher.array(first[:-1].astype(np.int32), wp.int32)
+        out.tiles_of_plane = int(first[-1])
+        self._slots = np.full(len(planes) * int(first[-1]), -1, np.int32)
+        self._values = np.zeros((0, 3), np.float32)
+        self._hold()
+
+    def add_to(self, queries: QueryArrays, irradiance: wp.array) -> np.ndarray:
+        """Adds the light of the rasters to ``irradiance`` at ``queries``.
+
+        Returns:
+            Rows of queries that rasters say nothing of though there is background light on their receiver, shape [m].
+        """
+        count = queries.position.shape[0]
+        planes = self._launcher.zeros(count, wp.int32)
+        wanted = self._launcher.zeros(len(self._slots), wp.int32)
+        shaded = int(self._shaded and has_shading_normals(queries))
+        self._launcher(find_planes, count, [self._arrays, queries, shaded, planes, wanted])
+        self._find(np.flatnonzero(wanted.numpy()))
+        self._launcher(add_rasters, count, [self._arrays, queries, planes, irradiance])
+        return np.flatnonzero(planes.numpy() == int(OFF_RASTER))
+
+    def _find(self, tiles: np.ndarray) -> None:
+        """Gathers at the corners of ``tiles``."""
+        if not len(tiles):
+            return
+        values = [self._values]
+        levels = np.searchsorted(self._first_tiles, tiles % self._arrays.tiles_of_plane, side="right") - 1
+        for level in np.unique(levels):
+            those = tiles[levels == level].astype(np.int32)
+            self._slots[those] = sum(map(len, values)) // TILE_CORNERS + np.arange(len(those), dtype=np.int32)
+            values.append(self._light(int(level), self._corners(int(level), those)))
+        self._values = np.concatenate(values)
+        self._hold()
+
+    def _corners(self, level: int, tiles: np.ndarray) -> QueryArrays:
+        count = len(tiles) * TILE_CORNERS
+        queries = QueryArrays()
+        queries.position, queries.normal = (self._launcher.zeros(count, wp.vec3) for _ in range(2))
+        queries.motion = self._launcher.zeros(0, wp.vec3)
+        queries.shading_normal = self._launcher.zeros(count if self._shaded else 0, wp.vec3)
+        queries.receiver = self._launcher.zeros(count, wp.int32)
+        self._launcher(place_corners, count, [self._arrays, level, self._launcher.array(tiles, wp.int32), queries])
+        return queries
+
+    def _hold(self) -> None:
+        """Gives the device what is known by now."""
+        self._arrays.slots = self._launcher.array(self._slots, wp.int32)
+        self._arrays.values = self._launcher.array(self._values, wp.vec3)
