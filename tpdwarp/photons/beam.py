@@ -68,7 +68,7 @@ def transfer_to(beam: Beam, hit: Hit, moves: bool) -> Beam:
 
 @wp.func
 def passed(beam: Beam, hit: Hit) -> Beam:
-    """The beam at ``hit``, which goes straight on behind a surface that is not there."""
+    """The beam at ``hit``, which goes straight on behind a surface that is not there (beyond the paper)."""
     out = beam
     out.offset = wp.sign(wp.dot(hit.n_g, beam.w)) * hit.offset * hit.n_g
     out.magnitude = hit.magnitude
@@ -77,7 +77,7 @@ def passed(beam: Beam, hit: Hit) -> Beam:
 
 @wp.func
 def relative_index(surfaces: Surfaces, hit: Hit, w: wp.vec3) -> float:
-    """η = η_i/η_t of a dielectric with nothing around it, whose front is outside."""
+    """η = η_i/η_t of Igehy's refraction (1999), at a dielectric with nothing around it, whose front is outside."""
     ior = surfaces.ior[surfaces.material_of[hit.triangle]]
     if wp.dot(hit.n_g, w) < 0.0:
         return 1.0 / ior
