@@ -36,7 +36,7 @@ ORDER = (
     ("estimators", "view"),
     ("rendering",),
     ("jobs", "html"),
-    ("checks", "studies"),
+    ("checks", "studies", "farms"),
     ("cli",),
     # The public face and ``python -m tpdwarp``.
     ("__init__", "__main__"),

@@ -57,20 +57,20 @@ def test_in_motion_it_falls_as_fast_until_the_error_in_time_is_reached(square_ce
     assert straight[1] > 0.8 * straight[0] > 4 * error(1.0, photons=65536)
 
 
-def test_straight_ways_err_by_the_square_of_the_exposure():
+def test_straight_trajectories_err_by_the_square_of_the_exposure():
     exposures = (0.75, 1.0, 1.5)
     errors = [error(e, photons=65536, path="straight") for e in exposures]
     # A little less than two: what a longer exposure errs about is blurred by it, too.
     assert slope(exposures, errors) == pytest.approx(2, abs=0.35)
 
 
-def test_straight_ways_err_by_the_square_of_a_segment():
+def test_straight_trajectories_err_by_the_square_of_a_segment():
     segments = (1, 2, 4)
     errors = [error(2.0, photons=16384 * k, segments=k, path="straight") for k in segments]
     assert slope(segments, errors) == pytest.approx(-2, abs=0.25)
 
 
-def test_curved_ways_err_by_a_higher_power_of_the_exposure():
+def test_curved_trajectories_err_by_a_higher_power_of_the_exposure():
     exposures = (2.0, 3.0, 4.0)
     errors = [error(e, photons=65536) for e in exposures]
     assert slope(exposures, errors) > 2.7

@@ -6,7 +6,10 @@
     photons = tpdwarp.trace_photons("wave.usdc", 12)
     measured = tpdwarp.study("wave.usdc", report="study.html")
     differences = tpdwarp.check("out", "baseline", report="report.html")
+    result = tpdwarp.farm("wave.usdc", "out/wave.####.exr", scheduler="tcp://host:8786")
     holdings = tpdwarp.info("wave.usdc")
+    pixels = tpdwarp.render_frame("wave.usdc", 12).channels
+    scene = tpdwarp.Scene("wave.usdc")  # stays open from frame to frame
 
 Names load what they need when they are first used, so that importing the package costs next to nothing.
 """
@@ -22,6 +25,9 @@ if TYPE_CHECKING:
     from tpdwarp.checks.findings import CheckResult
     from tpdwarp.checks.run import check
     from tpdwarp.errors import FrameError, InputError
+    from tpdwarp.farms.farm import farm
+    from tpdwarp.farms.open_job import open_job_template
+    from tpdwarp.jobs.live_scene import RenderedFrame, Scene, irradiance, render_frame
     from tpdwarp.jobs.results import FrameOutcome, SequenceResult
     from tpdwarp.jobs.sequence import render, trace_photons, write_photons
     from tpdwarp.jobs.stage_info import info
@@ -38,14 +44,20 @@ __all__ = [
     "FrameError",
     "FrameOutcome",
     "InputError",
+    "RenderedFrame",
+    "Scene",
     "SequenceResult",
     "Settings",
     "StudyResult",
     "Sweep",
     "TruthSettings",
     "check",
+    "farm",
     "info",
+    "irradiance",
+    "open_job_template",
     "render",
+    "render_frame",
     "study",
     "trace_photons",
     "write_photons",
@@ -56,14 +68,20 @@ _HOMES = {
     "FrameError": "tpdwarp.errors",
     "FrameOutcome": "tpdwarp.jobs.results",
     "InputError": "tpdwarp.errors",
+    "RenderedFrame": "tpdwarp.jobs.live_scene",
+    "Scene": "tpdwarp.jobs.live_scene",
     "SequenceResult": "tpdwarp.jobs.results",
     "Settings": "tpdwarp.settings",
     "StudyResult": "tpdwarp.studies.result",
     "Sweep": "tpdwarp.studies.cases",
     "TruthSettings": "tpdwarp.studies.truth",
     "check": "tpdwarp.checks.run",
+    "farm": "tpdwarp.farms.farm",
     "info": "tpdwarp.jobs.stage_info",
+    "irradiance": "tpdwarp.jobs.live_scene",
+    "open_job_template": "tpdwarp.farms.open_job",
     "render": "tpdwarp.jobs.sequence",
+    "render_frame": "tpdwarp.jobs.live_scene",
     "study": "tpdwarp.studies.run",
     "trace_photons": "tpdwarp.jobs.sequence",
     "write_photons": "tpdwarp.jobs.sequence",

@@ -12,7 +12,7 @@ from truths import FRAMES, SCENES, WIDTH, kept_truth, light_of, relative_error, 
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tpdwarp.jobs.sequence import open_scene, shutter_of, spread_shutters
+from tpdwarp.jobs.opening import open_scene, shutter_of, spread_shutters
 from tpdwarp.rendering.error_target import settled
 from tpdwarp.settings import Settings
 

@@ -20,7 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tpdwarp.jobs.sequence import open_scene, shutter_of
+from tpdwarp.jobs.opening import open_scene, shutter_of
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Shutter

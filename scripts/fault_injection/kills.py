@@ -14,7 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
-from scripts.fault_injection.program import cpu_seconds, finish, leftovers, lost, pixels, render, run, start
+from scripts.fault_injection.program import (
+    cpu_seconds,
+    finish,
+    layer_values,
+    leftovers,
+    lost,
+    pixels,
+    render,
+    run,
+    start,
+    statistics_lines,
+)
 from scripts.fault_injection.table import Row
 
 ASKED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -78,6 +89,8 @@ def kill_at_random(
         )
     last = run(arguments)
     missing = lost(out, reference)
+    quiet = folder / "undisturbed"
+    run(render(scene, quiet / "a.####.exr", "--debug-layer", quiet / "a.debug.usdc", "--stats", quiet / "a.jsonl"))
     rows = []
     for name, counted in codes.items():
         wanted = 128 + signal.Signals[name].value
@@ -88,6 +101,13 @@ def kill_at_random(
     rows.append(_promptness(waits))
     rows.append(Row("… crashes and hangs", "none", str(crashed), 0, crashed == 0))
     rows.append(Row("… hidden files left (not after KILL)", "none", str(left), 0, left == 0))
+    for what, name, read in (
+        ("debug layer", "a.debug.usdc", layer_values),
+        ("statistics, but for seconds and tries", "a.jsonl", statistics_lines),
+    ):
+        agrees = read(out / name) == read(quiet / name)
+        did = "the same" if agrees else "another"
+        rows.append(Row(f"… its {what}", "that of an undisturbed render", did, 0, agrees))
     rows.append(
         Row(
             "… resumed after the last",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -14,6 +16,7 @@ import numpy as np
 
 from tpdwarp.errors import InputError
 from tpdwarp.io.images import read_image
+from tpdwarp.usd.read.debug_layer import DebugLayerReader
 
 ROOT = Path(__file__).parent.parent.parent
 # Nothing here takes a minute on an idle core; a hang is a finding, not the end of the script.
@@ -69,8 +72,7 @@ def start(arguments: list[object], changes: Mapping[str, str | None] | None = No
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        # What a shell starts in the background has it ignored, and hands that on.
-        preexec_fn=_hear_interrupts,
+        preexec_fn=_hear_signals,
     )
 
 
@@ -126,12 +128,34 @@ def same(planes: Mapping[str, np.ndarray] | None, others: Mapping[str, np.ndarra
     return planes is not None and all(np.array_equal(planes.get(name), values) for name, values in others.items())
 
 
+def layer_values(path: Path) -> dict[str, bytes]:
+    """All values of a debug layer by attribute and frame, and its frames' photons and energies."""
+    reader = DebugLayerReader(path)
+    values = {}
+    for frame in reader.frames:
+        record = reader.at(frame)
+        columns = {**vars(record), "receiver_paths": np.array(record.receiver_paths)}
+        ends, colors = reader.time_differentials(frame)
+        for name, column in {**columns, "ends": ends, "colors": colors}.items():
+            values[f"{name} {frame}"] = np.ascontiguousarray(column).tobytes()
+    for frame, text in json.loads(reader.provenance["statistics"]).items():
+        noted = {name: value for name, value in json.loads(text).items() if name != "seconds"}
+        values[f"statistics {frame}"] = json.dumps(noted).encode()
+    return values
+
+
+def statistics_lines(path: Path) -> dict[float, dict[str, object]]:
+    """Photons and energy of every frame of a statistics file of lines, by frame."""
+    entries = map(json.loads, path.read_text().splitlines())
+    return {entry["frame"]: {name: entry[name] for name in ("photons", "energy")} for entry in entries}
+
+
 def leftovers(folder: Path) -> list[str]:
     """Hidden files, which are temporaries and claims."""
     return sorted(path.name for path in folder.iterdir() if path.name.startswith("."))
 
 
-def _hear_interrupts() -> None:
-    import signal
-
+def _hear_signals() -> None:
+    """Undoes what shells hand on: commands in the background ignore SIGINT, and those of ``nohup`` SIGHUP."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from renders import FRAME, MEASURING_CAMERA, shipped, shot
 
 from tpdwarp.io.images import encode_srgb
-from tpdwarp.jobs.sequence import open_scene
+from tpdwarp.jobs.opening import open_scene
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.debug_layer import DebugLayerReader
 from usd_scenes.drawing.lines import draw_lines, project

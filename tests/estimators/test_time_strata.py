@@ -1,4 +1,4 @@
-"""Laws of dealing photons out between instants of the shutter."""
+"""Laws of sharing photons out between instants of the shutter."""
 
 from __future__ import annotations
 

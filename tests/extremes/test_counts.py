@@ -35,7 +35,8 @@ def test_ten_million_photons_are_traced_and_gathered_in_little_memory():
     here = replace(slab((0, 0, -1), 1.33), camera=looking_down((-2e-3, 2e-3, -2e-3, 2e-3), height=0.6))
     frame = render(here, width=4, height=4, photons=10**7, path="straight", aovs=("irradiance",))
     counts = frame.energy.counts
-    assert counts["emitted"] == pytest.approx(10**7, rel=1e-3) and len(frame.photons) == counts["landed"] > 9.9e6
+    # Cells that the border of the glass runs through are emitted, too: up to ten rows in 3162.
+    assert counts["emitted"] == pytest.approx(10**7, rel=10 / 3162) and len(frame.photons) == counts["landed"] > 9.9e6
     passing = 1 - fresnel_reflectance(0.0, 1.0, 1.33)
     assert frame.energy.sent == pytest.approx(12, rel=1e-5)
     assert frame.energy.deposited == pytest.approx(12 * passing, rel=1e-5)

@@ -62,7 +62,7 @@ def exact_weights(y, velocity, acceleration, jerk, rate, times=4096) -> np.ndarr
 
 @pytest.mark.parametrize("size", [0.0, 0.3, 3.0, 20.0])
 @pytest.mark.parametrize("growing", [False, True])
-def test_curved_and_growing_ways_match_brute_force(size, growing):
+def test_curved_and_growing_trajectories_match_brute_force(size, growing):
     random, count = np.random.default_rng(11), 400
     velocity, acceleration, jerk = (
         (scale * size * random.uniform(-1, 1, (count, 2))).astype(np.float32) for scale in (1.0, 0.5, 0.5)

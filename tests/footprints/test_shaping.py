@@ -100,7 +100,7 @@ def test_variances_of_a_pixel_and_of_a_radial_footprint_add_up(kernel):
 @pytest.mark.parametrize("side", [0.02, 0.05, 0.5])
 @pytest.mark.parametrize("angle", [90, 60, 20, 3])
 def test_a_b_spline_is_as_wide_as_it_is_on_average_over_a_pixel(side, angle):
-    """Variances add up; those of a parallelogram's axes, of which the box takes what is not askew, to within a half."""
+    """Variances add up; those of a parallelogram's axes, whose orthogonal part the box takes, to within a half."""
     u, v = np.array([0.05, 0, 0]), 0.04 * np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle)), 0])
     found = shaped(photon_map([(0, 0, 0)], u, v), half_pixel=side / math.sqrt(12))
     half = 0.15 + 2 * side
@@ -124,7 +124,7 @@ def test_pixels_much_smaller_than_cells_widen_nothing():
 @pytest.mark.parametrize("shear", [0.0, 0.4])
 @pytest.mark.parametrize("pixels", [0.4, 1.0, 2.0])
 def test_a_lattice_stays_uniform_however_large_pixels_are_beside_its_cells(shear, pixels):
-    """B-splines that are wider than their cells leave up to two per cent of ripple; askew ones keep some of it."""
+    """B-splines that are wider than their cells leave up to two per cent of ripple; oblique ones keep some of it."""
     cell = 0.05
     index = np.arange(-40, 41)
     i, j = (a.ravel() for a in np.meshgrid(index, index))
@@ -210,8 +210,8 @@ def test_check_17_footprints_keep_their_flux_however_they_are_widened(name, dxdt
         # The narrowest axis is two half pixels wide, twenty cells; the midpoint rule's error is second order in a
         # cell, for the Epanechnikov kernel by the bend at its rim. What is smaller than a pixel is a box as large as
         # one, thirty-five cells wide, of whose hard edges the rule may miss half a cell along each axis.
-        boxed = form == GatherForm() and name == "cusp"
-        assert total == pytest.approx(2.0, rel=1 / 35 if boxed else (1 / 20) ** 2), (name, form.kernel)
+        averaged = form == GatherForm() and name == "cusp"
+        assert total == pytest.approx(2.0, rel=1 / 35 if averaged else (1 / 20) ** 2), (name, form.kernel)
 
 
 @pytest.mark.parametrize("away", [0.0, 1e-5, 0.5])

@@ -19,7 +19,6 @@ from tpdwarp.io.images import (
     encode_srgb,
     exact_rate,
     read_image,
-    smpte_timecode,
     write_frame,
     write_pixels,
 )
@@ -84,7 +83,6 @@ def test_exr_attributes_come_back_as_they_were_given(tmp_path: Path) -> None:
         "worldToCamera": np.arange(16, dtype=np.float64).reshape(4, 4),
         "worldToNDC": np.eye(4) * 0.5,
         "framesPerSecond": 24000 / 1001,
-        "smpte:TimeCode": "01:02:13:23",
         "expTime": 0.5,
         "capDate": "2020:01:02 03:04:05",
         "Software": "tpdwarp",
@@ -134,15 +132,6 @@ def test_attribute_of_unknown_type_is_refused(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_frame_rates_become_the_fractions_they_stand_for(rate: float, fraction: tuple[int, int]) -> None:
     assert exact_rate(rate).as_integer_ratio() == fraction
-
-
-@pytest.mark.parametrize(
-    ("index", "rate", "code"),
-    [(0, 24, "00:00:00:00"), (23, 24, "00:00:00:23"), (24, 24, "00:00:01:00"), (1001, 23.976, "00:00:41:17"),
-     (90000, 25, "01:00:00:00"), (7.5, 24, "00:00:00:07")],
-)  # fmt: skip
-def test_time_codes_count_frames_from_zero(index: float, rate: float, code: str) -> None:
-    assert smpte_timecode(index, rate) == code
 
 
 # Half a step of rounding, and what the transfer curve's single-precision table may add.

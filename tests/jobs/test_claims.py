@@ -1,31 +1,59 @@
 """Frames are claimed by one render at a time."""
 
+import time
+
 import pytest
 
-from tpdwarp.jobs.claims import ClaimedElsewhere, claimed, sweep_claims
+from tpdwarp.io.locks import FileLock
+from tpdwarp.jobs import claims
+from tpdwarp.jobs.claims import ClaimedElsewhere, Claims, claim_path, sweep_claims
 
 
 def test_a_frame_is_claimed_by_one_and_free_afterwards(tmp_path):
     path = str(tmp_path / "a.exr")
-    with claimed(path):
-        with pytest.raises(ClaimedElsewhere), claimed(path):
+    with Claims().held(path):
+        with pytest.raises(ClaimedElsewhere), Claims().held(path):
             pass
-        with claimed(str(tmp_path / "b.exr")):
+        with Claims().held(str(tmp_path / "b.exr")):
             pass
-    with pytest.raises(RuntimeError), claimed(path):
+    with pytest.raises(RuntimeError), Claims().held(path):
         raise RuntimeError
-    with claimed(path):
+    with Claims().held(path):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
 def test_claims_that_nobody_holds_are_swept_and_those_held_stay(tmp_path):
     (tmp_path / ".left.exr.claim").write_bytes(b"")
-    with claimed(str(tmp_path / "a.exr")):
+    with Claims().held(str(tmp_path / "a.exr")):
         sweep_claims(str(tmp_path))
         assert [path.name for path in tmp_path.iterdir()] == [".a.exr.claim"]
 
 
 def test_a_folder_that_takes_no_claims_can_be_rendered_into():
-    with claimed("/proc/a.exr"):
+    with Claims().held("/proc/a.exr"):
         pass
+
+
+def test_a_claim_without_a_sign_of_life_expires(tmp_path, monkeypatch):
+    monkeypatch.setattr(claims, "EXPIRES_SECONDS", 0.2)
+    path = str(tmp_path / "a.exr")
+    other, waiting = FileLock(claim_path(path)), Claims()
+    assert other.acquire()
+    with pytest.raises(ClaimedElsewhere), waiting.held(path):
+        pass
+    time.sleep(0.3)
+    with waiting.held(path):
+        pass
+    other.release()
+
+
+def test_a_claim_that_shows_signs_of_life_does_not_expire(tmp_path, monkeypatch):
+    monkeypatch.setattr(claims, "EXPIRES_SECONDS", 0.5)
+    monkeypatch.setattr(claims, "BEAT_SECONDS", 0.05)
+    path, waiting = str(tmp_path / "a.exr"), Claims()
+    with Claims().held(path):
+        for _ in range(10):
+            with pytest.raises(ClaimedElsewhere), waiting.held(path):
+                pass
+            time.sleep(0.1)

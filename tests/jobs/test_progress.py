@@ -8,9 +8,11 @@ from tpdwarp.jobs.progress import (
     AlfProgress,
     BarProgress,
     OccasionalProgress,
+    OpenJobProgress,
     PlainProgress,
     Progress,
     clock,
+    pace,
     progress_of,
 )
 from tpdwarp.jobs.results import FrameOutcome
@@ -63,11 +65,35 @@ def test_the_bar_stays_on_one_line_and_counts_failures():
     assert max(map(len, screen(stream.getvalue()))) < 80
 
 
-def test_the_time_left_is_that_of_frames_worked_on_not_of_those_skipped():
+def test_the_time_left_is_that_of_frames_worked_on_not_of_those_skipped(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr("tpdwarp.jobs.progress.time.monotonic", lambda: now[0])
     stream = io.StringIO()
-    show(BarProgress(stream), [SKIPPED, WRITTEN], 5)
+    progress = BarProgress(stream)
+    progress.start(5)
+    progress.end(SKIPPED)
+    now[0] += 2
+    progress.end(WRITTEN)
     # Three frames are left, and the one worked on took two seconds.
-    assert "0:06 left" in screen(stream.getvalue())[0]
+    assert "0:02 gone, 2.0 s a frame, 0:06 left" in screen(stream.getvalue())[0]
+
+
+def test_the_pace_is_that_of_all_processes_together():
+    assert pace(10.0, 0, 5) == ""
+    assert pace(10.0, 40, 20) == "0:10 gone, 4.0 frames/s, 0:05 left"
+    assert pace(90.0, 10, 3) == "1:30 gone, 9.0 s a frame, 0:27 left"
+
+
+def test_open_job_progress_runs_from_0_to_100_and_says_what_failed():
+    stream = io.StringIO()
+    show(OpenJobProgress(stream), [WRITTEN, SKIPPED, FAILED], 3)
+    assert stream.getvalue().splitlines() == [
+        "openjd_progress: 0.0",
+        "openjd_progress: 33.3",
+        "openjd_progress: 66.7",
+        "openjd_status: frame 3 failed: the disk is full",
+        "openjd_progress: 100.0",
+    ]
 
 
 def test_occasional_progress_says_a_line_an_interval_and_nothing_of_what_is_over_sooner(monkeypatch):
@@ -81,8 +107,8 @@ def test_occasional_progress_says_a_line_an_interval_and_nothing_of_what_is_over
         progress.end(FAILED if now[0] == 105 else WRITTEN)
     progress.finish()
     assert stream.getvalue().splitlines() == [
-        "10/100 frames, 1 failed, 0:10 gone, 1:30 left",
-        "20/100 frames, 1 failed, 0:20 gone, 1:20 left",
+        "10/100 frames, 1 failed, 0:10 gone, 1.0 s a frame, 1:30 left",
+        "20/100 frames, 1 failed, 0:20 gone, 1.0 s a frame, 1:20 left",
     ]
     quick = io.StringIO()
     show(OccasionalProgress(quick, interval=10), [WRITTEN, FAILED], 2)
@@ -131,5 +157,5 @@ def test_nothing_is_shown_unless_asked_for(capsys):
 def test_progress_may_be_an_object_and_not_any_word():
     mine = Progress()
     assert progress_of(mine) is mine
-    with pytest.raises(InputError, match="--progress must be one of auto, bar, plain, alf, none"):
+    with pytest.raises(InputError, match="--progress must be one of auto, bar, plain, alf, openjd, none"):
         progress_of("wheel")

@@ -15,7 +15,7 @@ from tests.small_stage import write_stage
 from tests.view.scenes import wave_source
 from tpdwarp.errors import InputError
 from tpdwarp.io.images import read_stored
-from tpdwarp.jobs.sequence import open_scene, shutter_of, spread_shutters
+from tpdwarp.jobs.opening import open_scene, shutter_of, spread_shutters
 from tpdwarp.rendering import error_target
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.error_target import chosen, numbers_of_segments, settled

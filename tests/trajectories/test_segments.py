@@ -14,7 +14,7 @@ from tests.photons.traced import lamp, sun
 from tests.view.scenes import SUN, WATER, Source, bumpy, floor, looking_down, wave_source
 from tpdwarp.clock import Clock
 from tpdwarp.errors import InputError
-from tpdwarp.jobs.sequence import open_scene, shutter_of
+from tpdwarp.jobs.opening import open_scene, shutter_of
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import SceneAtShutter, Shutter

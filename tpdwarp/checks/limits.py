@@ -158,11 +158,11 @@ _RANGES = {
 BEAUTY = "beauty"
 # FLIP grows with the 0.7th power of small differences: rounding to half alone gives 0.003.
 _BEAUTY_DEFAULTS = {"flip_mean": 6e-3, "flip_high": 0.03}
-# The last bit decides whether a footprint's rim reaches a pixel: a count may be one off, and where next to no light
-# falls, the mean of D_t x is that one footprint's or none.
+# The last bit decides whether a footprint's rim reaches a pixel, and a row of footprints has a rim in common: a count
+# may be a few off, and where next to no light falls, the mean of D_t x is those footprints' or none.
 _GROUP_DEFAULTS = {
     BEAUTY: _BEAUTY_DEFAULTS,
-    "photons": {"fail_absolute": 1.0, "warn_absolute": 1.0},
+    "photons": {"fail_absolute": 3.0, "warn_absolute": 3.0, "rmse": 0.05, "coarse": 0.01},
     "motion": {"hard": 2.0, "rmse": 0.05, "coarse": 0.02},
 }
 

@@ -157,6 +157,17 @@ def declare_tracing(parser: argparse.ArgumentParser, picture: Iterable[SettingOp
     declare_settings(parser.add_argument_group("machine"), MACHINE)
 
 
+def declare_resume(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--skip-existing-frames``."""
+    parser.add_argument(
+        "--skip-existing-frames",
+        dest="skip_existing",
+        action="store_true",
+        help="Leave what is there, whole and up to date: goes on where a run was stopped.",
+    )
+    parser.set_defaults(resumable=" (the same command with --skip-existing-frames goes on)")
+
+
 def declare_reports(parser: argparse.ArgumentParser) -> None:
     """Adds ``--stats``, ``--progress`` and ``--log-level``."""
     parser.add_argument(
@@ -196,6 +207,24 @@ def declare_persistence(parser: argparse.ArgumentParser) -> None:
 def persistence_given(options: argparse.Namespace) -> dict[str, Any]:
     """The values of :func:`declare_persistence`, by their names in Python."""
     return {name: getattr(options, name) for name in ("strict", "frame_timeout", "retries", "max_failures")}
+
+
+def declare_memory(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--max-memory``."""
+    parser.add_argument(
+        "--max-memory",
+        type=size,
+        metavar="SIZE",
+        help="Memory that may be taken, as in 12G; frames that need more are refused. [three quarters of the machine]",
+    )
+
+
+def size(text: str) -> float:
+    """Bytes of a size such as ``12G`` or ``512M`` (powers of 1024)."""
+    found = re.fullmatch(r"([0-9]+(?:\.[0-9]*)?) *([kKMGT]?)i?B?", text.strip())
+    if found is None or not float(found[1]) > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no size (write for instance 12G)")
+    return float(found[1]) * 1024.0 ** ("kMGT".index(found[2].replace("K", "k")) + 1 if found[2] else 0)
 
 
 def _help(option: SettingOption) -> str:

@@ -7,8 +7,10 @@ import argparse
 from tpdwarp.cli.options import (
     PICTURE,
     declare_frames,
+    declare_memory,
     declare_persistence,
     declare_reports,
+    declare_resume,
     declare_tracing,
     persistence_given,
     settings_given,
@@ -31,7 +33,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("layer", metavar="LAYER", help="USD layer to write: .usdc, .usd or .usda.")
     declare_frames(parser)
     parser.add_argument("--curves", type=int, metavar="N", help="At most so many photons a frame, spread evenly. [all]")
+    declare_resume(parser)
     declare_reports(parser)
+    declare_memory(parser)
     declare_persistence(parser)
     declare_tracing(parser, [option for option in PICTURE if option.field not in _PICTURE_ONLY])
 
@@ -51,7 +55,9 @@ def run(options: argparse.Namespace) -> int:
             progress=shown,
             curves=options.curves,
             stats=options.stats,
+            skip_existing=options.skip_existing,
+            max_memory=options.max_memory,
             **persistence_given(options),
             **settings_given(options),
         )
-    return report(result, quiet=options.progress in ("alf", "none"), warnings=warnings)
+    return report(result, quiet=options.progress in ("alf", "openjd", "none"), warnings=warnings)

@@ -7,8 +7,10 @@ import argparse
 from tpdwarp.cli.options import (
     PICTURE,
     declare_frames,
+    declare_memory,
     declare_persistence,
     declare_reports,
+    declare_resume,
     declare_tracing,
     persistence_given,
     settings_given,
@@ -29,18 +31,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="USD stage.")
     parser.add_argument("out", metavar="OUT", help="Image file: .exr, or .png, .jpg, .tif (beauty only, sRGB).")
     declare_frames(parser)
-    parser.add_argument(
-        "--skip-existing-frames",
-        dest="skip_existing",
-        action="store_true",
-        help="Leave frames that are there, whole and up to date.",
-    )
+    declare_resume(parser)
     parser.add_argument("--debug-layer", metavar="LAYER", help="Also write the photons to this USD layer.")
     parser.add_argument("--curves", type=int, metavar="N", help="At most so many photons a frame in it. [all]")
     declare_reports(parser)
+    declare_memory(parser)
     declare_persistence(parser)
     declare_tracing(parser, PICTURE)
-    parser.set_defaults(resumable=" (the same command with --skip-existing-frames goes on)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -60,7 +57,8 @@ def run(options: argparse.Namespace) -> int:
             curves=options.curves,
             stats=options.stats,
             skip_existing=options.skip_existing,
+            max_memory=options.max_memory,
             **persistence_given(options),
             **settings_given(options),
         )
-    return report(result, quiet=options.progress in ("alf", "none"), warnings=warnings)
+    return report(result, quiet=options.progress in ("alf", "openjd", "none"), warnings=warnings)

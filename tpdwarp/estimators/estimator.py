@@ -11,6 +11,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
 from tpdwarp.footprints.gather import gather
 from tpdwarp.footprints.irradiance import Irradiance, QueryArrays
+from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.energy import EnergyAccount
@@ -22,7 +23,15 @@ from tpdwarp.scene.device.loading import LoadedScene
 
 
 class IrradianceField(Protocol):
-    """Irradiance from photons at any point."""
+    """Irradiance from photons at any point.
+
+    Attributes:
+        longest_way: How far a query may move within its window [tracer's units] to stand for all of it; beyond, it
+            stands for a part.
+    """
+
+    @property
+    def longest_way(self) -> float: ...
 
     def irradiance(
         self,
@@ -50,6 +59,11 @@ class FootprintField:
     footprints: FootprintMap
     form: GatherForm
     launcher: Launcher
+
+    @property
+    def longest_way(self) -> float:
+        """How far a query may move within its window and stand for all of it: through a run."""
+        return self.footprints.run_size / (1.0 + float(LARGEST_DEVIATION))
 
     def irradiance(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -59,7 +60,12 @@ class NearestField:
         maps: Photons, one map an instant; ``time`` and ``duration`` say for which part of the shutter it stands.
         neighbours: k.
         threads: Threads that search.
+
+    Attributes:
+        longest_way: Queries may move as far as they like: they are looked up where they stand.
     """
+
+    longest_way = math.inf
 
     def __init__(self, maps: list[PhotonMap], neighbours: int, threads: int) -> None:
         self._tree_type = tree_type()

@@ -17,6 +17,7 @@ import OpenImageIO as oiio
 
 from tpdwarp.errors import FrameError, InputError, shortened
 from tpdwarp.io.files import complete_or_absent
+from tpdwarp.io.memory import memory_allowed
 
 DISPLAY_BITS = {".png": "uint8", ".jpg": "uint8", ".jpeg": "uint8", ".tif": "uint16", ".tiff": "uint16"}
 EXTENSIONS = (".exr", *DISPLAY_BITS)
@@ -36,6 +37,9 @@ FINGERPRINT = "tpdwarp:fingerprint"
 
 # OpenImageIO has names of its own for two of OpenEXR's attributes.
 ATTRIBUTE_NAMES = {"capDate": "DateTime", "expTime": "ExposureTime"}
+
+# An image is held as read, and compared as planes, with differences beside them.
+IMAGE_COPIES = 4
 
 # The configuration built into OpenImageIO, so that an $OCIO meant for other programs changes no picture.
 COLOR_CONFIG = "ocio://default"
@@ -177,19 +181,12 @@ def encode_srgb(pixels: np.ndarray) -> np.ndarray:
     return np.array(image.get_pixels("float"))
 
 
-def smpte_timecode(frame: float, frames_per_second: float) -> str:
-    """The time code ``hh:mm:ss:ff`` of a frame counted from 0, without dropped frames, at the rounded-up rate."""
-    rate = max(1, int(np.ceil(frames_per_second)))
-    seconds, frames = divmod(int(np.floor(frame)), rate)
-    return f"{seconds // 3600 % 24:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}:{frames:02d}"
-
-
 def set_attribute(spec: oiio.ImageSpec, name: str, value: Any) -> None:
     """Adds one attribute to an image's header.
 
     A string, whole number, number (single precision) or 4×4 array is stored as such (whole numbers beyond 32 bits as
     text), two to four numbers as a vector, anything else as JSON. ``framesPerSecond`` becomes a fraction (23.976 is
-    24000/1001) and ``smpte:TimeCode`` is given as ``hh:mm:ss:ff``. None is left out.
+    24000/1001). None is left out.
 
     Raises:
         TypeError: The value has no JSON form.
@@ -201,10 +198,6 @@ def set_attribute(spec: oiio.ImageSpec, name: str, value: Any) -> None:
     if name == "framesPerSecond":
         rate = exact_rate(float(plain))
         spec.attribute(name, oiio.TypeDesc("rational"), (rate.numerator, rate.denominator))
-    elif name == "smpte:TimeCode":
-        # Binary coded decimals, two digits a byte, frames in the lowest.
-        packed = sum(int(pair, 16) << 8 * (3 - place) for place, pair in enumerate(plain.split(":")))
-        spec.attribute(name, oiio.TypeDesc("timecode"), (packed, 0))
     elif isinstance(plain, str):
         spec.attribute(name, plain)
     elif isinstance(plain, numbers.Integral):
@@ -271,6 +264,7 @@ def read_stored(path: str | os.PathLike[str]) -> StoredImage:
     if source is None:
         raise InputError(f"cannot be read: {shortened(oiio.geterror())}", file=os.fspath(path))
     spec = source.spec()
+    refuse_gigantic(spec, path)
     pixels = source.read_image(0, 0, 0, spec.nchannels, "float")
     if pixels is None:
         raise InputError(f"cannot be read: {shortened(source.geterror())}", file=os.fspath(path))
@@ -282,6 +276,26 @@ def read_stored(path: str | os.PathLike[str]) -> StoredImage:
     depths = tuple(str(spec.channelformat(index)) for index in range(spec.nchannels))
     window = (spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height)
     return StoredImage(tuple(spec.channelnames), depths, pixels, metadata, window, parts)
+
+
+def memory_need(spec: oiio.ImageSpec) -> int:
+    """Bytes that an image needs by what its header declares."""
+    return spec.image_pixels() * spec.nchannels * 4 * IMAGE_COPIES
+
+
+def refuse_gigantic(spec: oiio.ImageSpec, path: str | os.PathLike[str]) -> None:
+    """Refuses an image, before any of its pixels is read, whose header declares more than memory has room for.
+
+    Raises:
+        InputError: It does.
+    """
+    need, allowed = memory_need(spec), memory_allowed(None)
+    if need > allowed:
+        raise InputError(
+            f"declares {spec.width} × {spec.height} pixels of {spec.nchannels} channels, which would need "
+            f"{need / 2**30:.3g} GB of memory ({allowed / 2**30:.3g} may be taken)",
+            file=os.fspath(path),
+        )
 
 
 def read_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -302,7 +316,7 @@ def attributes_of(spec: oiio.ImageSpec) -> dict[str, Any]:
     """The attributes of an image's header, by the names and types that :func:`set_attribute` takes."""
     file_names = {own: name for name, own in ATTRIBUTE_NAMES.items()}
     return {
-        file_names.get(entry.name, entry.name): attribute_value(entry.name, entry.type, entry.value)
+        file_names.get(entry.name, entry.name): attribute_value(entry.type, entry.value)
         for entry in spec.extra_attribs
     }
 
@@ -318,14 +332,12 @@ def read_image(path: str | os.PathLike[str]) -> tuple[dict[str, np.ndarray], dic
     return planes, stored.metadata
 
 
-def attribute_value(name: str, kind: oiio.TypeDesc, value: Any) -> Any:
+def attribute_value(kind: oiio.TypeDesc, value: Any) -> Any:
     """An attribute of an image's header as the Python value that :func:`set_attribute` takes for it."""
     if kind == oiio.TypeDesc("matrix"):
         return np.array(value, dtype=np.float64).reshape(4, 4)
     if kind == oiio.TypeDesc("rational"):
         return value[0] / value[1]
-    if name == "smpte:TimeCode":
-        return ":".join(f"{value[0] >> shift & 0xFF:02x}" for shift in (24, 16, 8, 0))
     return value
 
 
@@ -402,6 +414,44 @@ def with_text(pixels: np.ndarray, lines: Sequence[tuple[int, int, str]], size: i
     return np.array(image.get_pixels("uint8")).reshape(pixels.shape)
 
 
+@dataclass(frozen=True, eq=False)
+class TextureFile:
+    """An image that is spread over a surface.
+
+    Attributes:
+        pixels: Linear R, G, B and A (1 without alpha; grey gives R = G = B), rows from the top, shape [h, w, 4]
+            float32.
+        wrap_modes: How it goes on beyond its edges along s and t, as the file says; empty where it does not.
+    """
+
+    pixels: np.ndarray
+    wrap_modes: tuple[str, str]
+
+
+def read_texture(path: str | os.PathLike[str], encoding: str = "auto") -> TextureFile | None:
+    """An image's first subimage.
+
+    Args:
+        path: Image file.
+        encoding: As in :func:`mean_color`.
+
+    Returns:
+        None where the file is no image that can be read.
+    """
+    stored = _stored_texture(path)
+    if stored is None:
+        return None
+    pixels, spec = stored
+    decoded = _is_decoded(pixels, encoding)
+    planes = [_linear(pixels[..., k], decoded and k < 3) for k in range(pixels.shape[-1])]
+    if len(planes) < 3:
+        planes = [planes[0]] * 3 + planes[1:]
+    if len(planes) < 4:
+        planes.append(np.ones_like(planes[0]))
+    modes = str(spec.getattribute("wrapmodes") or "").split(",")
+    return TextureFile(np.stack(planes, axis=-1), (modes[0], modes[-1]))
+
+
 def mean_color(path: str | os.PathLike[str], encoding: str = "auto") -> np.ndarray | None:
     """Mean of an image's first subimage, shape [4]: linear R, G, B and A (1 without alpha); grey gives R = G = B.
 
@@ -413,12 +463,27 @@ def mean_color(path: str | os.PathLike[str], encoding: str = "auto") -> np.ndarr
     Returns:
         None where the file is no image that can be read.
     """
+    stored = _stored_texture(path)
+    if stored is None:
+        return None
+    pixels, _ = stored
+    decoded = _is_decoded(pixels, encoding)
+    means = [_channel_mean(pixels[..., k], decoded and k < 3) for k in range(pixels.shape[-1])]
+    if len(means) < 3:
+        means = [means[0]] * 3 + means[1:]
+    return np.array(means if len(means) == 4 else [*means, 1.0])
+
+
+def _stored_texture(path: str | os.PathLike[str]) -> tuple[np.ndarray, oiio.ImageSpec] | None:
+    """Up to four channels [h, w, c] as they are stored: eight bits, or else float32."""
     source = oiio.ImageInput.open(os.fspath(path))
     if source is None:
         oiio.geterror()
         return None
     try:
         spec = source.spec()
+        if memory_need(spec) > memory_allowed(None):
+            return None
         eight_bits = spec.format == oiio.TypeDesc("uint8")
         pixels = source.read_image(0, 0, 0, min(spec.nchannels, 4), "uint8" if eight_bits else "float")
     finally:
@@ -426,11 +491,20 @@ def mean_color(path: str | os.PathLike[str], encoding: str = "auto") -> np.ndarr
     if pixels is None:
         source.geterror()
         return None
-    decoded = encoding == "sRGB" or (encoding == "auto" and eight_bits and spec.nchannels >= 3)
-    means = [_channel_mean(pixels[..., k], decoded and k < 3) for k in range(pixels.shape[-1])]
-    if len(means) < 3:
-        means = [means[0]] * 3 + means[1:]
-    return np.array(means if len(means) == 4 else [*means, 1.0])
+    return pixels, spec
+
+
+def _is_decoded(pixels: np.ndarray, encoding: str) -> bool:
+    colored = pixels.dtype == np.uint8 and pixels.shape[-1] >= 3
+    return encoding == "sRGB" or (encoding == "auto" and colored)
+
+
+def _linear(channel: np.ndarray, srgb: bool) -> np.ndarray:
+    if channel.dtype == np.uint8:
+        values = np.arange(256) / 255.0
+        return (_decoded(values) if srgb else values).astype(np.float32)[channel]
+    values = np.where(np.isfinite(channel), channel, 0.0).astype(np.float32)
+    return _decoded(values.ravel()).reshape(values.shape).astype(np.float32) if srgb else values
 
 
 def _channel_mean(channel: np.ndarray, srgb: bool) -> float:

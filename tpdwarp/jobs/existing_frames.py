@@ -58,7 +58,7 @@ class ExistingFrames:
             return None
         reason, metadata = self._judged(path, frame)
         if not reason:
-            return _kept(metadata)
+            return kept_frame(metadata)
         kind = reason.partition(" (")[0]
         self.anew[kind] += 1
         if self.anew[kind] == 1:
@@ -90,7 +90,8 @@ def _has_its_end(path: str) -> bool:
         return file.read() == ending
 
 
-def _kept(metadata: Mapping[str, Any]) -> KeptFrame:
+def kept_frame(metadata: Mapping[str, Any]) -> KeptFrame:
+    """What a file's attributes say of its rendering; nothing where they are not those of this program."""
     try:
         found = json.loads(metadata[STATISTICS])
         return KeptFrame(int(found["photons"]), EnergyAccount(**found["energy"]), dict(found["seconds"]))

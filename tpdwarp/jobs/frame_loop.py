@@ -7,7 +7,6 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -19,7 +18,7 @@ from tpdwarp.jobs.results import FrameOutcome
 from tpdwarp.stopping import pause, raise_if_asked, time_limit
 
 if TYPE_CHECKING:
-    from tpdwarp.usd.write.debug_layer import DebugLayerWriter
+    from tpdwarp.jobs.layer_job import DebugLayerJob
 
 # How long frames that other processes render are left alone before they are looked for again.
 CLAIM_POLL_SECONDS = 0.5
@@ -27,6 +26,8 @@ CLAIM_POLL_SECONDS = 0.5
 FAILURES_ON_A_FULL_DISK = 3
 # Before a second try; a busy file server is over a hiccup by then. Doubled for every further one.
 RETRY_SECONDS = 0.5
+# How the reason of a frame begins that other frames beside it may have left without memory.
+OUT_OF_MEMORY = "out of memory"
 _PROBE_BYTES = 1 << 16
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -70,6 +71,7 @@ class FrameLoop:
     Attributes:
         outcomes: What became of each frame.
         problems: What failed beyond them, one line each.
+        refused: How many failed because the input cannot be used.
     """
 
     def __init__(
@@ -85,15 +87,15 @@ class FrameLoop:
         self.outcomes: list[FrameOutcome] = []
         self.problems: list[str] = []
         self._refusal: InputError | None = None
-        self._refused = self._failures = self._failures_on_full = 0
+        self.refused = self._failures = self._failures_on_full = 0
         self._layer_path = ""
 
-    def run(self, frames: Sequence[float], layer: DebugLayerWriter | None) -> None:
+    def run(self, frames: Sequence[float], layer: DebugLayerJob | None) -> None:
         """Works through ``frames``.
 
         Args:
             frames: Time codes.
-            layer: A debug layer to which the work adds; completed if any frame came through, else dropped.
+            layer: A debug layer to which the work adds; completed if any frame came through.
 
         Raises:
             InputError: That is how every frame failed; the first such error.
@@ -101,23 +103,22 @@ class FrameLoop:
         """
         self._layer_path = "" if layer is None else str(layer.path)
         try:
-            with layer if layer is not None else nullcontext():
-                self._shown.start(len(frames))
-                try:
-                    self._work_through(frames)
-                finally:
-                    self._shown.finish()
-                if self._refusal is not None and self._refused == len(frames):
-                    raise self._refusal
-                if layer is not None and all(outcome.status == "failed" for outcome in self.outcomes):
-                    raise FrameError(f"{layer.path}: is not written, for no frame could be traced")
-        except (InputError, BrokenPipeError):
+            self._shown.start(len(frames))
+            try:
+                self._work_through(frames)
+            finally:
+                self._shown.finish()
+        except BrokenPipeError:
             raise
         except Exception as error:
             logger.debug("after the last frame", exc_info=error)
             self.problems.append(reason_of(error))
         places = {frame: place for place, frame in enumerate(frames)}
         self.outcomes.sort(key=lambda outcome: places.get(outcome.frame, 0))
+        if self._refusal is not None and self.refused == len(frames):
+            raise self._refusal
+        if layer is not None:
+            self.problems += layer_problems(layer, self.outcomes)
 
     def _work_through(self, frames: Sequence[float]) -> None:
         """Works through ``frames``; those that other processes render are looked for again at the end."""
@@ -161,7 +162,7 @@ class FrameLoop:
                     pause(RETRY_SECONDS * 2 ** (tries - 1))
                     continue
                 if refused:
-                    self._refused += 1
+                    self.refused += 1
                     self._refusal = self._refusal or error
                 self._failures += 1
                 full = disk_is_full(self._path_of(frame) or self._layer_path)
@@ -182,6 +183,23 @@ class FrameLoop:
         return FrameOutcome(frame, "failed", self._path_of(frame), reason, tries=0)
 
 
+def layer_problems(layer: DebugLayerJob, outcomes: Sequence[FrameOutcome]) -> list[str]:
+    """Completes a debug layer with the frames that came through.
+
+    Returns:
+        Why it is not written, in one line; nothing where it is.
+    """
+    done = [outcome.frame for outcome in outcomes if outcome.status != "failed"]
+    if not done:
+        return [f"{layer.path}: is not written, for no frame could be traced"]
+    try:
+        layer.complete(done)
+    except (FrameError, InputError, OSError, MemoryError) as error:
+        logger.debug("debug layer", exc_info=error)
+        return [reason_of(error)]
+    return []
+
+
 def disk_is_full(path: str) -> bool:
     """Whether the folder of ``path`` has no room for as much as 64 kB, or no more than its user may take."""
     try:
@@ -199,7 +217,7 @@ def reason_of(error: Exception) -> str:
     if isinstance(error, FrameError | InputError):
         text = str(error)
     elif isinstance(error, MemoryError):
-        text = "out of memory (try fewer --photons, fewer --samples or a smaller --imageWidth)"
+        text = f"{OUT_OF_MEMORY} (try fewer --photons, fewer --samples or a smaller --imageWidth)"
     elif isinstance(error, OSError):
         text = ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
     else:

@@ -37,5 +37,10 @@ def prepare_outputs(
     check_outputs(outputs, inputs, frames)
     written = (os.fspath(path) for path in (*frames[:1], *outputs.values()) if path is not None)
     for folder in {os.path.dirname(path) or os.curdir for path in written}:
-        sweep_temporaries(folder)
-        sweep_claims(folder)
+        sweep_folder(folder)
+
+
+def sweep_folder(folder: str) -> None:
+    """Removes what processes that were killed have left in a folder of frames."""
+    sweep_temporaries(folder)
+    sweep_claims(folder)

@@ -14,7 +14,7 @@ from tpdwarp.io.terminal import printable, printable_lines, say
 if TYPE_CHECKING:
     from tpdwarp.jobs.results import FrameOutcome
 
-KINDS = ("auto", "bar", "plain", "alf", "none")
+KINDS = ("auto", "bar", "plain", "alf", "openjd", "none")
 
 
 class Progress:
@@ -82,6 +82,18 @@ class AlfProgress(Progress):
         say(f"ALF_PROGRESS {100 * self._done // max(1, self._count)}%", self._stream)
 
 
+class OpenJobProgress(AlfProgress):
+    """Lines ``openjd_progress: n``, as schedulers of Open Job Description read them, and what has failed."""
+
+    def end(self, outcome: FrameOutcome) -> None:
+        if outcome.status == "failed":
+            say(f"openjd_status: frame {frame_text(outcome.frame)} failed: {printable(outcome.reason)}", self._stream)
+        super().end(outcome)
+
+    def _show(self) -> None:
+        say(f"openjd_progress: {100 * self._done / max(1, self._count):.1f}", self._stream)
+
+
 class OccasionalProgress(Progress):
     """A line now and then, for logs of long sequences whose frames take no time to speak of.
 
@@ -106,10 +118,9 @@ class OccasionalProgress(Progress):
         now = time.monotonic()
         if now - self._said >= self._interval:
             self._said = now
-            gone = now - self._started
-            left = gone / self._done * (self._count - self._done)
             failed = f", {self._failed} failed" if self._failed else ""
-            line = f"{self._done}/{self._count} frames{failed}, {clock(gone)} gone, {clock(left)} left"
+            times = pace(now - self._started, self._done, self._count - self._done)
+            line = f"{self._done}/{self._count} frames{failed}, {times}"
             say(line, self._stream)
 
 
@@ -123,7 +134,7 @@ class BarProgress(Progress):
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = stream or sys.stderr
         self._count = self._done = self._worked = self._failed = 0
-        self._seconds = self._started = 0.0
+        self._started = 0.0
         self._line = ""
 
     def start(self, count: int) -> None:
@@ -136,9 +147,7 @@ class BarProgress(Progress):
     def end(self, outcome: FrameOutcome) -> None:
         self._done += 1
         self._failed += outcome.status == "failed"
-        if outcome.status != "skipped":
-            self._worked += 1
-            self._seconds += outcome.total_seconds
+        self._worked += outcome.status != "skipped"
         self._draw(f"frame {frame_text(outcome.frame)}")
 
     def finish(self) -> None:
@@ -155,11 +164,7 @@ class BarProgress(Progress):
 
     def _draw(self, what: str) -> None:
         columns = shutil.get_terminal_size().columns - 1
-        if self._worked:
-            left = self._seconds / self._worked * (self._count - self._done)
-            times = f"{clock(time.monotonic() - self._started)} gone, {clock(left)} left"
-        else:
-            times = "first frame"
+        times = pace(time.monotonic() - self._started, self._worked, self._count - self._done) or "first frame"
         failed = f", {self._failed} failed" if self._failed else ""
         text = f" {self._done}/{self._count} {what}{failed}, {times}"
         width = max(0, min(40, columns - len(text) - 2))
@@ -167,6 +172,21 @@ class BarProgress(Progress):
         self._line = f"[{'#' * full}{'.' * (width - full)}]{text}"[: max(0, columns)]
         self._stream.write(f"\r\x1b[K{self._line}")
         self._stream.flush()
+
+
+def pace(gone: float, worked: int, left: int) -> str:
+    """Time gone, rate and time left, as far as they are known; empty before the first frame is done.
+
+    Args:
+        gone: Seconds since the sequence was begun.
+        worked: Frames that were rendered meanwhile, by however many processes.
+        left: Frames to come.
+    """
+    if not worked:
+        return ""
+    each = gone / worked
+    rate = f"{each:.1f} s a frame" if each >= 1 else f"{1 / max(each, 1e-9):.1f} frames/s"
+    return f"{clock(gone)} gone, {rate}, {clock(each * left)} left"
 
 
 def clock(seconds: float) -> str:
@@ -186,7 +206,14 @@ def progress_of(kind: str | Progress | None) -> Progress:
         return kind
     if kind == "auto":
         kind = "bar" if sys.stderr.isatty() else "plain"
-    makers = {"bar": BarProgress, "plain": PlainProgress, "alf": AlfProgress, "none": Progress, None: Progress}
+    makers: dict[str | None, type[Progress]] = {
+        "bar": BarProgress,
+        "plain": PlainProgress,
+        "alf": AlfProgress,
+        "openjd": OpenJobProgress,
+        "none": Progress,
+        None: Progress,
+    }
     if kind not in makers:
         raise InputError(f"--progress must be one of {', '.join(KINDS)}, not {kind!r}")
     return makers[kind]()

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from tpdwarp.errors import FrameError, InputError, logger
 from tpdwarp.io.outputs import FilePath
-from tpdwarp.jobs.frame_loop import FrameLoop, reason_of
+from tpdwarp.jobs.frame_loop import reason_of
 from tpdwarp.jobs.results import FrameOutcome, SequenceResult
 from tpdwarp.jobs.statistics import StatisticsLines, statistics_of, write_statistics
 from tpdwarp.rendering.error_target import ErrorTarget
@@ -51,13 +51,13 @@ class SequenceReports:
         self,
         settings: Settings,
         target: ErrorTarget | None,
-        loop: FrameLoop,
+        outcomes: Sequence[FrameOutcome],
+        problems: Sequence[str],
         seconds: float,
         anew: Mapping[str, int] | None = None,
     ) -> SequenceResult:
         """The result of the sequence, whose statistics are written."""
-        problems = (*loop.problems, *self._problems)
-        result = SequenceResult(tuple(loop.outcomes), seconds, problems, target, dict(anew or {}))
+        result = SequenceResult(tuple(outcomes), seconds, (*problems, *self._problems), target, dict(anew or {}))
         if self._stats is None or self._lines is not None:
             return result
         try:

@@ -59,6 +59,31 @@ class Interaction(IntEnum):
     MIRROR = 2
 
 
+class Wrap(IntEnum):
+    """How a texture goes on beyond its edges."""
+
+    REPEAT = 0
+    CLAMP = 1
+    MIRROR = 2
+    BORDER = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A colour that differs over a surface, by texture coordinates (s, t).
+
+    Attributes:
+        tiles: Linear Rec.709 by unit square of (s, t), rows from t = 1 down, each shape [h, w, 3]; most textures have
+            the square (0, 0) alone.
+        wrap: How it goes on along s and t; where there are several tiles, there is the border between and around them.
+        border: The colour beyond edges that neither repeat nor hold.
+    """
+
+    tiles: dict[tuple[int, int], np.ndarray]
+    wrap: tuple[Wrap, Wrap] = (Wrap.REPEAT, Wrap.REPEAT)
+    border: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class Material:
     """A surface's optical behaviour.
@@ -68,12 +93,15 @@ class Material:
         color: Albedo (diffuse) or tint (mirror), linear Rec.709; unused for dielectrics.
         ior: Index of refraction inside, relative to outside (front side is outside).
         path: Prim path of the material, or empty where none is bound.
+        texture: Albedo over the surface, in the place of ``color`` where the mesh has texture coordinates; None for
+            the same everywhere.
     """
 
     interaction: Interaction = Interaction.DIFFUSE
     color: tuple[float, float, float] = (0.18, 0.18, 0.18)
     ior: float = 1.5
     path: str = ""
+    texture: Texture | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +120,8 @@ class MeshAtShutter:
         triangle_materials: Index into ``materials`` for each triangle, shape [m] int32.
         colors: Display colours that override the diffuse albedo, shape [c, 3]; None where there are none.
         color_indices: Colour of each triangle corner, shape [m, 3] int32; −1 keeps the material's own colour.
+        coordinates: Texture coordinates, shape [s, 2]; None where there are none.
+        coordinate_indices: Those of each triangle corner, shape [m, 3] int32; −1 for a triangle without.
         priority: Where dielectric solids overlap, those of higher priority hold; see :mod:`tpdwarp.scene.nesting`.
     """
 
@@ -106,6 +136,8 @@ class MeshAtShutter:
     triangle_materials: np.ndarray | None = None
     colors: np.ndarray | None = None
     color_indices: np.ndarray | None = None
+    coordinates: np.ndarray | None = None
+    coordinate_indices: np.ndarray | None = None
     priority: int = 0
 
     @property
@@ -147,6 +179,24 @@ class LightAtShutter:
     @property
     def moves(self) -> bool:
         return bool(np.any(self.position_motion) or (self.kind == LightKind.DISTANT and np.any(self.axes_motion)))
+
+
+@dataclass(frozen=True, eq=False)
+class DomeAtShutter:
+    """Light from all around, at an infinite distance, as it stands at mid shutter.
+
+    It is seen where nothing else is, and lights diffuse surfaces directly; it sends no photons.
+
+    Attributes:
+        path: Prim path.
+        radiance: By latitude (rows, from +y down) and longitude (columns, from +180° down, where +z is at 0° and +x at
+            90°), shape [h, w, 3], linear Rec.709.
+        axes: Rows are the dome's unit x, y, z axes in the world, shape [3, 3].
+    """
+
+    path: str
+    radiance: np.ndarray
+    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +242,7 @@ class SceneAtShutter:
     meshes: tuple[MeshAtShutter, ...]
     lights: tuple[LightAtShutter, ...]
     camera: CameraAtShutter | None = None
+    domes: tuple[DomeAtShutter, ...] = ()
 
 
 class SceneSource(Protocol):

@@ -29,6 +29,8 @@ class Requirements:
         nested: Whether dielectric solids lie in each other or touch.
         smooth_receivers: Whether a diffuse surface is shaded by normals that are not those of its triangles.
         bounces: Specular interactions followed along a path.
+        textures: Whether an albedo differs over its surface by a texture.
+        domes: Whether light comes from all around.
     """
 
     moving_meshes: tuple[str, ...]
@@ -39,6 +41,8 @@ class Requirements:
     nested: bool
     smooth_receivers: bool
     bounces: int
+    textures: bool = False
+    domes: bool = False
 
     @property
     def caustics(self) -> bool:
@@ -88,4 +92,9 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         nested=nesting_of(scene) is not None,
         smooth_receivers=(dielectrics or mirrors) and any(map(is_smooth_receiver, scene.meshes)),
         bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors else 0,
+        textures=any(
+            mesh.coordinates is not None and any(material.texture is not None for material in mesh.materials)
+            for mesh in scene.meshes
+        ),
+        domes=bool(scene.domes),
     )

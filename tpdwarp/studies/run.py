@@ -10,7 +10,7 @@ from typing import Any
 from tpdwarp.errors import FrameError, InputError
 from tpdwarp.io.outputs import check_outputs
 from tpdwarp.jobs.frame_loop import reason_of
-from tpdwarp.jobs.sequence import Frames, chosen_settings, frames_asked, open_scene, shutter_of
+from tpdwarp.jobs.opening import Frames, chosen_settings, frames_asked, open_scene, shutter_of
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.studies.cases import Case, Sweep

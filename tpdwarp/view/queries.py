@@ -16,10 +16,12 @@ import warp as wp
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
+from tpdwarp.scene.description import DomeAtShutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
 from tpdwarp.view.camera import Camera, camera_of, in_pixels, pixel_size
+from tpdwarp.view.domes import DomeArrays, dome_arrays
 from tpdwarp.view.merging import Columns, merged
 from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
 from tpdwarp.view.visibility import LightArrays, PathFlag, VisiblePoints, light_arrays, visible_points
@@ -136,6 +138,7 @@ class CameraView:
     ) -> None:
         self._scenes, self._settings, self._size, self._clock = scenes, settings, (width, height), clock
         self._normalization, self._launcher = normalization, launcher
+        self._domes: tuple[tuple[DomeAtShutter, ...], DomeArrays] | None = None
         self._moves = any(s.requirements.view_motion for s in scenes)
         self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
         self._pixels = block_order(width, height) if pixels is None else pixels
@@ -216,6 +219,7 @@ class CameraView:
         passes = visible_points(
             surfaces, lights, camera, films, loaded.requirements, self._launcher,
             moves=self._moves, segments=count, scales_radiance=self._settings.refracted_radiance == "scaled",
+            textures=loaded.textures, domes=self._domes_of(loaded), samples=self._settings.samples,
             smallest_throughput=self._settings.view_cutoff,
         )
         while True:
@@ -224,6 +228,15 @@ class CameraView:
             if points is None:
                 return
             yield points
+
+    def _domes_of(self, loaded: LoadedScene) -> DomeArrays | None:
+        """The domes of a scene, made anew only where they are others than the last."""
+        domes = loaded.scene.domes
+        if not domes:
+            return None
+        if self._domes is None or self._domes[0] != domes:
+            self._domes = domes, dome_arrays(domes, self._normalization, self._launcher)
+        return self._domes[1]
 
     def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays]:
         return (

@@ -21,10 +21,12 @@ from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, diffuse_color, occluded, shading_normal
 from tpdwarp.scene.device.media import crossing_at, media_at
+from tpdwarp.scene.device.textures import TextureArrays, on_plane, textured_color
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
 from tpdwarp.view.camera import Camera, camera_ray
+from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
 SMALLEST_THROUGHPUT = ViewSettings.view_cutoff
@@ -144,7 +146,13 @@ def query_motion(motion: wp.vec3) -> wp.vec3:
 
 @cache
 def visible_kernel(
-    moves: bool, refraction: bool, reflection: bool, smooth_receivers: bool, nested: bool = False
+    moves: bool,
+    refraction: bool,
+    reflection: bool,
+    smooth_receivers: bool,
+    textured: bool = False,
+    nested: bool = False,
+    domed: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on."""
     both, specular = refraction and reflection, refraction or reflection
@@ -156,6 +164,8 @@ def visible_kernel(
         surfaces: Surfaces,
         lights: LightArrays,
         camera: Camera,
+        textures: TextureArrays,
+        domes: DomeArrays,
         # In
         films: wp.array(dtype=wp.vec2),
         items: wp.array(dtype=wp.int32),
@@ -164,6 +174,7 @@ def visible_kernel(
         smallest_throughput: float,
         segments: float,
         radiance_power: float,
+        sample_side: float,
         # Out
         queries: QueryArrays,
         out: VisibleArrays,
@@ -189,6 +200,7 @@ def visible_kernel(
         reported = int(0)
         flags = int(0)
         decision = int(0)
+        travelled = float(0.0)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
 
@@ -198,7 +210,11 @@ def visible_kernel(
                 surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, end, wp.static(moves), stream
             )
             if hit.triangle < 0:
+                if wp.static(domed):
+                    out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                 break
+            if wp.static(textured):
+                travelled += hit.distance
             # ---- What another solid displaces is not there
             eta = float(1.0)
             if wp.static(nested):
@@ -240,8 +256,22 @@ def visible_kernel(
 
             # ---- A diffuse surface ends the path: direct light, and a query for the photons'
             if interaction == DIFFUSE:
-                weight = wp.cw_mul(throughput, diffuse_color(surfaces, hit)) * INV_PI
+                albedo = diffuse_color(surfaces, hit)
+                if wp.static(textured):
+                    # What a sample stands for is taken to be as wide as it would be without what bent its ray.
+                    width = sample_side
+                    if camera.orthographic == 0:
+                        width *= travelled * depth_scale
+                    across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
+                    down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
+                    albedo = textured_color(textures, material, hit, albedo, across, down)
+                weight = wp.cw_mul(throughput, albedo) * INV_PI
                 irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
+                if wp.static(domed):
+                    # Neighbours in the image choose other parts of the dome.
+                    scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
+                    place = scattered - wp.floor(scattered)
+                    irradiance += dome_irradiance(surfaces, domes, beam.x, n, n_g, hit.offset * n_g, place)
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
@@ -318,6 +348,9 @@ def visible_points(
     moves: bool,
     segments: int = 1,
     scales_radiance: bool = True,
+    textures: TextureArrays | None = None,
+    domes: DomeArrays | None = None,
+    samples: int = 1,
     smallest_throughput: float = SMALLEST_THROUGHPUT,
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
@@ -327,21 +360,32 @@ def visible_points(
         segments: Segments of the shutter; scene and camera are those of one of them.
         scales_radiance: Whether radiance changes by η² = (η_i/η_t)² where it is refracted, as it does (a beam of it is
             narrower inside); without, as hosts that leave it out have it. Through closed glass it cancels.
+        textures: The textures of the surfaces, where there are any.
+        domes: Light from all around, where there is any.
+        samples: Samples a pixel; textures are averaged over the part of it that each stands for.
         smallest_throughput: Reflected branches that carry less are not followed.
     """
     items = np.arange(len(films), dtype=np.int32)
     masks = np.zeros(len(films), np.int32)
     device_films = launcher.array(films.astype(np.float32), wp.vec2)
     needs = requirements
-    kernel = visible_kernel(moves, needs.refraction, needs.reflection, needs.smooth_receivers, needs.nested)
+    kernel = visible_kernel(
+        moves,
+        needs.refraction,
+        needs.reflection,
+        needs.smooth_receivers,
+        textured=needs.textures,
+        nested=needs.nested,
+        domed=needs.domes,
+    )
     left_out = () if needs.smooth_receivers else ("shading_normal",)
     first = True
     while len(items):
         queries, out = launcher.rows(QueryArrays, len(items), but=left_out), launcher.rows(VisibleArrays, len(items))
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
-        scene = [surfaces, lights, camera, device_films]
+        scene = [surfaces, lights, camera, textures or TextureArrays(), domes or DomeArrays(), device_films]
         limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
-        launcher(kernel, len(items), [*scene, *paths, *limits, queries, out])
+        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, queries, out])
         yield VisiblePoints(items, queries, out, first)
         items, masks = reported_paths(items, masks, out.reported.numpy())
         first = False

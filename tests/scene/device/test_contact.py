@@ -1,4 +1,4 @@
-"""What touches is parted, by little and only there; what does not stays bit for bit."""
+"""What touches is separated, by little and only there; what does not stays bit for bit."""
 
 from __future__ import annotations
 

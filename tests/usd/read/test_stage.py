@@ -79,13 +79,15 @@ def test_other_shapes_are_said_once_and_left_out(small, kind):
     assert [m for m in scene.warnings.messages if "/Other" in m] == scene.warnings.messages != []
 
 
-def test_volumes_and_skinned_meshes_are_said_and_hidden_things_are_not(small):
+def test_volumes_and_skinned_points_are_said_and_hidden_things_are_not(small):
     UsdVol.Volume.Define(small.stage, "/Smoke")
-    UsdSkel.BindingAPI.Apply(small.mesh().GetPrim()).CreateJointIndicesPrimvar(False, 1).Set([0])
+    small.mesh()
+    points = UsdGeom.Points.Define(small.stage, "/Points").GetPrim()
+    UsdSkel.BindingAPI.Apply(points).CreateJointIndicesPrimvar(False, 1).Set([0])
     UsdGeom.Sphere.Define(small.stage, "/Hidden").MakeInvisible()
     UsdGeom.Sphere.Define(small.stage, "/Guide").CreatePurposeAttr("guide")
     text = "\n".join(small.open().warnings.messages)
-    assert "/Smoke" in text and "/Mesh: skinning" in text
+    assert "/Smoke" in text and "/Points: a Points is not deformed" in text
     assert "/Hidden" not in text and "/Guide" not in text
 
 

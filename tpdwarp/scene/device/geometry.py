@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.device.contact import separate_coincident
 from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.normalization import Normalization
@@ -52,12 +52,14 @@ class Geometry:
         mesh: The BVH (kept alive with ``surfaces``).
         moves: Whether any vertex moves over the shutter.
         paths: Prim path of each object, indexed by ``surfaces.object_of``.
+        materials: The materials, indexed by ``surfaces.material_of``.
     """
 
     surfaces: Surfaces
     mesh: wp.Mesh
     moves: bool
     paths: tuple[str, ...]
+    materials: tuple[Material, ...] = ()
     _moved: wp.Mesh | None = None
 
     def at(self, time: float, launcher: Launcher) -> Surfaces:
@@ -116,7 +118,7 @@ def geometry_of(
     points, motions, triangles = [], [], []
     normals, normal_motions, normal_indices = [], [], []
     colors, color_indices, material_of, object_of = [], [], [], []
-    materials: dict[object, int] = {}
+    materials: dict[Material, int] = {}
     vertex_count = normal_count = color_count = 0
     # A frame may show nothing at all; a tree of triangles wants at least one.
     for number, mesh in enumerate(scene.meshes or (NOTHING,)):
@@ -171,7 +173,8 @@ def geometry_of(
     surfaces.medium_of = launcher.array(media, wp.int32)
     indices = np.zeros(0) if nesting is None else nesting.indices
     surfaces.medium_index = launcher.array(indices.astype(np.float32), wp.float32)
-    return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), tuple(mesh.path for mesh in scene.meshes))
+    paths = tuple(mesh.path for mesh in scene.meshes)
+    return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, tuple(table))
 
 
 def _or_zeros(values: np.ndarray | None, like: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from tpdwarp.errors import InputError
 from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter, reference_scenes
 from tpdwarp.scene.device.geometry import Geometry, geometry_of
+from tpdwarp.scene.device.textures import TextureArrays, TextureStore
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.opening import scene_at_opening
 from tpdwarp.scene.requirements import Requirements, requirements_of
@@ -23,6 +24,7 @@ class LoadedScene:
     scene: SceneAtShutter
     geometry: Geometry
     requirements: Requirements
+    textures: TextureArrays
 
     @property
     def moves(self) -> bool:
@@ -47,6 +49,7 @@ class SceneLoader:
 
     def __init__(self, source: SceneSource, launcher: Launcher, bounces: int | None = None) -> None:
         self.source, self.launcher, self._bounces = source, launcher, bounces
+        self._textures = TextureStore(launcher)
         self.normalization = _normalization(reference_scenes(source), source.file)
 
     def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
@@ -72,7 +75,10 @@ class SceneLoader:
             needs = requirements_of(scene, self._bounces)
             with_motions = needs.photon_motion or needs.view_motion
             geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=with_motions)
-        return LoadedScene(scene, geometry, needs)
+            textures = TextureArrays()
+            if needs.textures:
+                textures = self._textures.arrays(scene.meshes, geometry.materials)
+        return LoadedScene(scene, geometry, needs, textures)
 
 
 def _normalization(stills: list[SceneAtShutter], file: str) -> Normalization:

@@ -29,6 +29,8 @@ class Appearance:
     triangle_materials: np.ndarray
     colors: np.ndarray | None
     color_indices: np.ndarray | None
+    coordinates: np.ndarray | None
+    coordinate_indices: np.ndarray | None
     kept: np.ndarray | None
     varies: bool
 
@@ -88,15 +90,66 @@ def appearance_of(
         _warn_of_opacity(prim, warnings)
     if indices is not None and not open_to_color.all():
         indices = np.where(open_to_color[triangle_materials][:, None], indices, -1).astype(np.int32)
+    coordinates, coordinate_indices, coordinates_vary = _coordinates(
+        prim, topology, point_count, frame, surfaces, triangle_materials, warnings
+    )
     absent = np.array([surface.absent for surface in surfaces], dtype=bool)
     return Appearance(
         tuple(surface.material for surface in surfaces),
         triangle_materials,
         colors,
         indices,
+        coordinates,
+        coordinate_indices,
         ~absent[triangle_materials] if absent.any() else None,
-        subsets_vary or colors_vary or any(surface.varies for surface in surfaces),
+        subsets_vary or colors_vary or coordinates_vary or any(surface.varies for surface in surfaces),
     )
+
+
+def _coordinates(
+    prim: Usd.Prim,
+    topology: Topology,
+    point_count: int,
+    frame: float,
+    surfaces: list[Surface],
+    triangle_materials: np.ndarray,
+    warnings: WarnOnce,
+) -> tuple[np.ndarray | None, np.ndarray | None, bool]:
+    """Texture coordinates [s, 2], those of each triangle corner [m, 3] (−1: none), and whether they may change.
+
+    Each surface looks up its textures by a primvar of its own.
+    """
+    parts: list[np.ndarray] = []
+    indices = np.full(topology.triangles.shape, -1, dtype=np.int32)
+    count, varies = 0, False
+    for number, surface in enumerate(surfaces):
+        if surface.coordinates is None:
+            continue
+        name = surface.coordinates.primvar
+        primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+        if not primvar or not primvar.HasValue():
+            warnings(f"{prim.GetPath()}.primvars:{name}", "is not there for textures: their mean colour is rendered")
+            continue
+        curve = flattened(primvar, warnings.file, shape=(None, None))
+        varies |= curve.varies
+        try:
+            values = curve.at(frame)
+        except InputError as error:
+            warnings(error.prim, f"{error.message}; until then textures have their mean colour", "textures")
+            continue
+        spread = None
+        if values is not None and len(values) and values.shape[1] >= 2:
+            spread = topology.spread(values[:, :2], str(primvar.GetInterpolation()), point_count)
+        if spread is None:
+            warnings(
+                str(primvar.GetAttr().GetPath()), "does not fit its interpolation: textures have their mean colour"
+            )
+            continue
+        rows = triangle_materials == number
+        indices[rows] = spread[1][rows] + count
+        parts.append(surface.coordinates.of(spread[0]))
+        count += len(parts[-1])
+    return (np.concatenate(parts), indices, varies) if parts else (None, None, varies)
 
 
 def _warn_of_opacity(prim: Usd.Prim, warnings: WarnOnce) -> None:

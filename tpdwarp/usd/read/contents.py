@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom, UsdLux, UsdSkel
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.usd.read.blobs import is_blob
+from tpdwarp.usd.read.domes import is_dome
 from tpdwarp.usd.read.instances import Instancer, Prototype
 from tpdwarp.usd.read.lights import is_light
 from tpdwarp.usd.read.primitives import is_primitive
@@ -29,12 +30,14 @@ class Contents:
         instancers: Point instancers of an included purpose that are not nested in another's prototype.
         lights: Lights that are rendered.
         cameras: Cameras.
+        domes: Dome lights.
     """
 
     meshes: list[Usd.Prim] = field(default_factory=list)
     instancers: list[Instancer] = field(default_factory=list)
     lights: list[Usd.Prim] = field(default_factory=list)
     cameras: list[Usd.Prim] = field(default_factory=list)
+    domes: list[Usd.Prim] = field(default_factory=list)
 
 
 class Walker:
@@ -59,6 +62,8 @@ class Walker:
                 contents.cameras.append(prim)
             elif is_light(prim):
                 contents.lights.append(prim)
+            elif is_dome(prim):
+                contents.domes.append(prim)
             elif self._included(prim):
                 if is_drawn(prim):
                     contents.meshes.append(prim)
@@ -119,9 +124,9 @@ class Walker:
         if prim.IsA(UsdGeom.Mesh):
             if prim.HasAPI(UsdLux.LightAPI):
                 self._warnings(path, "the mesh is rendered, but the light it emits is not")
-            if UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue():
-                self._warnings(path, "skinning is not evaluated: the mesh is rendered as it is authored (bake it)")
             return
+        if is_drawn(prim) and UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue():
+            self._warnings(path, f"a {kind} is not deformed by its skeleton: it is rendered as it is authored")
         drawn = is_drawn(prim) or any(map(prim.IsA, DRAWN_OTHERWISE))
         if prim.HasAPI(UsdLux.LightAPI) or (prim.IsA(UsdGeom.Boundable) and not drawn):
             self._warnings(path, f"a {kind} is not rendered")

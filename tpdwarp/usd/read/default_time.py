@@ -12,6 +12,8 @@ from tpdwarp.usd.read.stage import StageScene
 class DefaultTimeScene(StageScene):
     """A :class:`StageScene` whose attributes have their default values at every time code."""
 
+    EDITS_SESSION = True
+
     def __init__(self, file: str, stage: Usd.Stage, settings: StageSettings, warnings: WarnOnce) -> None:
         pin_default_time(stage)
         super().__init__(file, stage, settings, warnings)

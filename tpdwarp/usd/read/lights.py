@@ -63,6 +63,11 @@ class Light:
         self._visibilities = _visibilities(prim)
         self._warn_unsupported()
 
+    @property
+    def kind_name(self) -> str:
+        """What it is rendered as."""
+        return self.kind.name.lower()
+
     def visible(self, frame: float) -> bool:
         return UsdGeom.Imageable(self.prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
 
@@ -113,7 +118,7 @@ class Light:
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
-        scale *= self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._area_factor(frame)
+        scale *= self._factor(frame)
         with np.errstate(over="ignore", invalid="ignore"):
             power = scale * color
         if not power.max() <= LARGEST:
@@ -123,6 +128,10 @@ class Light:
                 self.path,
             )
         return tuple(map(float, power))
+
+    def _factor(self, frame: float) -> float:
+        """By what the radiance is to be multiplied for :meth:`power`."""
+        return self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._area_factor(frame)
 
     def _distant_factor(self, frame: float) -> float:
         angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)

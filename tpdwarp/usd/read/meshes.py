@@ -141,6 +141,8 @@ class PlacedMesh:
                     triangle_materials=appearance.triangle_materials,
                     colors=appearance.colors,
                     color_indices=appearance.color_indices,
+                    coordinates=appearance.coordinates,
+                    coordinate_indices=appearance.coordinate_indices,
                     priority=priority_of(self.prim, self._warnings),
                 ),
                 appearance.kept,
@@ -204,7 +206,7 @@ def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutte
     """The mesh without the triangles that its materials cut out."""
     if kept is None:
         return mesh
-    by_triangle = ("triangles", "normal_indices", "triangle_materials", "color_indices")
+    by_triangle = ("triangles", "normal_indices", "triangle_materials", "color_indices", "coordinate_indices")
     parts = {name: None if (part := getattr(mesh, name)) is None else part[kept] for name in by_triangle}
     return replace(mesh, **parts)
 

@@ -9,7 +9,7 @@ from pxr import UsdGeom
 
 from tpdwarp.errors import InputError
 from tpdwarp.usd.read.samples import SampledArray
-from tpdwarp.usd.read.values import ROWS, indices_at, numbers, value_at
+from tpdwarp.usd.read.values import ROWS, Shape, indices_at, numbers, value_at
 
 
 def flattened(
@@ -17,8 +17,9 @@ def flattened(
     file: str,
     cubic: bool = False,
     linked: Callable[[float, float], bool] | None = None,
+    shape: Shape = ROWS,
 ) -> SampledArray:
-    """A vector primvar as rows over time, shape [n, 3] at each sample.
+    """A vector primvar as rows over time, shape [n, 3] (or ``shape``) at each sample.
 
     Raises (when read):
         InputError: Values that are not finite, or indices out of range.
@@ -31,7 +32,7 @@ def flattened(
         if rows is None:
             return None
         # A constant primvar may be a single value instead of an array of one.
-        rows = numbers(rows[None] if rows.ndim == 1 else rows, values, ROWS)
+        rows = numbers(rows[None] if rows.ndim == 1 else rows, values, shape)
         require_finite(rows, file, f"{values.GetPath()}", time)
         if not primvar.IsIndexed():
             return rows

@@ -3,7 +3,7 @@
 Where velocities are sampled with the points, the points of the sample at the frame move along ``velocities`` (and
 ``accelerations``), as UsdGeomPointBased has it; a cubic goes through the samples with these for tangents. Without them
 points are interpolated between samples where faces and points keep their numbers; where they change within the
-shutter they are held, and that is said.
+shutter they are held, and that is said. What a skeleton deforms has samples where the skeleton has.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from tpdwarp.usd.read.motion import touched
 from tpdwarp.usd.read.normals import area_vectors, smooth_normals, unit
 from tpdwarp.usd.read.primvars import flattened, require_finite
 from tpdwarp.usd.read.samples import SampledArray, of_attribute
+from tpdwarp.usd.read.skinning import Deformation
 from tpdwarp.usd.read.subdivision.cages import cage_of, faces_at_boundary
 from tpdwarp.usd.read.subdivision.surface import SCHEMES, Surface
 from tpdwarp.usd.read.topology import Topology, triangulate
@@ -55,6 +56,7 @@ class Shape:
         cubic: Whether points and normals are interpolated by the cubic Hermite through their samples.
         levels: Gives how often a subdivision surface is refined whose cage has so many faces.
         warnings: Takes what is not supported, and names the file in errors.
+        deformation: The skeleton and blend shapes that deform it; its velocities are not read then.
     """
 
     def __init__(
@@ -64,8 +66,9 @@ class Shape:
         cubic: bool,
         levels: Callable[[int], int],
         warnings: WarnOnce,
+        deformation: Deformation | None = None,
     ) -> None:
-        self.levels = levels
+        self.levels, self._deformation = levels, deformation
         self.mesh, self.warnings = mesh, warnings
         self.path, self.file = str(mesh.GetPath()), warnings.file
         self._per_second, self._cubic = time_codes_per_second, cubic
@@ -75,29 +78,38 @@ class Shape:
             mesh.GetHoleIndicesAttr(),
         ]
         velocities = mesh.GetVelocitiesAttr()
-        self._velocity_times = frozenset(velocities.GetTimeSamples()) if velocities.HasAuthoredValue() else None
+        self._has_velocities = deformation is None and velocities.HasAuthoredValue()
+        self._velocity_times = frozenset(velocities.GetTimeSamples()) if self._has_velocities else None
         self._faces_vary = any(attribute.ValueMightBeTimeVarying() for attribute in self._face_attributes)
         self._same_faces: dict[tuple[float, float], bool] = {}
         self._last: tuple[list[np.ndarray], Topology] | None = None
         self._surface: tuple[Topology, Surface | None] | None = None
         self._still: list[ShapeAtShutter | None] = []
         linked = self._linked if self._faces_vary else None
-        attribute = mesh.GetPointsAttr()
         self._points = of_attribute(
-            attribute,
+            mesh.GetPointsAttr(),
             cubic,
             check=lambda value, time: require_finite(value, self.file, f"{self.path}.points", time),
             shape=ROWS,
-            tangent=self._velocities if mesh.GetVelocitiesAttr().HasAuthoredValue() else None,
+            tangent=self._velocities if self._has_velocities else None,
             linked=linked,
         )
+        if deformation is not None:
+            self._points = self._deformed_points(cubic, linked)
         self._scheme = text_at(mesh.GetSubdivisionSchemeAttr())
         self._normals, self._normals_attribute, self._normals_interpolation = self._authored_normals(cubic, linked)
+        if deformation is not None and self._normals is not None:
+            self._normals = self._deformed_normals(cubic, linked)
         self.span = self._span()
 
     @property
     def varies(self) -> bool:
         return self.span is not None
+
+    @property
+    def deformed_at(self) -> list[float]:
+        """Sample times of the skeleton and blend shapes that deform it."""
+        return [] if self._deformation is None else self._deformation.times
 
     def at(self, shutter: Shutter, span: tuple[float, float]) -> ShapeAtShutter | None:
         """The shape over ``shutter``; None (and a warning) where there is nothing to see.
@@ -288,6 +300,39 @@ class Shape:
     def _refuse(self, attribute: str, why: str) -> None:
         raise InputError(f"{why.rstrip('.')} (correct the mesh's topology)", self.file, f"{self.path}.{attribute}")
 
+    def _deformed_points(self, cubic: bool, linked: Callable[[float, float], bool] | None) -> SampledArray:
+        """The points over time as skeleton and blend shapes leave them."""
+        authored = self._points
+
+        def read(time: float | None) -> np.ndarray | None:
+            # What has one sample or none is the same at any time.
+            time = time or 0.0
+            points = authored.at(time)
+            if points is None or not len(points):
+                return points
+            found = self._deformation.points(points, time)
+            require_finite(found, self.file, f"{self.path}.points", time)
+            return found
+
+        return SampledArray(self._deformation.times, read, cubic, linked=linked)
+
+    def _deformed_normals(self, cubic: bool, linked: Callable[[float, float], bool] | None) -> SampledArray:
+        """The normals over time as skeleton and blend shapes leave them; as authored where they fit no point."""
+        authored = self._normals
+
+        def read(time: float | None) -> np.ndarray | None:
+            time = time or 0.0
+            normals, points = authored.at(time), self._points.at(time)
+            if normals is None or points is None:
+                return normals
+            at_corners = indices_at(self.mesh.GetFaceVertexIndicesAttr(), time)
+            of_points = {len(at_corners): at_corners, len(points): np.arange(len(points))}.get(len(normals))
+            if of_points is None:
+                return normals
+            return self._deformation.normals(normals, of_points, len(points), time)
+
+        return SampledArray(self._deformation.times, read, cubic, linked=linked)
+
     def _linked(self, first: float, second: float) -> bool:
         """Whether two samples have the same faces."""
         key = (first, second)
@@ -345,7 +390,7 @@ class Shape:
         for authored in times:
             if len(authored) > 1:
                 span = union(span, (authored[0], authored[-1]))
-        if self.mesh.GetVelocitiesAttr().HasAuthoredValue():
+        if self._has_velocities:
             if self._points.times:
                 span = union(span, self._points.span)
             else:

@@ -16,11 +16,15 @@ from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
+from tpdwarp.usd.read.composed_prims import composed_prims
 from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
+from tpdwarp.usd.read.domes import Dome
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
+from tpdwarp.usd.read.instance_limits import check_native_instances, refuse_too_many_prims
 from tpdwarp.usd.read.instances import InstancedMeshes
+from tpdwarp.usd.read.layer_limits import checked_layers
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
@@ -29,6 +33,7 @@ from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
+from tpdwarp.usd.read.skinning import Deformation, Skeletons
 from tpdwarp.usd.read.subdivision.surface import SCHEMES, levels_for
 from tpdwarp.usd.read.transforms import Transforms, union
 from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
@@ -39,6 +44,9 @@ MOST_PIXELS = 2**30
 HIGHEST_RATE = 1e6
 LONGEST_SHUTTER = 1e6
 REFERENCE_COUNT = 9
+
+# What names a stage: its file, its root layer, or itself.
+StageLike = str | os.PathLike[str] | Sdf.Layer | Usd.Stage
 
 
 class StageScene:
@@ -57,6 +65,9 @@ class StageScene:
         warnings: What was found that is not supported, a line a kind.
     """
 
+    # Whether the stage's session layer is written to.
+    EDITS_SESSION = False
+
     def __init__(self, file: str, stage: Usd.Stage, settings: StageSettings, warnings: WarnOnce) -> None:
         self.file, self.warnings = file, warnings
         self._stage, self._settings = stage, settings
@@ -71,6 +82,7 @@ class StageScene:
         self._cubic = settings.motion == "cubic"
         self._transforms = Transforms(self._cubic)
         self._materials = Materials(warnings, self._request.material_purpose)
+        self._skeletons = Skeletons(self._transforms)
         self._shapes: dict[str, Shape | Primitive | Blobs] = {}
         purposes = _purposes(settings, self._request)
         contents = Walker(purposes, self._transforms, warnings).walk(stage)
@@ -84,6 +96,7 @@ class StageScene:
             for instancer in contents.instancers
         ]
         self._lights = [Light(prim, self._transforms, self._animation, warnings) for prim in contents.lights]
+        self._domes = [Dome(prim, self._transforms, self._animation, warnings) for prim in contents.domes]
         self._cameras = [str(prim.GetPath()) for prim in contents.cameras]
         self.camera_path = self._choose_camera()
         self._camera: Camera | FreeCamera
@@ -97,25 +110,39 @@ class StageScene:
             warnings("", "no light shines: a light at the camera stands in (add a UsdLux light)")
 
     @classmethod
-    def open(cls, file: str | os.PathLike[str], settings: StageSettings) -> StageScene:
+    def open(cls, stage: StageLike, settings: StageSettings, max_memory: float = math.inf) -> StageScene:
         """Opens a stage and checks that it can be rendered.
 
         Args:
-            file: A USD file.
+            stage: A USD file, a root layer, or a stage that is open already (of which nothing is changed).
             settings: ``motion``, ``purposes``, ``mask``, ``camera``, ``render_settings``, ``image_width``,
                 ``shutter`` and ``exposure`` are used.
+            max_memory: Bytes that its largest array may need.
 
         Raises:
-            InputError: The file cannot be read; no visible mesh; no such camera, mask or render settings.
+            InputError: The file cannot be read, or stands for more than can be rendered; no visible mesh; no such
+                camera, mask or render settings.
         """
-        name = os.fspath(file)
-        if not os.path.exists(name):
-            raise InputError("no such file", name)
-        if os.path.isdir(name):
-            raise InputError("is a folder (name a USD file)", name)
+        if isinstance(stage, Usd.Stage):
+            name = stage.GetRootLayer().identifier
+            stage = _with_session_of_its_own(stage) if cls.EDITS_SESSION else stage
+        elif isinstance(stage, Sdf.Layer):
+            name = stage.identifier
+        else:
+            name = stage = os.fspath(stage)
+            if not os.path.exists(name):
+                raise InputError("no such file", name)
+            if os.path.isdir(name):
+                raise InputError("is a folder (name a USD file)", name)
         warnings = WarnOnce(name)
         with usd_diagnostics(warnings):
-            return cls(name, _open_stage(name, settings), settings, warnings)
+            # Kept until the stage is open, so that USD does not read them again.
+            layers = checked_layers(name, max_memory) if isinstance(stage, str) else []
+            refuse_too_many_prims(composed_prims(layers))
+            opened = _open_stage(stage, name, settings)
+            del layers
+            check_native_instances(opened)
+            return cls(name, opened, settings, warnings)
 
     def at(self, shutter: Shutter) -> SceneAtShutter:
         """The scene over ``shutter``; what does not move is the same object on every call.
@@ -132,7 +159,10 @@ class StageScene:
             camera = self._camera.over(shutter, aspect, self._request.policy)
             if self._camera_light:
                 lights = (camera_light(camera),)
-            return SceneAtShutter(shutter, meshes, lights, camera)
+            domes = tuple(found for dome in self._domes if (found := dome.at(shutter)) is not None)
+            if domes and any(mesh.specular for mesh in meshes):
+                self.warnings(domes[0].path, "light of a dome shines through glass straight, and makes no caustics")
+            return SceneAtShutter(shutter, meshes, lights, camera, domes)
 
     def _meshes_over(self, shutter: Shutter) -> tuple[MeshAtShutter, ...]:
         """The meshes over ``shutter``, without those that cannot be used.
@@ -186,7 +216,9 @@ class StageScene:
             prims = [mesh.prim for mesh in self._placed(shutter.frame)]
             prims += [of.instancer.instancer.GetPrim() for of in self._instancers]
             prims += [light.prim for light in self._lights]
-            return motion_breaks_of(prims, shutter.open, shutter.close)
+            skinned = {t for shape in self._shapes.values() if isinstance(shape, Shape) for t in shape.deformed_at}
+            found = motion_breaks_of(prims, shutter.open, shutter.close)
+            return sorted({*found, *(t for t in skinned if shutter.open < t < shutter.close)})
 
     def resolution(self) -> tuple[int, int]:
         """Width and height of the image in pixels.
@@ -326,7 +358,7 @@ class StageScene:
         return cameras if self.camera_path is not None else [{"path": FREE_CAMERA, "used": True}]
 
     def _described_lights(self) -> list[dict[str, Any]]:
-        lights = [self._described_light(light) for light in self._lights]
+        lights = [self._described_light(light) for light in (*self._lights, *self._domes)]
         if self._camera_light:
             power = [CAMERA_LIGHT_IRRADIANCE] * 3
             lights.append({"path": CAMERA_LIGHT, "kind": "distant", "power": power, "moves": self._camera.moves})
@@ -335,21 +367,23 @@ class StageScene:
     def _described_light(self, light: Light) -> dict[str, Any]:
         return {
             "path": light.path,
-            "kind": light.kind.name.lower(),
+            "kind": light.kind_name,
             "power": list(light.power(self.start)),
             "moves": light.varies,
         }
 
     def _place(self, label: str, prim: Usd.Prim, placement: Placement) -> PlacedMesh:
-        original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
-        key = str(original.GetPath())
+        deformation = self._skeletons.deformation(prim) if prim.IsA(UsdGeom.Mesh) else None
+        # Instances share their shape, unless each has a skeleton of its own.
+        shared = prim.IsInstanceProxy() and deformation is None
+        key = str((prim.GetPrimInPrototype() if shared else prim).GetPath())
         if key not in self._shapes:
-            self._shapes[key] = self._shape(prim)
+            self._shapes[key] = self._shape(prim, deformation)
         return PlacedMesh(
             label, prim, self._shapes[key], placement, self._animation, self._cubic, self._materials, self.warnings
         )
 
-    def _shape(self, prim: Usd.Prim) -> Shape | Primitive | Blobs:
+    def _shape(self, prim: Usd.Prim, deformation: Deformation | None) -> Shape | Primitive | Blobs:
         if is_primitive(prim):
             return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
         if is_blob(prim):
@@ -360,6 +394,7 @@ class StageScene:
             self._cubic,
             lambda faces: self._levels(prim, faces),
             self.warnings,
+            deformation,
         )
 
     def _levels(self, prim: Usd.Prim, faces: int) -> int:
@@ -394,7 +429,8 @@ class StageScene:
         for instancer in self._instancers:
             if instancer.instancer.span is not None or visibility_varies(instancer.instancer.instancer.GetPrim()):
                 return True
-        return any(light.varies or light.power_varies or visibility_varies(light.prim) for light in self._lights)
+        lights = (*self._lights, *self._domes)
+        return any(light.varies or light.power_varies or visibility_varies(light.prim) for light in lights)
 
     def _any_attribute_varies(self) -> bool:
         roots = [self._stage.GetPseudoRoot(), *self._stage.GetPrototypes()]
@@ -449,7 +485,7 @@ class StageScene:
         """Whether any light shines at any time."""
         return any(
             may_be_visible(light.prim) and (light.power_varies or any(light.power(self.start)))
-            for light in self._lights
+            for light in (*self._lights, *self._domes)
         )
 
 
@@ -462,9 +498,10 @@ def _interactions(mesh: MeshAtShutter | None) -> list[str]:
     return [] if mesh is None else sorted({material.interaction.name.lower() for material in mesh.materials})
 
 
-def _open_stage(file: str, settings: StageSettings) -> Usd.Stage:
+def _open_stage(given: str | Sdf.Layer | Usd.Stage, file: str, settings: StageSettings) -> Usd.Stage:
+    opened = (given.GetRootLayer(), given.GetSessionLayer()) if isinstance(given, Usd.Stage) else (given,)
     if not settings.mask:
-        return Usd.Stage.Open(file)
+        return given if isinstance(given, Usd.Stage) else Usd.Stage.Open(given)
     mask = Usd.StagePopulationMask()
     for path in settings.mask:
         if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsoluteRootOrPrimPath():
@@ -474,12 +511,22 @@ def _open_stage(file: str, settings: StageSettings) -> Usd.Stage:
     for path in (settings.camera, settings.render_settings):
         if path.startswith("/") and Sdf.Path.IsValidPathString(path):
             mask.Add(path)
-    stage = Usd.Stage.OpenMasked(file, mask)
+    stage = Usd.Stage.OpenMasked(*opened, mask)
     for path in settings.mask:
         if not stage.GetPrimAtPath(path):
             raise InputError("no such prim (correct --mask)", file, path)
     stage.ExpandPopulationMask()
     return stage
+
+
+def _with_session_of_its_own(stage: Usd.Stage) -> Usd.Stage:
+    """The same stage again, with a copy of its session layer, so that edits do not reach its owner."""
+    session = Sdf.Layer.CreateAnonymous()
+    session.TransferContent(stage.GetSessionLayer())
+    copy = Usd.Stage.Open(stage.GetRootLayer(), session, stage.GetPathResolverContext(), Usd.Stage.LoadNone)
+    copy.SetLoadRules(stage.GetLoadRules())
+    copy.MuteAndUnmuteLayers(stage.GetMutedLayers(), [])
+    return copy
 
 
 def _time_range(stage: Usd.Stage) -> tuple[float, float]:

@@ -134,6 +134,63 @@ def thinning_ranks(record: PhotonRecord) -> np.ndarray:
     return ranks << np.uint64(24) | scattered >> np.uint64(40)
 
 
+def thinned_alone(record: PhotonRecord, curves: int | None) -> PhotonRecord:
+    """The photons of a frame that a layer of at most ``curves`` photons a frame may need.
+
+    That is one more than ``curves``: where the layer's writer meets more, the first that is too many sets its bound.
+    """
+    if curves is None or len(record) <= curves + 1:
+        return record
+    ranks = thinning_ranks(record)
+    return _rows(record, ranks <= np.partition(ranks, curves)[curves])
+
+
+def refuse_non_finite(record: PhotonRecord, time: float, path: str | os.PathLike[str]) -> None:
+    """Refuses photons that no viewer could show.
+
+    Args:
+        record: The photons.
+        time: Time code of their frame.
+        path: The layer meant for them.
+
+    Raises:
+        FrameError: A value is not finite.
+    """
+    for name in ("positions", "dxdu", "dxdv", "dxdt", "flux", "emission"):
+        finite = np.isfinite(getattr(record, name)).all(axis=-1)
+        if not finite.all():
+            photon = record.ids[np.argmin(finite)]
+            raise FrameError(f"{os.fspath(path)}: frame {time:g}: {name} of photon {photon} is not finite")
+
+
+def check_debug_layer(path: str | os.PathLike[str], scene: str, curves: int | None) -> Sdf.Layer:
+    """Makes sure that a debug layer and its view layer can be written.
+
+    Args:
+        path: The debug layer.
+        scene: The stage from which the photons come.
+        curves: At most so many photons a frame; None for all.
+
+    Returns:
+        The scene's layer.
+
+    Raises:
+        InputError: The scene cannot be opened, the layers cannot be written where they are asked for, or ``curves`` is
+            no number of photons.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in EXTENSIONS:
+        raise InputError(f"is no name for a USD layer (use one of {', '.join(EXTENSIONS)})", file=str(path))
+    if curves is not None and curves < 1:
+        raise InputError(f"--curves must be above 0, not {curves}")
+    layer = open_scene_layer(scene)
+    for layer_path in (path, view_path(path)):
+        check_writable(layer_path)
+        if os.path.realpath(layer_path) == os.path.realpath(layer.realPath or scene):
+            raise InputError("is the scene itself (choose another name)", file=str(layer_path))
+    return layer
+
+
 class DebugLayerWriter:
     """Writes a debug layer frame by frame, and its view layer.
 
@@ -176,18 +233,11 @@ class DebugLayerWriter:
         up_axis: str,
         meters_per_unit: float,
         curves: int | None = None,
+        notes: Mapping[str, str] | None = None,
     ) -> None:
         self.path, self.view_path = Path(path), view_path(path)
-        if self.path.suffix.lower() not in EXTENSIONS:
-            raise InputError(f"is no name for a USD layer (use one of {', '.join(EXTENSIONS)})", file=str(path))
-        if curves is not None and curves < 1:
-            raise InputError(f"--curves must be above 0, not {curves}")
         self._scene_path = os.fspath(source_file)
-        self._scene = open_scene_layer(self._scene_path)
-        for layer_path in (self.path, self.view_path):
-            check_writable(layer_path)
-            if os.path.realpath(layer_path) == os.path.realpath(self._scene.realPath or self._scene_path):
-                raise InputError("is the scene itself (choose another name)", file=str(layer_path))
+        self._scene = check_debug_layer(path, self._scene_path, curves)
         self._curves = curves
         self._bound: np.uint64 | None = None
         self._receivers: dict[str, int] = {}
@@ -212,6 +262,7 @@ class DebugLayerWriter:
             "exposure": float(exposure),
             "settings": json.dumps(dict(settings_dict), sort_keys=True),
             "version": program_version(),
+            **(notes or {}),
         }
 
         scope = UsdGeom.Scope.Define(self._stage, "/TPD")
@@ -248,7 +299,7 @@ class DebugLayerWriter:
         Raises:
             FrameError: A value is not finite, or the layer cannot be written.
         """
-        self._refuse_non_finite(time, record)
+        refuse_non_finite(record, time, self.path)
         record = self._thinned(record)
         if len(record) and self._diameter is None:
             self._diameter = typical_diameter(record, smoothing)
@@ -352,15 +403,7 @@ class DebugLayerWriter:
         if np.count_nonzero(kept) > self._curves:
             self._bound = np.partition(ranks[kept], self._curves)[self._curves]
             kept = ranks < self._bound
-        columns = {name: values[kept] for name, values in vars(record).items() if name != "receiver_paths"}
-        return replace(record, **columns)
-
-    def _refuse_non_finite(self, time: float, record: PhotonRecord) -> None:
-        for name in ("positions", "dxdu", "dxdv", "dxdt", "flux", "emission"):
-            finite = np.isfinite(getattr(record, name)).all(axis=-1)
-            if not finite.all():
-                photon = record.ids[np.argmin(finite)]
-                raise FrameError(f"{self.path}: frame {time:g}: {name} of photon {photon} is not finite")
+        return _rows(record, kept)
 
     def _flush(self) -> None:
         if self._streams:
@@ -389,6 +432,12 @@ class DebugLayerWriter:
             view.Save()
         except Tf.ErrorException as error:
             raise FrameError(f"{self.view_path}: cannot be written: {first_line(error)}") from error
+
+
+def _rows(record: PhotonRecord, kept: np.ndarray) -> PhotonRecord:
+    """The photons for which ``kept``, shape [n], is true."""
+    columns = {name: values[kept] for name, values in vars(record).items() if name != "receiver_paths"}
+    return replace(record, **columns)
 
 
 def open_scene_layer(path: str) -> Sdf.Layer:

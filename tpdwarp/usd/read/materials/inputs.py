@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import UsdShade
+from pxr import Usd, UsdShade
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.materials.coordinates import Coordinates, placed, scaled_turned_moved
 from tpdwarp.usd.read.materials.nodes import operation_of
 from tpdwarp.usd.read.materials.physical import Color
-from tpdwarp.usd.read.materials.textures import Textures
+from tpdwarp.usd.read.materials.textures import Image, Textures, combined
 from tpdwarp.usd.read.values import raw_at, text_at, value_at
 
 # Networks deeper than this count as circular. Chosen, not derived: hand-made networks have a few.
@@ -27,11 +28,18 @@ class Value:
         numbers: The value, shape [n]; None where it cannot be determined.
         spread: Whether it differs over the surface, so that ``numbers`` is its mean or a fallback.
         display_color: Whether it is the mesh's ``displayColor``.
+        image: The value over the surface, where that was asked for and is known.
     """
 
     numbers: np.ndarray | None
     spread: bool = False
     display_color: bool = False
+    image: Image | None = None
+
+    @property
+    def argument(self) -> np.ndarray | Image | None:
+        """What a node computes with."""
+        return self.numbers if self.image is None else self.image
 
 
 class Inputs:
@@ -47,13 +55,14 @@ class Inputs:
     def __init__(self, shader: UsdShade.Shader, frame: float, textures: Textures, warnings: WarnOnce) -> None:
         self.shader, self.frame, self.textures, self.warnings = shader, frame, textures, warnings
         self.varies = False
+        self._as_images = False
 
     @property
     def path(self) -> str:
         return str(self.shader.GetPath())
 
     def of(self, shader: UsdShade.Shader) -> Inputs:
-        """The inputs of another shader of the same network; ``varies`` is to be taken over with :meth:`merge`."""
+        """The inputs of another shader of the same network; ``varies`` is to be taken over."""
         return Inputs(shader, self.frame, self.textures, self.warnings)
 
     def find(self, *names: str) -> UsdShade.Input | None:
@@ -68,6 +77,20 @@ class Inputs:
         """The value at the first of these inputs that is authored; None where none is."""
         found = self.find(*names)
         return None if found is None else self._arriving(found, 0)
+
+    def image(self, *names: str) -> Image | None:
+        """The value over the surface at the first of these inputs that is authored; None where it is one value.
+
+        What is computed from textures is computed by pixel.
+        """
+        found = self.find(*names)
+        if found is None:
+            return None
+        self._as_images = True
+        try:
+            return self._arriving(found, 0).image
+        finally:
+            self._as_images = False
 
     def number(self, names: tuple[str, ...], default: float) -> float:
         """A number at the first of these inputs that is authored; the mean of a colour.
@@ -112,6 +135,46 @@ class Inputs:
         found = self.find(name)
         return None if found is None else _node(found)[0]
 
+    def coordinates(self, depth: int = 0) -> Coordinates:
+        """Where the coordinates of this texture come from: the mesh's ``st`` where nothing else is said."""
+        for name in ("st", "texcoord", "in"):
+            node = self.node(name)
+            if node is None or depth > DEEPEST:
+                continue
+            inner, kind = self.of(node), str(node.GetShaderId() or "")
+            if "primvarreader" in kind.lower() or "geompropvalue" in kind:
+                found = Coordinates(inner.text("varname") or inner.text("geomprop") or "st")
+            elif "texcoord" in kind:
+                index = int(inner.number(("index",), 0.0))
+                found = Coordinates("st" if index == 0 else f"st{index}")
+            else:
+                found = inner.coordinates(depth + 1)
+                if kind == "UsdTransform2d":
+                    scale, turn = inner.pair("scale", 1.0), inner.number(("rotation",), 0.0)
+                    found = found.then(scaled_turned_moved(scale, turn, inner.pair("translation", 0.0)))
+                elif "place2d" in kind:
+                    pair = [inner.pair(*pair) for pair in (("pivot", 0.0), ("scale", 1.0), ("offset", 0.0))]
+                    turn, order = (inner.number((name,), 0.0) for name in ("rotate", "operationorder"))
+                    found = found.then(placed(pair[0], pair[1], turn, pair[2], moved_first=order == 1))
+                else:
+                    self.warn(name, f"places a texture by {kind or 'a node'}, which is not read")
+            self.varies |= inner.varies
+            break
+        else:
+            found = Coordinates()
+        if "tiledimage" in str(self.shader.GetShaderId() or ""):
+            tiling, offset = self.pair("uvtiling", 1.0), self.pair("uvoffset", 0.0)
+            size = self.pair("realworldtilesize", 1.0) / self.pair("realworldimagesize", 1.0)
+            found = found.then(np.column_stack([np.diag(tiling * size), -offset * size]))
+        return found
+
+    def pair(self, name: str, default: float) -> np.ndarray:
+        """Two numbers, shape [2]."""
+        value = self.value(name)
+        if value is None or value.numbers is None or value.numbers.size not in (1, 2):
+            return np.full(2, default)
+        return np.broadcast_to(value.numbers, 2)
+
     def source(self, *names: str) -> str:
         """Path of the first of these inputs that is authored, or of the first if none is."""
         found = self.find(*names)
@@ -133,7 +196,8 @@ class Inputs:
         value = self._computed(node, output, str(found.GetAttr().GetPath()), depth + 1)
         if value.numbers is not None and value.numbers.size == 4 and found.GetTypeName() != "float4":
             # A texture has four channels whatever it feeds.
-            return Value(value.numbers[:3], value.spread, value.display_color)
+            image = None if value.image is None else value.image.mapped(lambda pixels: pixels[..., :3])
+            return Value(value.numbers[:3], value.spread, value.display_color, image)
         return value
 
     def _computed(self, node: UsdShade.Shader, output: str, asking: str, depth: int) -> Value:
@@ -146,10 +210,18 @@ class Inputs:
             arguments = [self._argument(node, name, default, depth) for name, default in operation.arguments]
             if any(argument.numbers is None for argument in arguments):
                 return Value(None, True)
-            numbers = operation.apply([argument.numbers for argument in arguments], output, self._words(node))
+            words = self._words(node)
+            numbers = operation.apply([argument.numbers for argument in arguments], output, words)
             spread = any(argument.spread for argument in arguments)
             shown = len(arguments) == 1 and arguments[0].display_color
-            return Value(numbers, spread, shown)
+            image = None
+            if numbers is not None and any(argument.image is not None for argument in arguments):
+                image = combined(
+                    lambda values: operation.apply(list(values), output, words), [a.argument for a in arguments]
+                )
+                if image is None:
+                    self.warnings(asking, "combines textures that lie differently: their mean colours are rendered")
+            return Value(numbers if image is None else image.mean, spread, shown, image)
         inner = self.of(node)
         if "primvarreader" in kind.lower() or "geompropvalue" in kind or "geomcolor" in kind:
             name = inner.text("varname") or inner.text("geomprop")
@@ -175,20 +247,21 @@ class Inputs:
         return {name: inner.text(name) for name in ("channels", "mode")}
 
     def _texture(self, inner: Inputs, output: str, asking: str, kind: str) -> Value:
-        """A texture's mean, or the fallback of whatever else is connected."""
+        """A texture, or its mean where one value is asked for, or the fallback of whatever else is connected."""
         file = inner.find(*FILES)
         attributes = [] if file is None else file.GetValueProducingAttributes()
-        encoding = inner.text("sourceColorSpace") or "auto"
-        if not encoding.startswith("sRGB") and encoding != "raw":
-            encoding = "auto" if kind.startswith("UsdUVTexture") or "color" in kind else "raw"
+        encoding = _encoding(inner, attributes, kind)
+        self.varies |= any(attribute.ValueMightBeTimeVarying() for attribute in attributes)
+        if attributes and self._as_images:
+            image = self.textures.image(attributes[0], self.frame, encoding, _wrap(inner), inner.coordinates())
+            if image is not None:
+                image = image.mapped(lambda pixels: _channel(_adjusted(inner, pixels), output, kind))
+                return Value(image.mean, True, image=image)
         mean = self.textures.mean(attributes[0], self.frame, encoding) if attributes else None
         if mean is not None:
-            self.warnings(asking, "is a texture, which is not spread over the surface: its mean colour is rendered")
-            scale, bias = (inner.value(name) for name in ("scale", "bias"))
-            for number, value in enumerate((scale, bias)):
-                if value is not None and value.numbers is not None and value.numbers.size in (1, 4):
-                    mean = mean * value.numbers if number == 0 else mean + value.numbers
-            return Value(_channel(mean, output, kind), True)
+            if not self._as_images:
+                self.warnings(asking, "is a texture, which is not spread over the surface: its mean is rendered")
+            return Value(_channel(_adjusted(inner, mean), output, kind), True)
         fallback = inner.value(*DEFAULTS)
         instead = "default" if fallback is None or fallback.numbers is None else "fallback"
         named = kind or "a shading node"
@@ -199,12 +272,40 @@ class Inputs:
         return Value(_channel(fallback.numbers, output, kind), True)
 
 
+def _adjusted(inner: Inputs, pixels: np.ndarray) -> np.ndarray:
+    """Values of a texture [..., 4] with its scale and bias."""
+    scale, bias = (inner.value(name) for name in ("scale", "bias"))
+    for number, value in enumerate((scale, bias)):
+        if value is not None and value.numbers is not None and value.numbers.size in (1, 4):
+            pixels = pixels * value.numbers if number == 0 else pixels + value.numbers
+    return pixels
+
+
+def _encoding(inner: Inputs, attributes: list[Usd.Attribute], kind: str) -> str:
+    """How a texture's numbers are encoded, as :meth:`Textures.mean` takes it."""
+    space = inner.text("sourceColorSpace") or (str(attributes[0].GetColorSpace()) if attributes else "")
+    if space.lower().startswith("srgb"):
+        return "sRGB"
+    if space == "raw" or space.startswith("lin"):
+        return "raw"
+    return "auto" if kind.startswith("UsdUVTexture") or "color" in kind else "raw"
+
+
+def _wrap(inner: Inputs) -> tuple[str, str]:
+    """Names of a texture's wrap modes along s and t; MaterialX's repeat where nothing is authored."""
+    default = "useMetadata" if str(inner.shader.GetShaderId()).startswith("UsdUVTexture") else "periodic"
+    s, t = (inner.text(usd) or inner.text(mtlx) for usd, mtlx in (("wrapS", "uaddressmode"), ("wrapT", "vaddressmode")))
+    return s or default, t or default
+
+
 def _channel(numbers: np.ndarray, output: str, kind: str) -> np.ndarray:
-    """The part of a texture's value that an output gives."""
-    if output in ("r", "g", "b", "a") and numbers.size == 4:
-        return numbers["rgba".index(output)][None]
-    if numbers.size >= 3:
-        return numbers[:1] if "float" in kind else numbers[:3]
+    """The part of a texture's value [..., c] that an output gives."""
+    count = numbers.shape[-1]
+    if output in ("r", "g", "b", "a") and count == 4:
+        place = "rgba".index(output)
+        return numbers[..., place : place + 1]
+    if count >= 3:
+        return numbers[..., :1] if "float" in kind and not kind.startswith("UsdUVTexture") else numbers[..., :3]
     return numbers
 
 

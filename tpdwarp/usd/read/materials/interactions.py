@@ -55,7 +55,8 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
         return _mirror(physical, path, warn)
     if physical.metalness > NEARLY:
         warn("metalness", "metal that is rough or partial is rendered as diffuse")
-    return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path)
+    texture = None if physical.base_image is None else physical.base_image.texture()
+    return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, texture)
 
 
 def _dielectric(physical: Physical, path: str, warn: object, warnings: WarnOnce) -> Material:
@@ -83,6 +84,8 @@ def _mirror(physical: Physical, path: str, warn: object) -> Material:
     if physical.roughness > SMOOTH:
         warn("roughness", "rough metal is rendered as a smooth mirror")
     color = physical.base_color
+    if physical.base_image is not None:
+        warn("base_color", "is a texture on metal, of which the mean colour is rendered")
     if max(color) > 1:
         warn("base_color", "a mirror reflects no more than it receives: its colour is limited to 1")
         color = tuple(min(channel, 1.0) for channel in color)

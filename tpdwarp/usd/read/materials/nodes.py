@@ -1,4 +1,7 @@
-"""MaterialX's nodes that compute a value from values, for simple shading networks."""
+"""MaterialX's nodes that compute a value from values, for simple shading networks.
+
+Values have their channels along the last axis, so that nodes compute pictures [h, w, c] as they compute numbers [c].
+"""
 
 from __future__ import annotations
 
@@ -28,10 +31,10 @@ class Operation:
     compute: Callable[[Numbers, str, Words], np.ndarray]
 
     def apply(self, numbers: Numbers, output: str, words: Words) -> np.ndarray | None:
-        """The value, shape [n]; None where the inputs do not fit each other."""
+        """The value, channels last; None where the inputs do not fit each other."""
         with np.errstate(all="ignore"):
             try:
-                return np.atleast_1d(np.asarray(self.compute(numbers, output, words), dtype=np.float64))
+                return np.atleast_1d(np.asarray(self.compute(numbers, output, words)))
             except (ValueError, IndexError, KeyError):
                 return None
 
@@ -60,30 +63,43 @@ def _remap(value: np.ndarray, *ends: np.ndarray) -> np.ndarray:
 
 
 def _luminance(value: np.ndarray) -> np.ndarray:
-    return np.repeat(value[:3] @ LUMINANCE if value.size >= 3 else value[:1], 3)
+    grey = (value[..., :3] @ LUMINANCE)[..., None] if value.shape[-1] >= 3 else value[..., :1]
+    return np.repeat(grey, 3, axis=-1)
 
 
 def _saturate(value: np.ndarray, amount: np.ndarray) -> np.ndarray:
-    grey = _luminance(value)[: value.size]
+    grey = _luminance(value)[..., : value.shape[-1]]
     return grey + amount * (value - grey)
 
 
 def _separate(numbers: Numbers, output: str, words: Words) -> np.ndarray:
-    return numbers[0][CHANNELS[output.removeprefix("out")[:1]]]
+    return _channel(numbers[0], CHANNELS[output.removeprefix("out")[:1]])
 
 
 def _swizzle(numbers: Numbers, output: str, words: Words) -> np.ndarray:
-    constants = {"0": 0.0, "1": 1.0}
-    return np.array([constants[c] if c in constants else numbers[0][CHANNELS[c]] for c in words["channels"]])
+    value = numbers[0]
+    constants = {"0": np.zeros_like(value[..., :1]), "1": np.ones_like(value[..., :1])}
+    parts = [constants[c] if c in constants else _channel(value, CHANNELS[c]) for c in words["channels"]]
+    return np.concatenate(parts, axis=-1)
+
+
+def _channel(value: np.ndarray, index: int) -> np.ndarray:
+    """One channel of a value, kept as an axis of one.
+
+    Raises:
+        IndexError: There is none of this number.
+    """
+    return np.take(value, [index], axis=-1)
 
 
 def _combine(*numbers: np.ndarray) -> np.ndarray:
-    return np.concatenate(numbers)
+    shape = np.broadcast_shapes(*(value.shape[:-1] for value in numbers))
+    return np.concatenate([np.broadcast_to(value, (*shape, value.shape[-1])) for value in numbers], axis=-1)
 
 
-def _choose(compare: Callable[[float, float], bool]) -> Operation:
+def _choose(compare: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Operation:
     return _of(
-        lambda a, b, yes, no: yes if compare(a[0], b[0]) else no,
+        lambda a, b, yes, no: np.where(compare(a[..., :1], b[..., :1]), yes, no),
         ("value1", 1.0),
         ("value2", 0.0),
         ("in1", 0.0),
@@ -124,7 +140,7 @@ OPERATIONS: dict[str, Operation] = {
     "combine2": _of(_combine, *_INS[:2]),
     "combine3": _of(_combine, *_INS[:3]),
     "combine4": _of(_combine, *_INS[:4]),
-    "extract": _of(lambda value, index: value[int(index[0])], ("in", 0.0), ("index", 0.0)),
+    "extract": _of(lambda value, index: _channel(value, int(index[0])), ("in", 0.0), ("index", 0.0)),
     "separate2": _SEPARATE,
     "separate3": _SEPARATE,
     "separate4": _SEPARATE,
@@ -132,5 +148,5 @@ OPERATIONS: dict[str, Operation] = {
     "ifgreater": _choose(lambda a, b: a > b),
     "ifgreatereq": _choose(lambda a, b: a >= b),
     "ifequal": _choose(lambda a, b: a == b),
-    "switch": _of(lambda *v: v[int(v[-1][0])], *_INS, ("which", 0.0)),
+    "switch": _of(lambda *v: v[int(v[-1].flat[0])], *_INS, ("which", 0.0)),
 }

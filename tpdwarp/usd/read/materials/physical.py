@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from tpdwarp.usd.read.materials.textures import Image
+
 Color = tuple[float, float, float]
 WHITE: Color = (1.0, 1.0, 1.0)
 BLACK: Color = (0.0, 0.0, 0.0)
@@ -15,6 +17,7 @@ class Physical:
 
     Attributes:
         base_color: Albedo, and what a metal reflects.
+        base_image: The base colour over the surface; None where it is the same everywhere.
         by_display_color: Whether the mesh's ``displayColor`` takes the place of the base colour where there is one.
         metalness: Share that is metal.
         transmission: Share of what is not metal that is clear: refracts, or passes a thin wall.
@@ -29,6 +32,7 @@ class Physical:
     """
 
     base_color: Color = (0.18, 0.18, 0.18)
+    base_image: Image | None = None
     by_display_color: bool = False
     metalness: float = 0.0
     transmission: float = 0.0

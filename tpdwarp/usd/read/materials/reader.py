@@ -8,6 +8,7 @@ from pxr import Usd, UsdShade
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Interaction, Material
+from tpdwarp.usd.read.materials.coordinates import Coordinates
 from tpdwarp.usd.read.materials.dialects import name_of, reader_of
 from tpdwarp.usd.read.materials.dialects.table import BRIGHTEST
 from tpdwarp.usd.read.materials.inputs import Inputs
@@ -30,6 +31,7 @@ class Surface:
         by_display_color: Whether its albedo is the mesh's ``displayColor`` where there is one.
         varies: Whether any of its inputs may change with time.
         absent: Whether the surface is cut out: there is nothing there.
+        coordinates: Where the coordinates of its textures come from; None where it has none.
         physical: What was read, before it was brought to an interaction; None where nothing could be read.
     """
 
@@ -37,6 +39,7 @@ class Surface:
     by_display_color: bool
     varies: bool
     absent: bool = False
+    coordinates: Coordinates | None = None
     physical: Physical | None = None
 
     def __hash__(self) -> int:
@@ -106,7 +109,15 @@ class Materials:
         displacement = material.ComputeDisplacementSource()[0]
         if displacement and displacement.GetPrim() != shader.GetPrim():
             self.warnings(path, "displacement is not rendered")
-        return Surface(found or Material(path=path), physical.by_display_color, inputs.varies, found is None, physical)
+        textured = found is not None and found.texture is not None
+        return Surface(
+            found or Material(path=path),
+            physical.by_display_color,
+            inputs.varies,
+            found is None,
+            physical.base_image.coordinates if textured else None,
+            physical,
+        )
 
 
 def _surface_shaders(material: UsdShade.Material) -> list[UsdShade.Shader]:

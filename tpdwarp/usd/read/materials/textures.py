@@ -1,22 +1,107 @@
-"""Textures, of which the mean colour is rendered."""
+"""Texture files: their mean colours, and pictures of them for what is spread over a surface."""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from pxr import Ar, Sdf, Usd, UsdShade
 
+from tpdwarp.io.resampling import area_averaged
+from tpdwarp.scene.description import Texture, Wrap
+from tpdwarp.usd.read.materials.coordinates import Coordinates
+
 # A tile set may hold hundreds of tiles; the mean of these stands for all.
 MOST_TILES = 16
+# Pictures of more pixels along a side are brought down to it: 25 MB each in half precision. Chosen, not derived:
+# twice the width of a default frame.
+LARGEST_SIDE = 2048
+WRAPS = {
+    "repeat": Wrap.REPEAT,
+    "periodic": Wrap.REPEAT,
+    "clamp": Wrap.CLAMP,
+    "mirror": Wrap.MIRROR,
+    "black": Wrap.BORDER,
+    "constant": Wrap.BORDER,
+}
+# The largest number of half precision.
+LARGEST_HALF = 65504.0
+
+Tiles = dict[tuple[int, int], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """A value that differs over a surface.
+
+    Attributes:
+        tiles: Values by unit square of (s, t), rows from t = 1 down, each shape [h, w, c].
+        wrap: How it goes on along s and t.
+        border: The value beyond edges that neither repeat nor hold, shape [c].
+        coordinates: Where s and t come from.
+    """
+
+    tiles: Tiles
+    wrap: tuple[Wrap, Wrap]
+    border: np.ndarray
+    coordinates: Coordinates
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Its mean, shape [c]."""
+        return np.mean([tile.mean(axis=(0, 1), dtype=np.float64) for tile in self.tiles.values()], axis=0)
+
+    def mapped(self, function: Callable[[np.ndarray], np.ndarray]) -> Image:
+        """The image of a function of its values (channels last)."""
+        tiles = {place: _half(function(tile.astype(np.float32))) for place, tile in self.tiles.items()}
+        return replace(self, tiles=tiles, border=np.atleast_1d(function(self.border)))
+
+    def texture(self) -> Texture:
+        """The image as a colour of a material; a grey one of one channel is spread over three."""
+        colored = self.mapped(_as_color)
+        return Texture(colored.tiles, self.wrap, tuple(map(float, colored.border)))
+
+
+def combined(
+    function: Callable[[Sequence[np.ndarray]], np.ndarray | None], arguments: Sequence[np.ndarray | Image]
+) -> Image | None:
+    """The image of a function of several values, some of them images; None where these do not fit each other."""
+    images = [argument for argument in arguments if isinstance(argument, Image)]
+    first = images[0]
+    alike = all(
+        (other.tiles.keys(), other.wrap, other.coordinates) == (first.tiles.keys(), first.wrap, first.coordinates)
+        for other in images
+    )
+    if not alike:
+        return None
+
+    def applied(values: list[np.ndarray]) -> np.ndarray | None:
+        height, width = (max(v.shape[k] for v in values if v.ndim == 3) for k in (0, 1))
+        found = function([_enlarged(v, height, width) if v.ndim == 3 else v for v in values])
+        if found is None:
+            return None
+        return _half(np.broadcast_to(found, (height, width, found.shape[-1])))
+
+    tiles = {
+        place: applied([a.tiles[place].astype(np.float32) if isinstance(a, Image) else a for a in arguments])
+        for place in first.tiles
+    }
+    border = function([a.border if isinstance(a, Image) else a for a in arguments])
+    if border is None or any(tile is None for tile in tiles.values()):
+        return None
+    return replace(first, tiles=tiles, border=border)
 
 
 class Textures:
-    """Mean colours of a stage's textures, each file read once."""
+    """A stage's textures, each file read once."""
 
     def __init__(self) -> None:
         self._means: dict[tuple[str, str], np.ndarray | None] = {}
+        self._pictures: dict[tuple[str, str], tuple[np.ndarray, tuple[str, str]] | None] = {}
 
     def mean(self, attribute: Usd.Attribute, time: float, encoding: str) -> np.ndarray | None:
         """Mean colour of the texture an asset attribute names, shape [4] (linear R, G, B and A).
@@ -29,17 +114,8 @@ class Textures:
         Returns:
             None where no file can be read.
         """
-        value = attribute.Get(time)
-        if not isinstance(value, Sdf.AssetPath) or not value.path:
-            return None
-        if UsdShade.UdimUtils.IsUdimIdentifier(value.path):
-            layers = [spec.layer for spec in attribute.GetPropertyStack(time)]
-            tiles = UsdShade.UdimUtils.ResolveUdimTilePaths(value.path, layers[0]) if layers else []
-            paths = [str(path) for path, _ in tiles][:MOST_TILES]
-        else:
-            paths = [value.resolvedPath or value.path]
         means = []
-        for path in paths:
+        for path in list(_files(attribute, time).values())[:MOST_TILES]:
             key = path, encoding
             if key not in self._means:
                 self._means[key] = _mean(path, encoding)
@@ -47,21 +123,109 @@ class Textures:
                 means.append(self._means[key])
         return np.mean(means, axis=0) if means else None
 
+    def image(
+        self, attribute: Usd.Attribute, time: float, encoding: str, wrap: tuple[str, str], coordinates: Coordinates
+    ) -> Image | None:
+        """The texture an asset attribute names, of four channels (linear R, G, B and A); None where none can be read.
+
+        Args:
+            attribute, time, encoding: As in :meth:`mean`.
+            wrap: Wrap modes along s and t; the file's own, or else black, for others than those known.
+            coordinates: Where s and t come from.
+        """
+        tiles: Tiles = {}
+        modes = wrap
+        for place, path in _files(attribute, time).items():
+            key = path, encoding
+            if key not in self._pictures:
+                self._pictures[key] = _picture(path, encoding)
+            if (found := self._pictures[key]) is not None:
+                tiles[place], of_file = found
+                modes = tuple(mode if mode in WRAPS else own for mode, own in zip(wrap, of_file, strict=True))
+        if not tiles:
+            return None
+        s, t = (WRAPS.get(mode, Wrap.BORDER) for mode in modes)
+        return Image(tiles, (s, t), np.zeros(4), coordinates)
+
+
+def _as_color(value: np.ndarray) -> np.ndarray:
+    return np.repeat(value[..., :1], 3, axis=-1) if value.shape[-1] < 3 else value[..., :3]
+
+
+def _enlarged(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
+    """A picture with its pixels repeated to a size."""
+    rows, columns = (np.arange(n) * old // n for n, old in zip((height, width), pixels.shape[:2], strict=True))
+    return pixels if pixels.shape[:2] == (height, width) else pixels[rows][:, columns]
+
+
+def _files(attribute: Usd.Attribute, time: float) -> dict[tuple[int, int], str]:
+    """Paths of the files an asset attribute names, by the unit square of (s, t) that each covers."""
+    value = attribute.Get(time)
+    if not isinstance(value, Sdf.AssetPath) or not value.path:
+        return {}
+    if not UsdShade.UdimUtils.IsUdimIdentifier(value.path):
+        return {(0, 0): value.resolvedPath or value.path}
+    layers = [spec.layer for spec in attribute.GetPropertyStack(time)]
+    tiles = UsdShade.UdimUtils.ResolveUdimTilePaths(value.path, layers[0]) if layers else []
+    # Tile 1001 + s + 10 t.
+    return {((int(tile) - 1001) % 10, (int(tile) - 1001) // 10): str(path) for path, tile in tiles}
+
 
 def _mean(path: str, encoding: str) -> np.ndarray | None:
     # Here and not above: most stages have no textures.
     from tpdwarp.io.images import mean_color
 
-    if Path(path).is_file():
-        return mean_color(path, encoding)
-    if not Ar.IsPackageRelativePath(path):
+    with _on_disk(path) as file:
+        return None if file is None else mean_color(file, encoding)
+
+
+def _picture(path: str, encoding: str) -> tuple[np.ndarray, tuple[str, str]] | None:
+    """A file's pixels [h, w, 4] in half precision and its own wrap modes; None where it cannot be read."""
+    from tpdwarp.io.images import read_texture
+
+    with _on_disk(path) as file:
+        found = None if file is None else read_texture(file, encoding)
+    if found is None:
         return None
+    return _half(_brought_down(found.pixels, LARGEST_SIDE / max(found.pixels.shape[:2]))), found.wrap_modes
+
+
+def picture_of(path: str, most_rows: int) -> np.ndarray | None:
+    """A file's linear colours, with ``most_rows`` rows at most, shape [h, w, 3]; None where it cannot be read."""
+    from tpdwarp.io.images import read_texture
+
+    with _on_disk(path) as file:
+        found = None if file is None else read_texture(file)
+    return None if found is None else _brought_down(found.pixels[..., :3], most_rows / len(found.pixels))
+
+
+def _brought_down(pixels: np.ndarray, scale: float) -> np.ndarray:
+    """A picture made smaller by ``scale``; as it is where that is above 1."""
+    if scale >= 1:
+        return pixels
+    return area_averaged(pixels, *(max(1, round(side * scale)) for side in pixels.shape[:2]))
+
+
+def _half(pixels: np.ndarray) -> np.ndarray:
+    return np.clip(pixels, -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
+
+
+@contextmanager
+def _on_disk(path: str) -> Iterator[str | None]:
+    """The path of a file that holds an asset's bytes; None where there is no such asset."""
+    if Path(path).is_file():
+        yield path
+        return
+    if not Ar.IsPackageRelativePath(path):
+        yield None
+        return
     # Within a package (.usdz) files have no name of their own.
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
     if not asset:
-        return None
+        yield None
+        return
     with tempfile.NamedTemporaryFile(suffix=Path(path.rstrip("]")).suffix) as copy:
         with asset:
             copy.write(asset.GetBuffer())
         copy.flush()
-        return mean_color(copy.name, encoding)
+        yield copy.name

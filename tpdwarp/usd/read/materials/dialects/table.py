@@ -10,6 +10,7 @@ import numpy as np
 
 from tpdwarp.usd.read.materials.inputs import Inputs
 from tpdwarp.usd.read.materials.physical import Color, Physical
+from tpdwarp.usd.read.materials.textures import Image
 
 # Colours above one are art; above this, an accident.
 BRIGHTEST = 1e6
@@ -61,8 +62,13 @@ class Dialect:
         sources: dict[str, str] = {}
         shown = False
         for name, where in self.fields.items():
-            values[name] = _value(inputs, name, where)
             sources[name] = inputs.source(*where.names)
+            image = _base_image(inputs, where) if name == "base_color" else None
+            if image is not None:
+                values["base_image"] = image
+                values[name] = tuple(map(float, np.broadcast_to(image.mean, 3)))
+                continue
+            values[name] = _value(inputs, name, where)
             if name == "base_color":
                 found = inputs.value(*where.names)
                 shown = found is None or found.display_color
@@ -102,6 +108,15 @@ def _value(inputs: Inputs, name: str, where: Field) -> float | bool | Color:
         inputs.warnings(inputs.source(*where.names), "holds no finite number; its default is used")
         return default
     return value
+
+
+def _base_image(inputs: Inputs, where: Field) -> Image | None:
+    """A colour over the surface, clamped to what a colour may be; None where it is the same everywhere."""
+    image = inputs.image(*where.names)
+    if image is None:
+        return None
+    weight = 1.0 if where.weight is None else inputs.number((where.weight[0],), where.weight[1])
+    return image.mapped(lambda pixels: np.nan_to_num(np.clip(pixels * weight, 0.0, BRIGHTEST)))
 
 
 def _plausible(inputs: Inputs, names: tuple[str, ...], color: Color, default: Color, weight: float) -> Color:

@@ -1,0 +1,153 @@
+"""The work on one frame of a sequence: render or trace it, and keep what came out."""
+
+from __future__ import annotations
+
+import math
+import os
+
+from tpdwarp.errors import FrameError, logger
+from tpdwarp.io.frame_names import FrameNames
+from tpdwarp.io.images import write_frame
+from tpdwarp.jobs.claims import Claims
+from tpdwarp.jobs.energy_warnings import EnergyWatch
+from tpdwarp.jobs.existing_frames import ExistingFrames, KeptFrame, statistics_text
+from tpdwarp.jobs.frame_metadata import frame_metadata
+from tpdwarp.jobs.frame_need import need_of, refuse_beyond
+from tpdwarp.jobs.layer_job import DebugLayerJob
+from tpdwarp.jobs.opening import shutter_of
+from tpdwarp.jobs.plan import SequencePlan
+from tpdwarp.jobs.results import FrameOutcome
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.frame import render_frame, trace_frame
+from tpdwarp.scene.description import Shutter
+
+
+class RenderWork:
+    """Renders one frame after the other to image files.
+
+    Args:
+        plan: The sequence.
+        names: The frames' files.
+        layer: A debug layer that takes their photons; None without.
+        skip_existing: Whether frames stay that are there, whole and up to date, of whatever age.
+        begun: When the sequence was begun, as ``time.time()`` has it: frames of the same made since then stay, for
+            another process has made them meanwhile.
+
+    Attributes:
+        existing: What became of files that were there.
+    """
+
+    def __init__(
+        self, plan: SequencePlan, names: FrameNames, layer: DebugLayerJob | None, skip_existing: bool, begun: float
+    ) -> None:
+        self._plan, self._names, self._layer = plan, names, layer
+        self._skips, self._begun = skip_existing, begun
+        self.existing = ExistingFrames(plan.fingerprint)
+        self._size = plan.source.resolution()
+        self._claims, self._context = Claims(), _LazyContext(plan, math.prod(self._size))
+        self._watch = EnergyWatch(plan.source)
+
+    def __call__(self, frame: float) -> FrameOutcome:
+        """Renders a frame, or leaves it alone.
+
+        Raises:
+            ClaimedElsewhere: Another process renders it.
+            InputError: The stage cannot be used there.
+            FrameError: It cannot be rendered or written.
+            OSError: Likewise.
+        """
+        plan, path = self._plan, self._names.path(frame)
+        shutter = shutter_of(plan.source, frame, plan.settings)
+        with self._claims.held(path):
+            kept = self.existing.kept(path, frame) if self._skips or _is_newer(path, self._begun) else None
+            if kept is not None and (self._layer is None or not self._layer.lacks(frame)):
+                return _skipped(frame, path, kept)
+            with plan.files.unchanged(plan.strict):
+                if kept is not None:
+                    made = trace_frame(self._context(shutter), shutter)
+                else:
+                    made = render_frame(self._context(shutter), shutter, *self._size)
+            self._watch(frame, shutter, made.energy)
+            refusal: FrameError | OSError | None = None
+            if self._layer is not None:
+                # Photons first: a frame whose image is there has them, whenever the process is killed. That they
+                # cannot be kept makes the frame fail, but costs no image.
+                try:
+                    statistics = statistics_text(len(made.photons), made.energy, made.seconds)
+                    self._layer.add(frame, made.photons, statistics)
+                except (FrameError, OSError) as error:
+                    refusal = error
+            if kept is None:
+                metadata = frame_metadata(
+                    plan.source, frame, shutter, plan.settings, made, plan.fingerprint, plan.target
+                )
+                write_frame(path, made.channels, metadata)
+        if refusal is not None:
+            raise refusal
+        status = "written" if kept is None else "skipped"
+        return FrameOutcome(frame, status, path, "", len(made.photons), made.energy, dict(made.seconds))
+
+
+class TraceWork:
+    """Traces the photons of one frame after the other for a debug layer.
+
+    Args:
+        plan: The sequence.
+        layer: The layer.
+    """
+
+    def __init__(self, plan: SequencePlan, layer: DebugLayerJob) -> None:
+        self._plan, self._layer = plan, layer
+        self._context = _LazyContext(plan, 0)
+        self._watch = EnergyWatch(plan.source)
+
+    def __call__(self, frame: float) -> FrameOutcome:
+        """Traces a frame, unless an earlier run has.
+
+        Raises:
+            InputError: The stage cannot be used there.
+            FrameError: Its photons cannot be traced or kept.
+            OSError: Likewise.
+        """
+        plan = self._plan
+        shutter = shutter_of(plan.source, frame, plan.settings)
+        kept = self._layer.kept(frame)
+        if kept is not None:
+            return _skipped(frame, "", kept)
+        with plan.files.unchanged(plan.strict):
+            traced = trace_frame(self._context(shutter), shutter)
+        self._watch(frame, shutter, traced.energy)
+        statistics = statistics_text(len(traced.photons), traced.energy, traced.seconds)
+        self._layer.add(frame, traced.photons, statistics)
+        return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
+
+
+class _LazyContext:
+    """The context of a sequence, made by its first frame: what cannot be used fails frames, not the sequence.
+
+    Before, it is said what memory a frame will need; one that needs too much is not begun.
+    """
+
+    def __init__(self, plan: SequencePlan, pixels: int) -> None:
+        self._plan, self._pixels = plan, pixels
+        self._context: RenderContext | None = None
+
+    def __call__(self, shutter: Shutter) -> RenderContext:
+        if self._context is None:
+            source, settings = self._plan.source, self._plan.settings
+            need = need_of(source, shutter, settings, self._pixels)
+            logger.info(f"{source.file}: a frame needs about {need}")
+            refuse_beyond(need, self._plan.max_memory, source.file)
+            self._context = RenderContext(source, settings)
+        return self._context
+
+
+def _skipped(frame: float, path: str, kept: KeptFrame) -> FrameOutcome:
+    return FrameOutcome(frame, "skipped", path, "", kept.photons, kept.energy, dict(kept.seconds))
+
+
+def _is_newer(path: str, begun: float) -> bool:
+    try:
+        return os.stat(path).st_mtime > begun
+    except OSError:
+        return False

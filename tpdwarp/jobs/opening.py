@@ -1,0 +1,134 @@
+"""What a caller asks for: settings, a stage, frames of it and their shutters, looked at before anything is rendered."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Mapping
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from tpdwarp.device import Launcher
+from tpdwarp.errors import InputError
+from tpdwarp.io.files import check_name
+from tpdwarp.io.memory import memory_allowed
+from tpdwarp.rendering.error_target import ErrorTarget, settled
+from tpdwarp.scene.description import Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.usd.read.default_time import DefaultTimeScene
+from tpdwarp.usd.read.frame_specs import frames_of
+from tpdwarp.usd.read.stage import StageLike, StageScene
+
+Frames = str | float | Iterable[float] | None
+FilePath = str | os.PathLike[str]
+
+DEFAULT_TIME = math.nan
+
+
+def chosen_settings(changes: Mapping[str, Any], settings: Settings | None = None) -> Settings:
+    """``settings`` (or the defaults) with ``changes``; lists become tuples, NumPy's numbers Python's.
+
+    Raises:
+        InputError: A name or a value is not usable.
+    """
+    return Settings.of(settings, **{name: _plain(value) for name, value in changes.items()})
+
+
+def open_scene(
+    scene: StageLike, settings: Settings, default_time: bool, max_memory: float | None = None
+) -> StageScene:
+    """The stage, at its default time if that is asked for.
+
+    Args:
+        max_memory: Bytes that rendering may take; None for three quarters of the machine.
+
+    Raises:
+        InputError: The stage cannot be used.
+    """
+    if isinstance(scene, str | os.PathLike):
+        check_name(scene)
+    kind = DefaultTimeScene if default_time else StageScene
+    return kind.open(scene, settings, memory_allowed(max_memory))
+
+
+def shutter_of(source: StageScene, frame: float, settings: Settings) -> Shutter:
+    """The shutter of a frame; a still where ``frame`` is NaN, the default time.
+
+    Raises:
+        InputError: The camera's shutter cannot be used.
+    """
+    return Shutter.still(source.start) if math.isnan(frame) else source.shutter(frame, settings)
+
+
+def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None:
+    """The frames a caller names; None where that is the stage's whole range.
+
+    Raises:
+        InputError: They cannot be understood, or are none.
+    """
+    if default_time:
+        if frames is not None:
+            raise InputError("--default-time takes the place of --frames (leave one out)")
+        return (DEFAULT_TIME,)
+    if frames is None:
+        return None
+    if isinstance(frames, str):
+        return frames_of(frames)
+    try:
+        listed = (frames,) if isinstance(frames, Real) else tuple(frames)
+        chosen = tuple(dict.fromkeys(float(frame) for frame in listed))
+    except (TypeError, ValueError):
+        raise InputError(f"--frames {frames!r}: these are no frames (give numbers, or a text like '1:24')") from None
+    if not chosen or not all(map(math.isfinite, chosen)):
+        raise InputError(f"--frames {frames!r}: there must be at least one, and all finite")
+    return chosen
+
+
+def opened(
+    scene: StageLike,
+    settings: Settings,
+    frames: Frames,
+    default_time: bool,
+    strict: bool,
+    max_memory: float | None = None,
+) -> tuple[StageScene, tuple[float, ...]]:
+    """The stage and the frames of it that are asked for, or all; arguments are those of a sequence.
+
+    Raises:
+        InputError: Something cannot be used.
+    """
+    asked = frames_asked(frames, default_time)
+    # Tried here, so that a missing device is refused once and not by every frame.
+    Launcher(settings.device, settings.threads)
+    source = open_scene(scene, settings, default_time, max_memory)
+    if strict and source.warnings.of_usd:
+        raise InputError(f"{source.warnings.of_usd[0]} (--strict)", file=source.file)
+    return source, asked or source.frames()
+
+
+def settled_settings(source: StageScene, settings: Settings) -> tuple[Settings, ErrorTarget | None]:
+    """Settings without an open choice of photons, and what they were chosen for, if for anything."""
+    if settings.target_error is None:
+        return settings, None
+    return settled(source, settings, spread_shutters(source, settings), *source.resolution())
+
+
+def spread_shutters(source: StageScene, settings: Settings) -> list[Shutter]:
+    """Shutters of whole frames spread over the animation.
+
+    Between frames they would see breaks in the motion of vertices, which frames that open on a time sample do not see.
+
+    Raises:
+        InputError: The camera's shutter cannot be used.
+    """
+    offsets = (round(still.middle - source.start) for still in source.reference_shutters())
+    frames = [min(source.start + offset, source.end) for offset in dict.fromkeys(offsets)]
+    return [shutter_of(source, frame, settings) for frame in frames]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | list | tuple):
+        return tuple(map(_plain, value))
+    return value.item() if isinstance(value, np.generic) else value

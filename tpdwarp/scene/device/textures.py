@@ -1,0 +1,223 @@
+"""Textures on the device: pictures with their halves, and filtered look-ups in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.io.resampling import pyramid
+from tpdwarp.scene.description import Material, MeshAtShutter, Texture, Wrap
+from tpdwarp.scene.device.intersection import Hit
+
+REPEAT = wp.constant(int(Wrap.REPEAT))
+CLAMP = wp.constant(int(Wrap.CLAMP))
+MIRROR = wp.constant(int(Wrap.MIRROR))
+BORDER = wp.constant(int(Wrap.BORDER))
+# Look-ups along the longer side of what a sample sees; where that is longer still beside the other, it is blurred.
+# Chosen, not derived: as many as graphics cards take.
+MOST_TAPS = wp.constant(16)
+# A surface seen at less than this cosine is filtered as if at it. Chosen, not derived.
+STEEPEST = wp.constant(1.0e-3)
+
+
+@wp.struct
+class TextureArrays:
+    """Texture coordinates of triangles, and the textures of materials.
+
+    ``texture_of`` is −1 for a material without one. A texture has a grid of tiles (its columns, rows and first tile), a
+    tile its levels (the first of them and their number; none where it is missing), a level its width, height and first
+    texel. Rows of texels go from t = 1 down.
+    """
+
+    coordinates: wp.array(dtype=wp.vec2)
+    coordinate_indices: wp.array(dtype=wp.vec3i)
+    texture_of: wp.array(dtype=wp.int32)
+    grids: wp.array(dtype=wp.vec3i)
+    wraps: wp.array(dtype=wp.vec2i)
+    borders: wp.array(dtype=wp.vec3)
+    tiles: wp.array(dtype=wp.vec2i)
+    levels: wp.array(dtype=wp.vec3i)
+    texels: wp.array(dtype=wp.vec3h)
+
+
+class TextureStore:
+    """The textures of an animation on the device, made anew only where a frame has others than the last."""
+
+    def __init__(self, launcher: Launcher) -> None:
+        self._launcher = launcher
+        self._textures: tuple[Texture, ...] = ()
+        self._arrays = TextureArrays()
+
+    def arrays(self, meshes: Sequence[MeshAtShutter], materials: Sequence[Material]) -> TextureArrays:
+        """The kernel's view of the textures.
+
+        Args:
+            meshes: The meshes of a scene, in the order of its triangles.
+            materials: Its materials, in the order of the kernel's.
+        """
+        launcher = self._launcher
+        numbers = {texture: k for k, texture in enumerate(dict.fromkeys(m.texture for m in materials if m.texture))}
+        if tuple(numbers) != self._textures:
+            self._arrays = packed_textures(tuple(numbers), launcher)
+            self._textures = tuple(numbers)
+        arrays = TextureArrays()
+        for name in ("grids", "wraps", "borders", "tiles", "levels", "texels"):
+            setattr(arrays, name, getattr(self._arrays, name))
+        coordinates, indices, count = [np.zeros((0, 2))], [np.zeros((0, 3), np.int32)], 0
+        for mesh in meshes:
+            own = mesh.coordinate_indices
+            indices.append(np.full((len(mesh.triangles), 3), -1) if own is None else np.where(own < 0, -1, own + count))
+            if mesh.coordinates is not None:
+                coordinates.append(mesh.coordinates)
+                count += len(mesh.coordinates)
+        arrays.coordinates = launcher.array(np.concatenate(coordinates).astype(np.float32), wp.vec2)
+        arrays.coordinate_indices = launcher.array(np.concatenate(indices).astype(np.int32), wp.vec3i)
+        of = np.array([numbers.get(material.texture, -1) for material in materials], np.int32)
+        arrays.texture_of = launcher.array(of, wp.int32)
+        return arrays
+
+
+def packed_textures(textures: tuple[Texture, ...], launcher: Launcher) -> TextureArrays:
+    """The pictures of textures, by their numbers; without coordinates and materials."""
+    grids, wraps, borders, tiles, levels, texels = [], [], [], [], [], [np.zeros((0, 3), np.float16)]
+    texel_count = 0
+    for texture in textures:
+        columns, rows = (max(place[k] for place in texture.tiles) + 1 for k in (0, 1))
+        grids.append((columns, rows, len(tiles)))
+        wraps.append(tuple(map(int, texture.wrap)))
+        borders.append(texture.border)
+        for row in range(rows):
+            for column in range(columns):
+                pixels = texture.tiles.get((column, row))
+                halves = [] if pixels is None else pyramid(pixels)
+                tiles.append((len(levels), len(halves)))
+                for level in halves:
+                    levels.append((level.shape[1], level.shape[0], texel_count))
+                    texels.append(level.reshape(-1, 3).astype(np.float16))
+                    texel_count += len(texels[-1])
+    arrays = TextureArrays()
+    arrays.grids = launcher.array(np.array(grids, np.int32).reshape(-1, 3), wp.vec3i)
+    arrays.wraps = launcher.array(np.array(wraps, np.int32).reshape(-1, 2), wp.vec2i)
+    arrays.borders = launcher.array(np.array(borders, np.float32).reshape(-1, 3), wp.vec3)
+    arrays.tiles = launcher.array(np.array(tiles, np.int32).reshape(-1, 2), wp.vec2i)
+    arrays.levels = launcher.array(np.array(levels, np.int32).reshape(-1, 3), wp.vec3i)
+    arrays.texels = launcher.array(np.concatenate(texels), wp.vec3h)
+    return arrays
+
+
+@wp.func
+def on_plane(side: wp.vec3, w: wp.vec3, n: wp.vec3) -> wp.vec3:
+    """What ``side``, seen along ω, covers of the plane with normal n."""
+    cosine = wp.dot(w, n)
+    if wp.abs(cosine) < STEEPEST:
+        cosine = wp.sign(cosine) * STEEPEST
+    return side - w * (wp.dot(side, n) / cosine)
+
+
+@wp.func
+def _wrapped(i: int, count: int, mode: int) -> int:
+    """The texel of a row of ``count`` that stands at place ``i``; −1 for the border."""
+    if i >= 0 and i < count:
+        return i
+    if mode == BORDER:
+        return -1
+    if mode == REPEAT:
+        return (i % count + count) % count
+    if mode == MIRROR:
+        k = (i % (2 * count) + 2 * count) % (2 * count)
+        return wp.min(k, 2 * count - 1 - k)
+    return wp.clamp(i, 0, count - 1)
+
+
+@wp.func
+def _texel(textures: TextureArrays, texture: int, level: wp.vec3i, x: int, y: int, wrap: wp.vec2i) -> wp.vec3:
+    column = _wrapped(x, level[0], wrap[0])
+    row = _wrapped(y, level[1], wrap[1])
+    if column < 0 or row < 0:
+        return textures.borders[texture]
+    half = textures.texels[level[2] + row * level[0] + column]
+    return wp.vec3(float(half[0]), float(half[1]), float(half[2]))
+
+
+@wp.func
+def _bilinear(textures: TextureArrays, texture: int, level: wp.vec3i, st: wp.vec2, wrap: wp.vec2i) -> wp.vec3:
+    x = st[0] * float(level[0]) - 0.5
+    y = (1.0 - st[1]) * float(level[1]) - 0.5
+    column = int(wp.floor(x))
+    row = int(wp.floor(y))
+    a = x - wp.floor(x)
+    b = y - wp.floor(y)
+    above = (1.0 - a) * _texel(textures, texture, level, column, row, wrap)
+    above += a * _texel(textures, texture, level, column + 1, row, wrap)
+    below = (1.0 - a) * _texel(textures, texture, level, column, row + 1, wrap)
+    below += a * _texel(textures, texture, level, column + 1, row + 1, wrap)
+    return (1.0 - b) * above + b * below
+
+
+@wp.func
+def filtered(textures: TextureArrays, texture: int, st: wp.vec2, across: wp.vec2, down: wp.vec2) -> wp.vec3:
+    """The mean colour about (s, t) over the parallelogram with sides ``across`` and ``down`` (in s and t).
+
+    The shorter side chooses between the picture's halves, the longer is sampled at several places.
+    """
+    grid = textures.grids[texture]
+    wrap = textures.wraps[texture]
+    first = grid[2]
+    place = st
+    if grid[0] > 1 or grid[1] > 1:
+        column = int(wp.floor(st[0]))
+        row = int(wp.floor(st[1]))
+        if column < 0 or row < 0 or column >= grid[0] or row >= grid[1]:
+            return textures.borders[texture]
+        first += row * grid[0] + column
+        wrap = wp.vec2i(CLAMP, CLAMP)
+        place = st - wp.vec2(float(column), float(row))
+    tile = textures.tiles[first]
+    if tile[1] == 0:
+        return textures.borders[texture]
+    finest = textures.levels[tile[0]]
+    size = wp.vec2(float(finest[0]), float(finest[1]))
+    longer = across
+    long = wp.length(wp.cw_mul(across, size))
+    short = wp.length(wp.cw_mul(down, size))
+    if short > long:
+        longer = down
+        swap = long
+        long = short
+        short = swap
+    taps = wp.clamp(int(wp.ceil(long / wp.max(short, 1.0))), 1, MOST_TAPS)
+    width = wp.max(wp.max(short, long / float(MOST_TAPS)), 1.0)
+    level = wp.min(wp.log2(width), float(tile[1] - 1))
+    coarse = int(wp.floor(level))
+    blend = level - float(coarse)
+    fine = textures.levels[tile[0] + coarse]
+    next = textures.levels[tile[0] + wp.min(coarse + 1, tile[1] - 1)]
+    total = wp.vec3(0.0, 0.0, 0.0)
+    for k in range(taps):
+        at = place + ((float(k) + 0.5) / float(taps) - 0.5) * longer
+        color = _bilinear(textures, texture, fine, at, wrap)
+        if blend > 0.0:
+            color = (1.0 - blend) * color + blend * _bilinear(textures, texture, next, at, wrap)
+        total += color
+    return total / float(taps)
+
+
+@wp.func
+def textured_color(
+    textures: TextureArrays, material: int, hit: Hit, color: wp.vec3, across: wp.vec3, down: wp.vec3
+) -> wp.vec3:
+    """The texture's colour over the parallelogram of ``across`` and ``down`` about ``hit``; ``color`` without one."""
+    texture = textures.texture_of[material]
+    index = textures.coordinate_indices[hit.triangle]
+    if texture < 0 or index[0] < 0:
+        return color
+    st0 = textures.coordinates[index[0]]
+    along1 = textures.coordinates[index[1]] - st0
+    along2 = textures.coordinates[index[2]] - st0
+    st = st0 + hit.beta[1] * along1 + hit.beta[2] * along2
+    d_across = along1 * wp.dot(hit.g1, across) + along2 * wp.dot(hit.g2, across)
+    d_down = along1 * wp.dot(hit.g1, down) + along2 * wp.dot(hit.g2, down)
+    return wp.max(filtered(textures, texture, st, d_across, d_down), wp.vec3(0.0, 0.0, 0.0))
