@@ -81,7 +81,7 @@ def passed(incident: Beam, hit: Hit) -> Beam:
 
 @wp.func
 def relative_index(surfaces: Surfaces, hit: Hit, w: wp.vec3) -> float:
-    """η = η_i/η_t (Igehy 1999) of a dielectric with nothing around it, whose front is outside."""
+    """η = η_i/η_t of Igehy's refraction (1999), at a dielectric with nothing around it, whose front is outside."""
     ior = surfaces.ior[surfaces.material_of[hit.triangle]]
     if wp.dot(hit.n_g, w) < 0.0:
         return 1.0 / ior

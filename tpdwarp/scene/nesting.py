@@ -23,6 +23,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import warp as wp
 
+from tpdwarp.device import Launcher
 from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
 
 # A closed mesh's area vectors add up to zero; below this part of its area they do.
@@ -151,6 +152,7 @@ def _measured(mesh: MeshAtShutter) -> _Solid | None:
 
 @wp.kernel(enable_backward=False)
 def first_crossings(
+    base: int,
     mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3),
     direction: wp.vec3,
@@ -158,7 +160,7 @@ def first_crossings(
     from_inside: wp.array(dtype=wp.int32),
 ):
     """How far along ``direction`` a mesh is met from each point, and whether from its back; far off where it is not."""
-    i = wp.tid()
+    i = base + wp.tid()
     query = wp.mesh_query_ray(mesh, points[i], direction, NOWHERE)
     distances[i] = NOWHERE
     if query.result:
@@ -173,6 +175,8 @@ class _Ground:
         boxes = np.array([solid.box for solid in solids.values()])
         low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
         self._origin, self._scale = 0.5 * (low + high), 2.0 / max(float((high - low).max()), np.finfo(float).tiny)
+        # A few hundred points: not worth another device, nor threads.
+        self._launcher = Launcher("cpu", 1)
         self._solids = solids
         self._meshes = {
             number: wp.Mesh(
@@ -201,7 +205,7 @@ class _Ground:
         count = places.shape[0]
         distances, inside = (wp.zeros(count, dtype=kind, device="cpu") for kind in (wp.float32, wp.int32))
         inputs = [self._meshes[number].id, places, wp.vec3(*map(float, direction)), distances, inside]
-        wp.launch(first_crossings, dim=count, inputs=inputs, device="cpu")
+        self._launcher(first_crossings, count, inputs)
         return distances.numpy(), inside.numpy() > 0
 
     def goes_through(self, number: int, sheet: int) -> bool:
