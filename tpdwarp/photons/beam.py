@@ -70,7 +70,8 @@ def transfer_to(beam: Beam, hit: Hit, moves: bool) -> Beam:
 def passed(incident: Beam, hit: Hit) -> Beam:
     """The beam that goes straight on through ``hit``, whose position and columns already lie on the surface.
 
-    Columns differ from those of a beam that met nothing by multiples of ω, which the next transfer takes away.
+    Columns differ from those of a beam that met nothing by multiples of ω, which the next transfer (Eqs. 3, 4) takes
+    away.
     """
     out = incident
     out.offset = wp.sign(wp.dot(hit.n_g, incident.w)) * hit.offset * hit.n_g
