@@ -1,18 +1,18 @@
 #!/usr/bin/env bash
-# Renders eight frames of the travelling wave with motion blur: EXR, PNG and the photons as a debug layer, in out/.
+# Renders eight frames of a shallow sea with motion blur: EXR, PNG and the photons as a debug layer, in out/.
 set -euo pipefail
 
 root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
 "$root/scripts/setup.sh"
 cd "$root"
 mkdir -p out
-.venv/bin/python -m tpdwarp render usd_scenes/wave.usdc out/wave.####.exr \
-    --frames 1:8 -w 512 --debug-layer out/wave.debug.usdc --curves 4096 ${CI:+--progress plain}
-.venv/bin/python scripts/to_png.py out/wave.????.exr
+.venv/bin/python -m tpdwarp render usd_scenes/sea.usdc out/sea.####.exr \
+    --frames 1:8 -w 512 --exposure 0.5 --debug-layer out/sea.debug.usdc --curves 4096 ${CI:+--progress plain}
+.venv/bin/python scripts/to_png.py out/sea.????.exr
 cat <<END
 
-Frames (linear):     $root/out/wave.0001.exr … 0008
-Frames (sRGB):       $root/out/wave.0001.png … 0008
-Photons:             $root/out/wave.debug.usdc
-Photons and scene:   $root/out/wave.view.usda   (usdview out/wave.view.usda)
+Photons:             $root/out/sea.debug.usdc
+Photons and scene:   $root/out/sea.view.usda   (usdview out/sea.view.usda)
+Frames (linear):     $root/out/sea.0001.exr … 0008
+Frames (sRGB):       $root/out/sea.0001.png … 0008
 END

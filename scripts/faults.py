@@ -4,6 +4,7 @@
     python scripts/faults.py                     every fault, 20 signals at random moments
     python scripts/faults.py --kills 200 --seed 7
     python scripts/faults.py --only names closed_streams --kills 0
+    python scripts/faults.py --only --kills 0 --soak 500      a farm whose workers are killed
 
 All it makes lies in one temporary folder. Exit code 0 where every fault ended as it must, else 1.
 """
@@ -23,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from scripts.fault_injection.cases import CASES, Bench
 from scripts.fault_injection.kills import kill_at_random
 from scripts.fault_injection.program import ROOT, pixels, render, run
+from scripts.fault_injection.soak import soak
 from scripts.fault_injection.table import Row, table_lines
 
 
@@ -32,6 +34,7 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=20, metavar="N", help="Renders ended by a signal. [20]")
     parser.add_argument("--seed", type=int, default=None, metavar="N", help="Of moments and signals. [random, printed]")
     parser.add_argument("--only", nargs="*", metavar="NAME", help=f"Of {', '.join(case.__name__ for case in CASES)}.")
+    parser.add_argument("--soak", type=int, default=0, metavar="N", help="Frames of a farm with killed workers. [0]")
     options = parser.parse_args()
     seed = secrets.randbelow(2**31) if options.seed is None else options.seed
     folder = Path(tempfile.mkdtemp(prefix="tpdwarp-faults-"))
@@ -53,6 +56,9 @@ def main() -> int:
         if options.kills:
             print(f"{options.kills} signals over {span:.1f} s each, --seed {seed}", flush=True)
             rows += kill_at_random(scene, bench.reference, folder, options.kills, seed, span, _tell)
+        if options.soak:
+            print(f"{options.soak} frames of a farm, --seed {seed}", flush=True)
+            rows += soak(folder, options.soak, seed, _tell)
         print("\n".join(["", *table_lines(rows)]))
         return 0 if all(row.good for row in rows) else 1
     finally:

@@ -9,6 +9,7 @@
     result = tpdwarp.farm("wave.usdc", "out/wave.####.exr", scheduler="tcp://host:8786")
     holdings = tpdwarp.info("wave.usdc")
     pixels = tpdwarp.render_frame("wave.usdc", 12).channels
+    result = tpdwarp.bake("wave.usdc", "out/caustic.####.exr", receiver="/World/Floor")
     scene = tpdwarp.Scene("wave.usdc")  # stays open from frame to frame
 
 Names load what they need when they are first used, so that importing the package costs next to nothing.
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from tpdwarp.errors import FrameError, InputError
     from tpdwarp.farms.farm import farm
     from tpdwarp.farms.open_job import open_job_template
+    from tpdwarp.jobs.bake import bake
     from tpdwarp.jobs.live_scene import RenderedFrame, Scene, irradiance, render_frame
     from tpdwarp.jobs.results import FrameOutcome, SequenceResult
     from tpdwarp.jobs.sequence import render, trace_photons, write_photons
@@ -51,6 +53,7 @@ __all__ = [
     "StudyResult",
     "Sweep",
     "TruthSettings",
+    "bake",
     "check",
     "farm",
     "info",
@@ -75,6 +78,7 @@ _HOMES = {
     "StudyResult": "tpdwarp.studies.result",
     "Sweep": "tpdwarp.studies.cases",
     "TruthSettings": "tpdwarp.studies.truth",
+    "bake": "tpdwarp.jobs.bake",
     "check": "tpdwarp.checks.run",
     "farm": "tpdwarp.farms.farm",
     "info": "tpdwarp.jobs.stage_info",

@@ -26,8 +26,23 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "time_filter": ("none", "uniform", "cone", "epanechnikov", "quartic", "gaussian"),
 }
 PURPOSES = ("default", "render", "proxy", "guide")
-AOVS = ("caustic", "direct", "irradiance", "Z", "N", "P", "motion", "photons")
-
+AOVS = (
+    "caustic",
+    "direct",
+    "irradiance",
+    "Z",
+    "N",
+    "P",
+    "motion",
+    "photons",
+    "albedo",
+    "shadow",
+    "vector",
+    "id",
+)
+# What else people call them.
+AOV_ALIASES = {"caustics": "caustic", "depth": "Z", "normal": "N", "normals": "N", "position": "P"}
+EXR_TYPES = ("half", "float")
 
 
 def _refuse(name: str, why: str) -> None:
@@ -53,6 +68,11 @@ class _Group:
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 _refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")
 
+    def _check_parts(self, *names: str) -> None:
+        for name in names:
+            if not 0 <= getattr(self, name) <= 1:
+                _refuse(name, f"must lie in 0 … 1, not {getattr(self, name)}")
+
     def _check_known(self, option: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
         unknown = [entry for entry in given if entry not in known]
         if unknown:
@@ -68,6 +88,7 @@ class StageSettings(_Group):
         shutter: (open, close) in frames relative to the frame; overrides ``exposure``.
         motion: How positions between time samples are found: ``linear`` (USD's meaning) or ``cubic``.
         image_width: Width in pixels; None takes the render settings' resolution, or 960.
+        resolution: Width and height in pixels; overrides ``image_width`` and the render settings.
         complexity: As in usdrecord: each tenth above 1 refines subdivision surfaces once more.
         purposes: Purposes rendered beside ``default``.
         mask: Prim paths that alone are read; empty for all.
@@ -79,6 +100,7 @@ class StageSettings(_Group):
     shutter: tuple[float, float] | None = None
     motion: str = "linear"
     image_width: int | None = None
+    resolution: tuple[int, int] | None = None
     complexity: float = 1.0
     purposes: tuple[str, ...] = ("render",)
     mask: tuple[str, ...] = ()
@@ -88,6 +110,14 @@ class StageSettings(_Group):
     def _check(self) -> None:
         self._check_counts("image_width")
         self._check_known("purposes", self.purposes, PURPOSES)
+        if self.resolution is not None:
+            whole = len(self.resolution) == 2 and all(
+                isinstance(side, int) and not isinstance(side, bool) and side > 0 for side in self.resolution
+            )
+            if not whole:
+                _refuse("resolution", f"must be a width and a height in pixels, not {self.resolution}")
+            if self.image_width is not None:
+                _refuse("resolution", "says all that --imageWidth says (leave one out)")
         if self.exposure is not None and not (math.isfinite(self.exposure) and self.exposure >= 0):
             _refuse("exposure", f"must be 0 frames or more, not {self.exposure}")
         if self.shutter is not None:
@@ -104,6 +134,7 @@ class LightSettings(_Group):
         photons: Photons emitted towards specular geometry, a frame.
         segments: Parts of the shutter that are traced apart, each with its share of the photons; ``auto`` chooses.
         bounces: Specular interactions followed along a path; None for as many as light takes (up to 64).
+        branch_cutoff: Part of the emitted flux below which reflected branches of photons are given up, and counted.
         target_error: Wanted relative RMSE of caustics; chooses photons and segments.
         estimator: ``tpd`` (temporal photon differentials), ``pd`` (no time column), ``tdpm`` (nearest photons),
             ``accumulation`` (brute force), ``distribution`` (random times).
@@ -124,6 +155,7 @@ class LightSettings(_Group):
     photons: int = 65536
     segments: int | str = "auto"
     bounces: int | None = None
+    branch_cutoff: float = 2.0e-3
     target_error: float | None = None
     estimator: str = "tpd"
     kernel: str = "bspline"
@@ -148,6 +180,7 @@ class LightSettings(_Group):
             method = (self.estimator, self.kernel, self.emission, self.trace_at)
             if method != ("tpd", "bspline", "lattice", "middle"):
                 _refuse("target_error", "is for tpd on a lattice (leave --estimator, --kernel and --emission out)")
+        self._check_parts("branch_cutoff")
         if self.photons > 2**28:
             _refuse("photons", f"must be at most {2**28}, not {self.photons}")
         if self.tdpm_neighbours < 2:
@@ -168,18 +201,38 @@ class ViewSettings(_Group):
 
     Attributes:
         samples: Camera samples a pixel.
+        view_cutoff: Part of a sample below which reflected branches of the view are given up, and counted.
         aovs: Extra channel groups to write.
+        aovs: Extra channel groups to write; ``caustics``, ``depth``, ``normal`` and ``position`` are understood.
+        exr_type: ``half`` or ``float`` for all channels of an EXR; empty for half where colours are, and else float.
+        view: The channel group that PNG, JPEG and TIFF show in the place of the beauty; empty for the beauty.
+        view_exposure: Stops by which these are brighter.
         refracted_radiance: ``scaled`` by the square of the relative index where the camera looks through an interface,
             as light is, or ``unscaled``, for hosts whose renderer leaves that out.
     """
 
     samples: int = 4
+    view_cutoff: float = 4.0e-3
     aovs: tuple[str, ...] = ()
     refracted_radiance: str = "scaled"
+    exr_type: str = ""
+    view: str = ""
+    view_exposure: float = 0.0
 
     def _check(self) -> None:
         self._check_counts("samples")
+        self._check_parts("view_cutoff")
+        view = AOV_ALIASES.get(self.view, self.view)
+        asked = [*self.aovs, view] if view else self.aovs
+        # What is asked for twice is written once.
+        aovs = tuple(dict.fromkeys(AOV_ALIASES.get(name, name) for name in asked))
+        object.__setattr__(self, "view", view)
+        object.__setattr__(self, "aovs", aovs)
         self._check_known("aov", self.aovs, AOVS)
+        if self.exr_type:
+            self._check_known("exr_type", (self.exr_type,), EXR_TYPES)
+        if not (isinstance(self.view_exposure, int | float) and abs(self.view_exposure) <= 100):
+            _refuse("view_exposure", f"must lie in -100 … 100 stops, not {self.view_exposure}")
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import subprocess
 import time
@@ -27,8 +28,12 @@ from scripts.fault_injection.program import (
 )
 from scripts.fault_injection.table import Row
 from tpdwarp.device import Launcher
+from tpdwarp.io.memory import machine_memory
+from usd_scenes.hostile.gigantic import many_faces, many_pixels, nested_instancers, nested_prims, nested_references
 
 SKIP = "--skip-existing-frames"
+# Imports take the most of it.
+REFUSED_SECONDS = 5.0
 
 
 @dataclass(frozen=True)
@@ -252,10 +257,62 @@ def kernel_caches(bench: Bench) -> Iterator[Row]:
 
 def pipes(bench: Bench) -> Iterator[Row]:
     """What is no file is refused, not waited for."""
-    pipe = bench.new("pipe") / "scene.usda"
-    os.mkfifo(pipe)
-    ended = finish(start(render(pipe, bench.folder / "pipe" / "a.####.exr")), timeout=60)
-    yield Row("the stage is a pipe", "exit 2, one line", _did(ended), 0, ended.code == 2 and ended.one_line)
+    folder = bench.new("pipe")
+    os.mkfifo(folder / "pipe.usda")
+    for arc in ("subLayers", "references"):
+        body = "(\n    subLayers = [@./pipe.usda@]\n)\n"
+        if arc == "references":
+            body = 'def "A" (\n    references = @./pipe.usda@</B>\n)\n{\n}\n'
+        (folder / f"{arc}.usda").write_text(f"#usda 1.0\n{body}")
+    for name in ("pipe", "subLayers", "references"):
+        yield _refused(bench, f"a pipe: {name}", render(folder / f"{name}.usda", folder / "a.####.exr"))
+
+
+def strangers(bench: Bench) -> Iterator[Row]:
+    """A few bytes that stand for more than any machine holds are refused by what they declare."""
+    folder = bench.new("strangers")
+    out = folder / "a.####.exr"
+    stages = {
+        "point instancers nested to 10⁹": nested_instancers(folder / "instancers.usda", 9, 10),
+        "native instances nested to 10¹⁰": nested_references(folder / "native.usda", 10, 10, instanceable=True),
+        "references nested to 10¹⁰": nested_references(folder / "references.usda", 10, 10, instanceable=False),
+        "100 000 prims in each other, text": nested_prims(folder / "deep.usda", 100_000),
+        "3000 prims in each other, crate": nested_prims(folder / "deep.usdc", 3000),
+        "a crate of 3·10⁸ face counts": many_faces(folder / "faces.usdc", 300_000_000),
+    }
+    for name, stage in stages.items():
+        yield _refused(bench, name, render(stage, out))
+    yield _refused(bench, "2²⁸ photons", [*render(bench.scene, out), "--photons", 2**28, "--max-memory", "8G"])
+    frames = [bench.new(f"images/{side}") for side in ("ours", "theirs")]
+    for side in frames:
+        # Three quarters of the machine hold a quarter of that.
+        rows = int(machine_memory() / (40_000 * 4 * 4)) + 1
+        many_pixels(side / "a.0001.exr", 40_000, rows)
+    started = time.monotonic()
+    ended = run(["check", *frames])
+    took = time.monotonic() - started
+    good = ended.code == 2 and "GB of memory" in ended.out + ended.err and took < REFUSED_SECONDS
+    did = f"{_did(ended)}, {took:.1f} s"
+    yield Row("an image of more pixels than memory, check", "exit 2, within 5 s", did, 0, good)
+
+
+def address_space(bench: Bench) -> Iterator[Row]:
+    """A limit on addresses in which libraries crash is refused."""
+    out = bench.new("addresses") / "a.####.exr"
+    limited = ("bash", "-c", 'ulimit -v 1500000; exec "$@"', "bash")
+    yield _refused(bench, "1.5 GB of address space", render(bench.scene, out), prefix=limited)
+
+
+def _refused(bench: Bench, name: str, arguments: list[object], **options) -> Row:
+    """A run that must end at once with one line; on a machine that others keep busy its own processor time tells."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    started = time.monotonic()
+    ended = finish(start(arguments, **options), timeout=120)
+    took = time.monotonic() - started
+    now = resource.getrusage(resource.RUSAGE_CHILDREN)
+    work = now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
+    good = ended.code == 2 and ended.one_line and min(took, work) < REFUSED_SECONDS
+    return Row(name, "exit 2, one line, within 5 s", f"{took:.1f} s ({work:.1f} s of work), {_did(ended)}", 0, good)
 
 
 CASES: tuple[Callable[[Bench], Iterator[Row]], ...] = (
@@ -269,6 +326,8 @@ CASES: tuple[Callable[[Bench], Iterator[Row]], ...] = (
     full_disk,
     two_at_once,
     pipes,
+    strangers,
+    address_space,
     kernel_caches,
 )
 

@@ -3,7 +3,7 @@ from dataclasses import fields
 
 import pytest
 
-from tpdwarp.cli.options import EXPOSURE, MACHINE, METHOD, PICTURE, declare_settings, settings_given
+from tpdwarp.cli.options import EXPOSURE, MACHINE, METHOD, PICTURE, declare_settings, settings_given, size
 from tpdwarp.cli.parser import build_parser
 from tpdwarp.errors import InputError
 from tpdwarp.settings import CHOICES, Settings
@@ -102,3 +102,14 @@ def test_help_shows_documentation_choices_and_defaults(capsys, monkeypatch):
     for choices in CHOICES.values():
         assert "|".join(choices) in text
     assert "``" not in text and "None" not in text
+
+
+def test_sizes_are_written_as_people_do():
+    texts = {"12G": 12 * 2**30, "512M": 2**29, "1.5 GiB": 1.5 * 2**30, "64kB": 2**16, "1000": 1000}
+    assert {text: size(text) for text in texts} == texts
+
+
+@pytest.mark.parametrize("text", ["", "0", "-1G", "12X", "G", "nan", "1e9"])
+def test_what_is_no_size_is_refused(text):
+    with pytest.raises(argparse.ArgumentTypeError, match="no size"):
+        size(text)

@@ -43,27 +43,29 @@ def test_a_lattice_of_footprints_is_uniform_irradiance_at_rest_and_in_motion(she
     np.testing.assert_allclose(found, FLUX / CELL**2, rtol=4 * OFFSET)
 
 
-def test_a_lattice_that_bends_and_stretches_stays_uniform_and_gets_as_thin_as_its_cells_grow():
+@pytest.mark.parametrize("gain", [0.0, 0.6])
+def test_a_lattice_that_bends_and_stretches_stays_uniform_and_gets_as_thin_as_its_cells_grow(gain):
     """Every place of a lattice follows x(s) = (1 + s A) x + s v + ½ s² b + ⅙ s³ j, so that light is flux by area."""
     change = np.diag([0.4, 0.4])
     at = lattice(-0.9, 0.9)
     ways = np.append(at[:, :2] @ change.T + (0.05, -0.02), np.zeros((len(at), 1)), axis=1)
     axes = np.append(CELL * change.T, np.zeros((2, 1)), axis=1)
     trajectory = ((0.1, 0.06, 0), (-0.2, 0.1, 0), *axes)
-    photons = photon_map(at, STEP_U, STEP_V, ways, flux=FLUX, trajectory=trajectory)
+    photons = photon_map(at, STEP_U, STEP_V, ways, flux=FLUX, trajectory=trajectory, gain=gain)
     s = (np.arange(1000) + 0.5) / 1000 - 0.5
     areas = np.linalg.det(np.eye(2) + s[:, None, None] * change)
     found = first_channel(shaped(photons, moves=True), points())
     # Footprints that go farther have more nodes on their ways, which is what is left of the lattice.
-    expected = FLUX / CELL**2 * np.mean(1 / areas)
+    expected = FLUX / CELL**2 * np.mean((1 + s * gain) / areas)
     np.testing.assert_allclose(found, expected, rtol=4e-3)
     straight = photon_map(at, STEP_U, STEP_V, ways, flux=FLUX)
     assert np.std(first_channel(shaped(straight, moves=True), points())) > 5 * np.std(found)
 
 
-def test_views_that_share_the_shutter_out_average_to_the_whole_of_a_curved_trajectory():
+@pytest.mark.parametrize("gain", [0.0, -0.8])
+def test_views_that_share_the_shutter_out_average_to_the_whole_of_a_curved_trajectory(gain):
     trajectory = ((0.1, 0.06, 0), (-0.2, 0.1, 0), (0.02, 0.005, 0), (-0.01, -0.02, 0))
-    photons = photon_map([(0, 0, 0)], STEP_U, STEP_V, (0.15, 0.1, 0), flux=FLUX, trajectory=trajectory)
+    photons = photon_map([(0, 0, 0)], STEP_U, STEP_V, (0.15, 0.1, 0), flux=FLUX, trajectory=trajectory, gain=gain)
     footprints = shaped(photons, moves=True)
     at, whole, total = points(400, 0.15), 0.0, 0.0
     whole = irradiance(footprints, queries(at), query_moves=True).irradiance[:, 0]

@@ -94,7 +94,7 @@ def test_moving_footprints_see_still_points(form):
     count = 29 * 29
     dxdt = np.append(random.normal(0, 2 * CELL, (count, 2)), np.zeros((count, 1)), axis=1)
     curve = np.append(random.normal(0, CELL, (4, count, 2)), np.zeros((4, count, 1)), axis=2)
-    moving = lattice(dxdt=dxdt, trajectory=curve if form.smooth else None)
+    moving = lattice(dxdt=dxdt, trajectory=curve if form.smooth else None, gain=0.5)
     points, _ = grid((-0.2, -0.2), (0.2, 0.2), (60, 60))
     # Speeds, too, are differences of nodes within a run: twice as many knots are crossed.
     agree(shaped(moving, kernel=form.kernel, half_pixel=0.001, moves=True), queries(points), form, 2 * PARABOLA)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tpdwarp.jobs.energy_warnings import EnergyWatch
-from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.energy import FEWEST_OF_SEVERAL, STARVED, EnergyAccount
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter, Shutter
 
 SHUTTER = Shutter.still(1.0)
@@ -43,3 +43,11 @@ def test_only_a_scene_without_specular_surfaces_can_have_no_caustic(caplog, inte
         watch(frame, SHUTTER, EnergyAccount())
     assert [record.getMessage().split(" has ")[0] for record in caplog.records] == ["scene.usda: frame 1"] * warned
     assert source.reads == 1
+
+
+def test_starved_lights_are_warned_about_once_with_their_number(caplog):
+    watch = EnergyWatch(Source(Interaction.DIELECTRIC))
+    for frame in (1.0, 2.0):
+        watch(frame, SHUTTER, EnergyAccount(sent=1.0, counts={STARVED: 2}))
+    (record,) = caplog.records
+    assert f"2 have fewer than {FEWEST_OF_SEVERAL} photons" in record.getMessage()

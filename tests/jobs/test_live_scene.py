@@ -107,8 +107,8 @@ def test_irradiance_at_what_a_camera_sees_is_that_of_its_pixels(waves):
     points, normals = (np.stack([channels[f"{aov}.{axis}"].ravel() for axis in "XYZ"], axis=1) for aov in "PN")
     found = scene.irradiance(FRAME, points, normals, spacing=2.0 / 32)
     for k, channel in enumerate("RGB"):
-        # Positions went through single precision, twice.
-        np.testing.assert_allclose(found[:, k], channels[f"irradiance.{channel}"].ravel(), rtol=1e-4)
+        # Means over squares however they are turned, and over pixels: to oblique footprints they differ.
+        np.testing.assert_allclose(found[:, k], channels[f"irradiance.{channel}"].ravel(), rtol=1e-3)
 
 
 def test_points_of_a_receiver_that_moves_ride_along(waves):

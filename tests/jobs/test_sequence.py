@@ -131,11 +131,11 @@ def test_existing_frames_are_skipped_only_when_whole_and_up_to_date(stage, tmp_p
     tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
     (tmp_path / "a.01.exr").write_bytes(b"an image")
     (tmp_path / "a.02.exr").write_bytes(b"")
-    kept = (tmp_path / "a.03.exr").stat()
+    kept = (tmp_path / "a.03.exr").stat().st_mtime_ns
     fake.rendered.clear()
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", skip_existing=True, **SMALL)
     assert (result.skipped, result.written, fake.rendered, fake.traced) == ((3,), (1, 2), [1, 2], [])
-    assert result.anew == {"damaged": 2} and (tmp_path / "a.03.exr").stat() == kept
+    assert result.anew == {"damaged": 2} and (tmp_path / "a.03.exr").stat().st_mtime_ns == kept
 
 
 def test_statistics_of_two_runs_have_every_frame_as_those_of_one(stage, tmp_path, monkeypatch):
@@ -371,7 +371,7 @@ def test_tracebacks_of_failed_frames_go_to_the_debug_log(stage, tmp_path, monkey
     FakeRenderer(monkeypatch, fail={2: ZeroDivisionError("x")})
     with caplog.at_level(logging.DEBUG, "tpdwarp"):
         tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
-    (record,) = caplog.records
+    (record,) = [record for record in caplog.records if record.exc_info]
     assert record.levelno == logging.DEBUG and record.exc_info[0] is ZeroDivisionError
 
 

@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.photons.beam import Beam, interface_at, scatter, transfer_to
+from tpdwarp.photons.beam import Beam, interface_at, relative_index, scatter, transfer_to
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces, geometry_of
 from tpdwarp.scene.device.intersection import closest_hit
@@ -36,7 +36,8 @@ def interact(
     beam = beams[i]
     hit = closest_hit(surfaces, beam.x, beam.w, beam.offset, surfaces.magnitude, 0.0, 100.0, True, wp.rand_init(1, i))
     arrived = transfer_to(beam, hit, True)
-    at = interface_at(surfaces, hit, beam.w, dielectric, True)
+    eta = relative_index(surfaces, hit, beam.w)
+    at = interface_at(surfaces, hit, beam.w, dielectric, eta, True)
     out[i] = scatter(surfaces, arrived, hit, at, reflected, True)
     flat[i] = int(at.flat)
 

@@ -183,3 +183,30 @@ def test_tinted_mirrors_absorb_what_they_do_not_reflect():
     assert (green / red, blue / red) == (pytest.approx(2 / 3, rel=1e-4), pytest.approx(1 / 3, rel=1e-4))
     found = gathered_flux(frame, 36) + account.escaped + account.absorbed + account.lost_total
     assert found == pytest.approx(account.sent, rel=0.005)
+
+
+def counts(source, shutter=STILL, **changes) -> dict[str, int]:
+    return render(source, shutter, width=8, height=8, **changes).energy.counts
+
+
+def test_branches_of_the_view_and_of_photons_are_followed_down_to_their_cutoffs_and_counted():
+    """Water reflects a fiftieth of what falls on it vertically."""
+    roof = quad("/roof", (-3, -3), (3, 3), 2.5, up=False)
+    source = steady([floor(), quad("/water", (-3, -3), (3, 3), 1.0, WATER), roof], (), looking_down(height=2.0))
+    name = "view branches below cutoff"
+    assert name not in counts(source, samples=1, view_cutoff=0.01)
+    assert counts(source, samples=1, view_cutoff=0.03)[name] == 64
+    lit = steady([floor(), quad("/water", (-3, -3), (3, 3), 1.0, WATER)], (SUN,), BELOW)
+    followed, given_up = (
+        trace_frame(RenderContext(lit, replace(SETTINGS, branch_cutoff=cutoff)), STILL) for cutoff in (0.01, 0.03)
+    )
+    assert not followed.energy.lost
+    assert given_up.energy.lost_total == pytest.approx(followed.energy.escaped, rel=1e-5)
+
+
+def test_views_that_race_over_what_they_see_are_slowed_down_and_counted():
+    name = "views slowed down"
+    for way, found in ((1.0, 0), (9.0, 64)):
+        camera = looking_down(height=0.6, position_motion=np.array([way, 0.0, 0.0]))
+        source = steady([floor(), quad("/water", (-3, -3), (3, 3), 1.0, WATER)], (SUN,), camera)
+        assert counts(source, OPEN, samples=1).get(name, 0) == found

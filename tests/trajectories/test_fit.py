@@ -9,16 +9,31 @@ import numpy as np
 import pytest
 
 from tests.estimators.frames import OPEN, SETTINGS, irradiance, rendered
-from tests.view.scenes import SUN, WATER, Source, bumpy, floor, looking_down, turning_rod_source, wave_source
+from tests.footprints.photons import queries
+from tests.view.scenes import (
+    SUN,
+    WATER,
+    Source,
+    bumpy,
+    floor,
+    looking_down,
+    quad,
+    steady,
+    turning_rod_source,
+    wave_source,
+)
 from tpdwarp.clock import Clock
+from tpdwarp.estimators import ESTIMATORS
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.rendering.context import RenderContext
-from tpdwarp.scene.description import SceneAtShutter, Shutter
+from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
+from tpdwarp.view.camera import pixel_size
 from usd_scenes.oracle import Wave, irradiance_average
 from usd_scenes.oracle.caustic_1d import landing
+from usd_scenes.oracle.closed_forms import fresnel_reflectance
 
 FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
 
@@ -136,3 +151,38 @@ def test_curved_trajectories_keep_the_flux():
 def test_where_nothing_moves_nothing_is_traced_twice():
     still = rendered(shutter=Shutter(0, 0.5, 0.5), photons=1024)
     assert "keyframes" not in still.energy.counts
+
+
+def rising_water(speed: float) -> Source:
+    """Flat water, 1 deep at mid shutter, that rises towards a lamp 3 above the floor."""
+    water = quad("/water", (-1, -1), (1, 1), 1.0, WATER, motion=(0, 0, speed))
+    lamp = LightAtShutter("/lamp", LightKind.POINT, (1.0, 1.0, 1.0), position=np.array([0.0, 0.0, 3.0]))
+    return steady([floor(), water], (lamp,), looking_down(height=0.5))
+
+
+def test_flux_follows_the_cells_that_ride_towards_a_lamp():
+    """Material points of the water spread over the light as they near it, and their cells take more of it."""
+    speed = 0.8
+    photons, _ = fitted_photons(rising_water(speed), photons=4096)
+    off_axis = np.linalg.norm(photons.position[:, :2], axis=1)
+    near = off_axis < 0.1 * off_axis.max()
+    assert near.sum() > 10
+    # A point r off the axis lies at the angle r/(2 − s w), so that solid angles of cells go with (2 − s w)⁻².
+    np.testing.assert_allclose(photons.trajectory.gain[near], 2 * speed / 2, rtol=0.05)
+
+
+@pytest.mark.parametrize("time", [-0.375, 0.375])
+def test_light_under_water_that_rises_towards_a_lamp_is_that_of_the_time(time):
+    speed = 0.4
+    context, clock = RenderContext(rising_water(speed), Settings.of(SETTINGS, photons=4096)), Clock()
+    pixel, tracer, norm = pixel_size(None, 1), context.tracer, context.normalization
+    (part,) = ESTIMATORS["tpd"]().parts(tracer, OPEN, [tracer.load(OPEN)], pixel, clock)
+    below = queries(norm.points(np.zeros((1, 3))))
+    seen = part.light.irradiance(below, time=time, window=(time, 0.25), query_moves=False, with_motion=False)
+    found = seen.irradiance[0, 0] * norm.scale**2 * norm.power
+    # Flat water of depth z makes its lamp, d above it, seem d + z/n off.
+    depth = 1 + speed * time
+    exact = (1 - fresnel_reflectance(0.0, 1.0, 1.33)) / (3 - depth + depth / 1.33) ** 2
+    # Flux and area grow linearly, which leaves the squares of s w/d, 0.006, three times in all. Were flux that of mid
+    # shutter, it would be off by 0.15.
+    assert found == pytest.approx(exact, rel=0.018)

@@ -19,7 +19,8 @@ from tpdwarp.scene.device.geometry import geometry_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
 from tpdwarp.view.camera import camera_of
-from tpdwarp.view.visibility import light_arrays, visible_points
+from tpdwarp.view.lights import light_arrays
+from tpdwarp.view.visibility import visible_points
 from usd_scenes.in_memory import (  # noqa: F401 (what scripts render as well lives there)
     QUAD,
     SUN,

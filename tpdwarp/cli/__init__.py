@@ -18,7 +18,7 @@ from tpdwarp.io.terminal import say
 from tpdwarp.stopping import Stopped, raise_if_asked, signals_stop
 
 # One module in this package each, in the order in which --help lists them.
-COMMANDS = ("render", "photons", "info", "check", "study", "farm", "openjd")
+COMMANDS = ("render", "photons", "bake", "info", "check", "study", "farm", "openjd")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -20,7 +20,7 @@ EPILOG = (
     "interactions they meet, and what moves while the shutter is open.\n"
     "Exit code: 0 done, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
-_PICTURE_ONLY = ("samples", "aovs")
+_PICTURE_ONLY = ("samples", "aovs", "exr_type", "view", "view_exposure")
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -54,13 +54,18 @@ class SettingOption:
 PICTURE = (
     SettingOption("camera", ("-cam", "--camera"), metavar="CAMERA"),
     SettingOption("image_width", ("-w", "--imageWidth"), int, "PIXELS"),
+    SettingOption("resolution", ("--resolution",), int, ("W", "H")),
     SettingOption("render_settings", ("-rs", "--renderSettingsPrimPath"), metavar="PATH"),
     SettingOption("purposes", ("--purposes",), names, "NAME,..."),
     SettingOption("mask", ("--mask",), names, "PATH,..."),
     SettingOption("complexity", ("--complexity",), complexity, "X", also=f"a number, or {'|'.join(COMPLEXITIES)}"),
     SettingOption("samples", ("--samples",), int, "S"),
+    SettingOption("view_cutoff", ("--view-cutoff",), float, "PART"),
     SettingOption("refracted_radiance", ("--refracted-radiance",)),
     SettingOption("aovs", ("--aov",), names, "NAME,...", also=", ".join(AOVS)),
+    SettingOption("exr_type", ("--exr-type",), metavar="half|float"),
+    SettingOption("view", ("--view",), metavar="AOV"),
+    SettingOption("view_exposure", ("--view-exposure",), float, "STOPS"),
 )
 EXPOSURE = (
     SettingOption("exposure", ("--exposure",), float, "FRAMES"),
@@ -71,6 +76,7 @@ METHOD = (
     SettingOption("photons", ("--photons",), int, "N"),
     SettingOption("segments", ("--segments",), segments, "K|auto"),
     SettingOption("bounces", ("--bounces",), int, "N"),
+    SettingOption("branch_cutoff", ("--branch-cutoff",), float, "PART"),
     SettingOption("target_error", ("--target-error",), float, "X"),
     SettingOption("estimator", ("--estimator",)),
     SettingOption("accumulation_times", ("--accumulation-times",), int, "N"),
@@ -102,6 +108,8 @@ def declare_settings(group: argparse._ActionsContainer, options: Iterable[Settin
             *option.flags,
             dest=option.field,
             type=option.kind,
+            # Lists given more than once add up.
+            action="extend" if option.kind is names else "store",
             nargs=len(metavar) if isinstance(metavar, tuple) else None,
             metavar=metavar,
             default=argparse.SUPPRESS,
@@ -116,12 +124,27 @@ def settings_given(options: argparse.Namespace) -> dict[str, Any]:
     return {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
 
 
+class _JoinedFrames(argparse.Action):
+    """Frames given more than once add up."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        before = getattr(namespace, self.dest, None)
+        setattr(namespace, self.dest, f"{before},{values}" if before else values)
+
+
 def declare_frames(parser: argparse.ArgumentParser) -> None:
     """Adds ``--frames`` and ``--default-time``."""
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
         "-f",
         "--frames",
+        action=_JoinedFrames,
         metavar="SPEC",
         help="Frames, for instance 1:24,30:40x2 (first:lastxstride); by default all of the stage.",
     )

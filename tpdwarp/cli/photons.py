@@ -7,6 +7,7 @@ import argparse
 from tpdwarp.cli.options import (
     PICTURE,
     declare_frames,
+    declare_memory,
     declare_persistence,
     declare_reports,
     declare_resume,
@@ -22,7 +23,7 @@ EPILOG = (
     "Beside shot.debug.usdc appears shot.view.usda, which shows the photons in the scene.\n"
     "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
-_PICTURE_ONLY = ("image_width", "samples", "aovs")
+_PICTURE_ONLY = ("image_width", "resolution", "samples", "aovs", "exr_type", "view", "view_exposure")
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +35,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--curves", type=int, metavar="N", help="At most so many photons a frame, spread evenly. [all]")
     declare_resume(parser)
     declare_reports(parser)
+    declare_memory(parser)
     declare_persistence(parser)
     declare_tracing(parser, [option for option in PICTURE if option.field not in _PICTURE_ONLY])
 
@@ -54,6 +56,7 @@ def run(options: argparse.Namespace) -> int:
             curves=options.curves,
             stats=options.stats,
             skip_existing=options.skip_existing,
+            max_memory=options.max_memory,
             **persistence_given(options),
             **settings_given(options),
         )

@@ -7,6 +7,7 @@ import argparse
 from tpdwarp.cli.options import (
     PICTURE,
     declare_frames,
+    declare_memory,
     declare_persistence,
     declare_reports,
     declare_resume,
@@ -34,6 +35,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--debug-layer", metavar="LAYER", help="Also write the photons to this USD layer.")
     parser.add_argument("--curves", type=int, metavar="N", help="At most so many photons a frame in it. [all]")
     declare_reports(parser)
+    declare_memory(parser)
     declare_persistence(parser)
     declare_tracing(parser, PICTURE)
 
@@ -55,6 +57,7 @@ def run(options: argparse.Namespace) -> int:
             curves=options.curves,
             stats=options.stats,
             skip_existing=options.skip_existing,
+            max_memory=options.max_memory,
             **persistence_given(options),
             **settings_given(options),
         )

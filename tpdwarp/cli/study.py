@@ -18,6 +18,8 @@ EPILOG = (
     "Exit code: 0 done, 1 a case failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
 _KINDS = ("auto", "bar", "plain", "none")
+# What is measured is the caustic itself, whatever a file would hold.
+_PICTURE_ONLY = ("aovs", "exr_type", "view", "view_exposure")
 _SWEPT = ("photons", "segments", "kernel", "estimator", "tdpm_neighbours", "tdpm_between")
 
 
@@ -67,7 +69,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     says.add_argument("--time-limit", type=float, metavar="SECONDS", help="Begin nothing new after that.")
     says.add_argument("--cache", metavar="FOLDER", help="Where what is rendered is kept. [the user's cache folder]")
     says.add_argument("--progress", metavar="|".join(_KINDS), default="auto", help="How progress is shown. [auto]")
-    declare_settings(parser.add_argument_group("stage and image"), [o for o in PICTURE if o.field != "aovs"])
+    shown = [option for option in PICTURE if option.field not in _PICTURE_ONLY]
+    declare_settings(parser.add_argument_group("stage and image"), shown)
     declare_settings(parser.add_argument_group("time and light"), [o for o in METHOD if o.field not in _SWEPT])
     declare_settings(parser.add_argument_group("machine"), MACHINE)
 

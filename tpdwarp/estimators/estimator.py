@@ -148,9 +148,19 @@ def light_of(
         return None
     with clock.stage("footprints"):
         footprints = shape_footprints(maps, settings.kernel, settings.smoothing, pixel, moves, tracer.launcher)
-    if footprints.clamped:
-        energy.counts["footprints clamped"] = energy.counts.get("footprints clamped", 0) + footprints.clamped
+    limits = {"footprints clamped": footprints.clamped, "footprints that grow too fast": footprints.growth_limited}
+    energy.add(EnergyAccount(counts={name: count for name, count in limits.items() if count}))
     if not footprints.count:
         return None
     form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
     return FootprintField(footprints, form, tracer.launcher)
+
+
+def reshaped(part: Part, pixel: PixelSize, tracer: PhotonTracer, clock: Clock) -> IrradianceField | None:
+    """The light of a part's photons for queries that stand for other areas.
+
+    Estimates that do not average over what a query stands for are the same for all.
+    """
+    if not isinstance(part.light, FootprintField):
+        return part.light
+    return light_of(part.maps, EnergyAccount(), part.light.footprints.moves, tracer, pixel, clock)

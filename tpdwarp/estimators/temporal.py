@@ -9,8 +9,8 @@ from typing import Any
 from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, light_of
 from tpdwarp.footprints.shaping import PixelSize
-from tpdwarp.photons.energy import EnergyAccount
-from tpdwarp.photons.lattices import FEWEST_OF_SEVERAL, EmissionPlan
+from tpdwarp.photons.energy import STARVED, EnergyAccount
+from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
@@ -52,7 +52,7 @@ class Temporal:
             energy.add(account)
         energy.counts["segments traced"] = count
         if plan.starved_lights:
-            energy.counts[f"lights with fewer than {FEWEST_OF_SEVERAL} photons"] = plan.starved_lights
+            energy.counts[STARVED] = plan.starved_lights
         moves = any(seen.requirements.photon_motion for seen in scenes)
         yield Part(maps, energy, light_of(maps, energy, moves, tracer, pixel, clock), plan, scenes, shutter)
 

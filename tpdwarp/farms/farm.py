@@ -24,8 +24,8 @@ from tpdwarp.farms.cluster import CLOSE_SECONDS, Tls, connected, local_cluster
 from tpdwarp.farms.order import Order, heard
 from tpdwarp.farms.worker import ChunkResult, UnfitWorker, render_chunk
 from tpdwarp.io.frame_names import FrameNames
+from tpdwarp.io.memory import memory_allowed
 from tpdwarp.jobs.frame_loop import OUT_OF_MEMORY, Persistence, layer_problems, reason_of
-from tpdwarp.jobs.memory import memory_allowed
 from tpdwarp.jobs.opening import FilePath, Frames, chosen_settings
 from tpdwarp.jobs.outputs import sweep_folder
 from tpdwarp.jobs.progress import Progress, progress_of
@@ -80,7 +80,8 @@ def farm(
             machine's own address.
         tls: PEM files: authorities, certificate, key. Connections are encrypted, and who has no certificate of these
             authorities is refused.
-        max_memory: Bytes that the workers started here may take together; None for three quarters of the machine.
+        max_memory: Bytes that the workers started here may take together, or each of another cluster's; None for three
+            quarters of their machine.
         scene, out, frames, default_time, progress, debug_layer, curves, stats, skip_existing, strict, frame_timeout,
             retries, max_failures, **settings: As for :func:`tpdwarp.render`.
 
@@ -93,7 +94,7 @@ def farm(
     _check_counts(workers, chunk)
     shown = progress_of(progress)
     plan, names, layer = prepared(
-        scene, out, chosen, frames, default_time, strict, stats, debug_layer, curves, skip_existing
+        scene, out, chosen, frames, default_time, strict, stats, debug_layer, curves, skip_existing, max_memory
     )
     wanted = plan.frames
     memory = memory_allowed(max_memory)
@@ -114,6 +115,7 @@ def farm(
         begun=begun,
         strict=strict,
         persistence=persistence,
+        max_memory=memory / here if here else max_memory,
     )
     reports = SequenceReports(plan.source.file, stats, skip_existing)
     farming = _Farming(order, names, shown, persistence, reports.add)
@@ -198,7 +200,8 @@ class _Farming:
         while self._left():
             try:
                 client = connected(address, tls)
-            except (OSError, ValueError) as error:
+            # What Dask raises where certificates are missing is a TypeError.
+            except (OSError, ValueError, TypeError) as error:
                 if lost_at is None or time.monotonic() - lost_at > patience:
                     raise OSError(f"no scheduler answers ({shortened(str(error))})") from error
                 pause(1.0)

@@ -28,6 +28,8 @@ EXTENSIONS = ("TASK_CHUNKING",)
 ALWAYS = ("photons", "samples", "threads")
 # Options that are not called as their settings are.
 _FLAGS = {"aovs": "--aov", "image_width": "--imageWidth", "render_settings": "--renderSettingsPrimPath"}
+# Settings of two values, and what these are.
+_PAIRS = {"shutter": ("Open", "Close"), "resolution": ("Width", "Height")}
 # An interrupted render ends within two seconds; who asks again after that kills.
 NOTICE_SECONDS = 10
 LONGEST_NAME = 128
@@ -70,7 +72,7 @@ def open_job_template(
     chosen = chosen_settings(settings)
     persistence = Persistence(frame_timeout, retries, max_failures)
     names = FrameNames(out)
-    check_format(names.template, chosen.aovs)
+    check_format(names.template, chosen.aovs, chosen.view)
     source = open_scene(scene, chosen, False)
     wanted = frames_asked(frames, False) or source.frames()
     names.check(wanted)
@@ -217,10 +219,10 @@ def _path(name: str, value: str, folder: str, flow: str, description: str) -> di
 
 
 def _parts(setting: str, value: Any) -> list[tuple[str, Any]]:
-    """Names and values of the parameters that a setting becomes: one, but for an opening and a closing."""
+    """Names and values of the parameters that a setting becomes: one, but for pairs."""
     name = "".join(word.capitalize() for word in setting.split("_"))
-    if setting == "shutter":
-        return [(f"{name}Open", value[0]), (f"{name}Close", value[1])]
+    if setting in _PAIRS:
+        return [(f"{name}{part}", value[k]) for k, part in enumerate(_PAIRS[setting])]
     return [(name, ",".join(value) if isinstance(value, tuple) else value)]
 
 

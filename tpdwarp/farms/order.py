@@ -35,6 +35,7 @@ class Order:
         begun: When the client began, as ``time.time()`` has it: frames made since then are of this sequence.
         strict: Whether what USD warns of counts as an error.
         persistence: How long a worker keeps trying.
+        max_memory: Bytes that a frame may need; None for three quarters of the worker's machine.
     """
 
     scene: str
@@ -51,6 +52,7 @@ class Order:
     begun: float
     strict: bool
     persistence: Persistence
+    max_memory: float | None
 
     @property
     def name(self) -> str:

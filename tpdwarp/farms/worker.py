@@ -14,6 +14,7 @@ from distributed import get_worker
 from tpdwarp.errors import InputError, logger, shortened
 from tpdwarp.farms.order import Order, told
 from tpdwarp.io.frame_names import FrameNames
+from tpdwarp.io.memory import memory_allowed
 from tpdwarp.jobs.fingerprint import Fingerprint
 from tpdwarp.jobs.frame_loop import FrameLoop
 from tpdwarp.jobs.frame_work import RenderWork
@@ -93,15 +94,14 @@ def _work_for(order: Order) -> tuple[RenderWork, FrameNames]:
     )
     try:
         asked = None if order.default_time else order.frames
-        source, frames = opened(order.scene, settings, asked, order.default_time, order.strict)
+        source, frames = opened(order.scene, settings, asked, order.default_time, order.strict, order.max_memory)
         files = StageFiles(source)
     except InputError as error:
         raise UnfitWorker(f"{me} cannot open the stage: {shortened(str(error))}") from error
     if files.digest != order.stage:
         raise UnfitWorker(f"{me} sees another version of {order.scene} or of one of its files")
-    plan = SequencePlan(
-        source, files, frames, settings, order.target, Fingerprint.of(settings, files.digest), order.strict
-    )
+    fingerprint, memory = Fingerprint.of(settings, files.digest), memory_allowed(order.max_memory)
+    plan = SequencePlan(source, files, frames, settings, order.target, fingerprint, order.strict, memory)
     layer = DebugLayerJob(order.layer, plan, order.curves, order.skip_existing) if order.layer else None
     names = FrameNames(order.out)
     return RenderWork(plan, names, layer, order.skip_existing, order.begun), names

@@ -88,7 +88,8 @@ class Trajectory:
     """How a footprint moves over the shutter, in its own filter space at mid shutter.
 
     At the part s (−½ … ½) of the shutter its centre stands at s velocity + ½ s² acceleration + ⅙ s³ jerk, and its axes
-    are those of mid shutter times 1 + s jacobian_rate. Only the B-spline's trajectory curves and only its axes grow.
+    are those of mid shutter times 1 + s jacobian_rate; its flux is that of mid shutter times 1 + s gain. Only the
+    B-spline's trajectory curves, and only its axes and its flux grow.
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
     stay.
     """
@@ -97,6 +98,7 @@ class Trajectory:
     acceleration: wp.vec2
     jerk: wp.vec2
     jacobian_rate: wp.mat22
+    gain: float
     filter_width: wp.vec3
 
 
@@ -260,7 +262,7 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
             for node in range(2):
                 s = (float(panel) + 0.5 + GAUSS_OFFSET * float(2 * node - 1)) / panels - 0.5
                 if wp.static(curved):
-                    total += at_time(s, y, trajectory)
+                    total += (1.0 + s * trajectory.gain) * at_time(s, y, trajectory)
                 else:
                     total += tensor(y - s * trajectory.velocity, trajectory.filter_width)
         return 0.5 * total / panels

@@ -27,6 +27,7 @@ class FootprintMap:
         shaded: Whether receivers are shaded by normals that are not those of their triangles.
         run_size: Half the typical size of a piece: queries this close together are gathered together.
         clamped: Footprints whose length or aspect was limited.
+        growth_limited: Footprints whose axes grow too fast to be followed.
         count: Number of footprints.
     """
 
@@ -39,6 +40,7 @@ class FootprintMap:
     shaded: bool
     run_size: float
     clamped: int
+    growth_limited: int
     count: int
 
 
@@ -51,7 +53,7 @@ def shape_footprints(
     if not count:
         arrays = launcher.rows(FootprintArrays, 0)
         none = launcher.zeros(0, wp.float32)
-        return FootprintMap(arrays, PieceArrays(), None, none, moves, curved, False, 0.0, 0, 0)
+        return FootprintMap(arrays, PieceArrays(), None, none, moves, curved, False, 0.0, 0, 0, 0)
 
     def column(name: str) -> wp.array:
         return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
@@ -63,12 +65,14 @@ def shape_footprints(
 
     # Columns that footprints share with photons are not copied: ten million of either fill memory.
     shared = {"center": "position", "normal": "normal", "dxdt": "dxdt"}
-    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "filter_width", "incidence")
+    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "gain", "filter_width", "incidence")
     out = launcher.rows(FootprintArrays, count, but=(*shared, *others))
     for name, source in shared.items():
         setattr(out, name, column(source))
     out.acceleration, out.jerk = trajectory_column("dxdtt"), trajectory_column("dxdttt")
     out.jacobian_rate = launcher.zeros(count if curved else 0, wp.mat22)
+    gains = [_trajectory_column(photons, "gain") for photons in maps] if curved else [np.zeros(0)]
+    out.gain = launcher.array(joined(gains).astype(np.float32), wp.float32)
     out.filter_width = launcher.zeros(count if kernel == "bspline" else 0, wp.vec3)
     shaded = all(len(m.incidence) == len(m) for m in maps)
     out.incidence = column("incidence") if shaded else launcher.zeros(0, wp.vec3)
@@ -83,11 +87,13 @@ def shape_footprints(
     launcher(shape, count, [*columns, float(smoothing), pixel, out])
     pieces = pieces_of(out, launcher)
     size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
-    clamped = int(out.clamped.numpy().sum(dtype=np.int64))
+    clamped, limited = (int(flags.numpy().sum(dtype=np.int64)) for flags in (out.clamped, out.growth_limited))
     bvh = wp.Bvh(pieces.lower, pieces.upper)
-    return FootprintMap(out, pieces, bvh, durations, moves, curved, shaded, 0.5 * size, clamped, count)
+    return FootprintMap(out, pieces, bvh, durations, moves, curved, shaded, 0.5 * size, clamped, limited, count)
 
 
 def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:
     """A column of how trajectories curve, zero where they are straight."""
-    return np.zeros_like(photons.position) if photons.trajectory is None else getattr(photons.trajectory, name)
+    if photons.trajectory is not None:
+        return getattr(photons.trajectory, name)
+    return np.zeros(len(photons), np.float32) if name == "gain" else np.zeros_like(photons.position)

@@ -119,6 +119,10 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
                 center += (0.5 * late * late) * (acceleration + (late / 3.0) * jerk)
                 motion += late * (acceleration + (0.5 * late) * jerk)
                 acceleration += late * jerk
+                gain = footprints.gain[j]
+                flux_then = 1.0 + late * gain
+                density = density * flux_then
+                trajectory.gain = part * gain / flux_then
                 if late != 0.0:
                     # The same trajectory, with the axes as they are in the middle of the part.
                     grown = wp.identity(n=2, dtype=float) + late * rate

@@ -82,11 +82,13 @@ class FootprintArrays:
     """One row a photon, in the tracer's units. Filter coordinates of a displacement d are (row_u·d, row_v·d).
 
     At the part s (−½ … ½) of the photon's own shutter the footprint stands at
-    center + s dxdt + ½ s² acceleration + ⅙ s³ jerk, and its axes are those of the middle times 1 + s jacobian_rate, in
-    filter coordinates. Where no trajectory curves, these three have no rows. ``filter_width`` holds the widths of the
-    boxes that a B-spline is averaged over, in cells: one along u, two along v. ``density`` is Φ |det M|; ``long_axis``
-    and ``half_extent`` (along it, across it, along the normal) bound what the footprint sweeps over;
-    ``plane_tolerance`` is how far off its plane it reaches. ``incidence`` is −ω/|ω·n|; no rows for flat receivers.
+    center + s dxdt + ½ s² acceleration + ⅙ s³ jerk, its axes are those of the middle times 1 + s jacobian_rate, in
+    filter coordinates, and its flux is that times 1 + s gain. Where no trajectory curves, these have no rows.
+    ``filter_width`` holds the widths of the boxes that a B-spline is averaged over, in cells: one along u, two along v.
+    ``density`` is Φ |det M|; ``long_axis`` and ``half_extent`` (along it, across it, along the normal) bound what the
+    footprint sweeps over; ``plane_tolerance`` is how far off its plane it reaches. ``incidence`` is −ω/|ω·n|; no rows
+    for flat receivers. ``clamped`` and ``growth_limited`` are 1 where lengths or aspect, and the growth of axes, were
+    limited.
     """
 
     center: wp.array(dtype=wp.vec3)
@@ -97,6 +99,7 @@ class FootprintArrays:
     acceleration: wp.array(dtype=wp.vec3)
     jerk: wp.array(dtype=wp.vec3)
     jacobian_rate: wp.array(dtype=wp.mat22)
+    gain: wp.array(dtype=wp.float32)
     filter_width: wp.array(dtype=wp.vec3)
     dxdt_relative: wp.array(dtype=wp.vec3)
     density: wp.array(dtype=wp.vec3)
@@ -107,6 +110,7 @@ class FootprintArrays:
     half_extent: wp.array(dtype=wp.vec3)
     incidence: wp.array(dtype=wp.vec3)
     clamped: wp.array(dtype=wp.int32)
+    growth_limited: wp.array(dtype=wp.int32)
 
 
 @wp.struct
@@ -461,6 +465,8 @@ def footprint_kernel(radial: str | None, curved: bool) -> wp.Kernel:
                 # Thin axes leave out the sign of s2, which the second one of J's own axes carries.
                 if wp.dot(second, -wp.sin(j.left) * frame.e1 + wp.cos(j.left) * frame.e2) * j.s2 < 0.0:
                     growth2 = -growth2
+            if wp.max(wp.abs(growth1), wp.abs(growth2)) > LARGEST_GROWTH and axes.growing > 0.0:
+                out.growth_limited[i] = 1
             growth1 = axes.growing * wp.clamp(growth1, -LARGEST_GROWTH, LARGEST_GROWTH)
             growth2 = axes.growing * wp.clamp(growth2, -LARGEST_GROWTH, LARGEST_GROWTH)
             turn = wp.mat22(cr, -sr, sr, cr)

@@ -17,12 +17,13 @@ import OpenImageIO as oiio
 
 from tpdwarp.errors import FrameError, InputError, shortened
 from tpdwarp.io.files import complete_or_absent
+from tpdwarp.io.memory import memory_allowed
 
 DISPLAY_BITS = {".png": "uint8", ".jpg": "uint8", ".jpeg": "uint8", ".tif": "uint16", ".tiff": "uint16"}
 EXTENSIONS = (".exr", *DISPLAY_BITS)
 
 # Colours go out as half. What is measured, or used as a coordinate, does not fit: it needs the range or the digits.
-FLOAT_LAYERS = ("Z", "N", "P", "motion", "irradiance", "photons")
+FLOAT_LAYERS = ("Z", "N", "P", "motion", "irradiance", "photons", "vector", "id")
 HALF_MAXIMUM = float(np.finfo(np.float16).max)
 
 # Their writers hide a failed write (PNG) or end the process at one (JPEG).
@@ -37,16 +38,20 @@ FINGERPRINT = "tpdwarp:fingerprint"
 # OpenImageIO has names of its own for two of OpenEXR's attributes.
 ATTRIBUTE_NAMES = {"capDate": "DateTime", "expTime": "ExposureTime"}
 
+# An image is held as read, and compared as planes, with differences beside them.
+IMAGE_COPIES = 4
+
 # The configuration built into OpenImageIO, so that an $OCIO meant for other programs changes no picture.
 COLOR_CONFIG = "ocio://default"
 
 
-def check_format(path: str | os.PathLike[str], aovs: Sequence[str] = ()) -> None:
+def check_format(path: str | os.PathLike[str], aovs: Sequence[str] = (), view: str = "") -> None:
     """Refuses a file name whose extension is not one that :func:`write_frame` knows.
 
     Args:
         path: Where frames will be written.
         aovs: Channel groups wanted beside the beauty; only EXR holds them.
+        view: The one that is shown in the place of the beauty, in other formats than EXR.
 
     Raises:
         InputError: The extension is unknown, or the format cannot hold ``aovs``.
@@ -55,11 +60,20 @@ def check_format(path: str | os.PathLike[str], aovs: Sequence[str] = ()) -> None
     if extension not in EXTENSIONS:
         named = f"the image format {extension!r} is unknown" if extension else "the file name has no extension"
         raise InputError(f"{named} (use one of {', '.join(EXTENSIONS)})", file=os.fspath(path))
-    if aovs and extension != ".exr":
-        raise InputError(f"{extension} holds the beauty only, not {', '.join(aovs)} (use .exr)", file=os.fspath(path))
+    if view and extension == ".exr":
+        raise InputError("--view is for .png, .jpg and .tif (EXR holds all of --aov)", file=os.fspath(path))
+    others = [aov for aov in aovs if aov != view]
+    if others and extension != ".exr":
+        held = f"{extension} holds the beauty only" if not view else f"{extension} holds one picture"
+        raise InputError(f"{held}, not {', '.join(others)} (use .exr, or choose one with --view)", file=os.fspath(path))
 
 
-def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
+def write_frame(
+    path: str | os.PathLike[str],
+    channels: Mapping[str, np.ndarray],
+    metadata: Mapping[str, Any],
+    depth: str | None = None,
+) -> None:
     """Writes one frame; it appears under its name only when complete.
 
     EXR takes all channels, R, G, B and A first and the others as given (zip, scan lines): colours as half, limited to
@@ -73,6 +87,7 @@ def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]
         channels: Channel name (``R``, ``caustic.G``, ``Z``) to pixels, top row first, shape [h, w]; linear Rec.709,
             colours multiplied by alpha.
         metadata: Attributes by their EXR names; see :func:`set_attribute` for the types.
+        depth: ``half`` or ``float`` for all channels of an EXR; None for each as above.
 
     Raises:
         InputError: The extension is unknown.
@@ -83,13 +98,15 @@ def write_frame(path: str | os.PathLike[str], channels: Mapping[str, np.ndarray]
     beauty = [name for name in "RGBA" if name in channels]
     if Path(path).suffix.lower() == ".exr":
         names = beauty + [name for name in channels if name not in beauty]
-        depths = ["float" if name.split(".")[0] in FLOAT_LAYERS else "half" for name in names]
+        depths = [depth or ("float" if name.split(".")[0] in FLOAT_LAYERS else "half") for name in names]
         pixels = np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
-        for index, depth in enumerate(depths):
-            if depth == "half":
+        for index, own in enumerate(depths):
+            if own == "half":
                 np.clip(pixels[..., index], -HALF_MAXIMUM, HALF_MAXIMUM, out=pixels[..., index])
-        spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), "float")
-        spec.channelformats = tuple(oiio.TypeDesc(depth) for depth in depths)
+        # Where all channels are of one type, the image's counts and theirs does not.
+        common = depths[0] if len(set(depths)) == 1 else "float"
+        spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], len(names), common)
+        spec.channelformats = tuple(oiio.TypeDesc(own) for own in depths)
         spec.attribute("compression", "zip")
         spec.attribute("oiio:ColorSpace", "lin_rec709")
     else:
@@ -260,6 +277,7 @@ def read_stored(path: str | os.PathLike[str]) -> StoredImage:
     if source is None:
         raise InputError(f"cannot be read: {shortened(oiio.geterror())}", file=os.fspath(path))
     spec = source.spec()
+    refuse_gigantic(spec, path)
     pixels = source.read_image(0, 0, 0, spec.nchannels, "float")
     if pixels is None:
         raise InputError(f"cannot be read: {shortened(source.geterror())}", file=os.fspath(path))
@@ -271,6 +289,26 @@ def read_stored(path: str | os.PathLike[str]) -> StoredImage:
     depths = tuple(str(spec.channelformat(index)) for index in range(spec.nchannels))
     window = (spec.x, spec.y, spec.full_x, spec.full_y, spec.full_width, spec.full_height)
     return StoredImage(tuple(spec.channelnames), depths, pixels, metadata, window, parts)
+
+
+def memory_need(spec: oiio.ImageSpec) -> int:
+    """Bytes that an image needs by what its header declares."""
+    return spec.image_pixels() * spec.nchannels * 4 * IMAGE_COPIES
+
+
+def refuse_gigantic(spec: oiio.ImageSpec, path: str | os.PathLike[str]) -> None:
+    """Refuses an image, before any of its pixels is read, whose header declares more than memory has room for.
+
+    Raises:
+        InputError: It does.
+    """
+    need, allowed = memory_need(spec), memory_allowed(None)
+    if need > allowed:
+        raise InputError(
+            f"declares {spec.width} × {spec.height} pixels of {spec.nchannels} channels, which would need "
+            f"{need / 2**30:.3g} GB of memory ({allowed / 2**30:.3g} may be taken)",
+            file=os.fspath(path),
+        )
 
 
 def read_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -457,6 +495,8 @@ def _stored_texture(path: str | os.PathLike[str]) -> tuple[np.ndarray, oiio.Imag
         return None
     try:
         spec = source.spec()
+        if memory_need(spec) > memory_allowed(None):
+            return None
         eight_bits = spec.format == oiio.TypeDesc("uint8")
         pixels = source.read_image(0, 0, 0, min(spec.nchannels, 4), "uint8" if eight_bits else "float")
     finally:

@@ -50,6 +50,11 @@ class FileLock:
                     os.unlink(self.path)
                 return True
             except BaseException:
+                # A signal, after the file was made perhaps: what nobody holds does not stay behind.
+                with contextlib.suppress(OSError):
+                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    if self._is_at_its_path(descriptor):
+                        os.unlink(self.path)
                 os.close(descriptor)
                 raise
             # Between opening and locking, its holder may have removed the file, and another made a new one.

@@ -44,15 +44,13 @@ class Claims:
         Raises:
             ClaimedElsewhere: Another process holds it.
         """
-        lock = FileLock(claim_path(path))
-        if not lock.acquire():
-            if not self._expired(lock.path):
-                raise ClaimedElsewhere(path)
-            yield
-            return
-        ended = threading.Event()
-        threading.Thread(target=_beat, args=(lock.path, ended), name="tpdwarp-claim", daemon=True).start()
+        lock, ended = FileLock(claim_path(path)), threading.Event()
+        # A signal may come between any two lines.
         try:
+            if lock.acquire():
+                threading.Thread(target=_beat, args=(lock.path, ended), name="tpdwarp-claim", daemon=True).start()
+            elif not self._expired(lock.path):
+                raise ClaimedElsewhere(path)
             yield
         finally:
             ended.set()

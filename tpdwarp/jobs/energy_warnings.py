@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tpdwarp.errors import logger
 from tpdwarp.io.frame_names import frame_text
-from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.energy import FEWEST_OF_SEVERAL, STARVED, EnergyAccount
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.scene.requirements import requirements_of
 
@@ -21,10 +21,10 @@ class EnergyWatch:
 
     def __init__(self, source: SceneSource) -> None:
         self._source = source
-        self._warned_of_loss = self._warned_of_no_caustic = False
+        self._warned_of_loss = self._warned_of_no_caustic = self._warned_of_starving = False
 
     def __call__(self, frame: float, shutter: Shutter, energy: EnergyAccount) -> None:
-        """Warns at the first frame that loses more than 1 % of the flux sent, and at the first without a caustic."""
+        """Warns at the first frame that loses more than 1 % of the flux sent, or with starved lights, or no caustic."""
         if not self._warned_of_loss and energy.lost_total > LOST_SHARE * energy.sent > 0:
             self._warned_of_loss = True
             causes = sorted(energy.lost, key=lambda cause: energy.lost[cause], reverse=True)
@@ -32,6 +32,14 @@ class EnergyWatch:
             logger.warning(
                 f"{self._source.file}: frame {frame_text(frame)} loses {energy.lost_total / energy.sent:.1%} "
                 f"of the flux sent ({shares}); the statistics have every frame"
+            )
+        starved = energy.counts.get(STARVED, 0)
+        if starved and not self._warned_of_starving:
+            self._warned_of_starving = True
+            logger.warning(
+                f"{self._source.file}: frame {frame_text(frame)}: of several lights, {starved} "
+                f"{'has' if starved == 1 else 'have'} fewer than {FEWEST_OF_SEVERAL} photons, too few to show what is "
+                "focused (raise --photons)"
             )
         # Only a frame to which no flux was sent can lack a specular surface, so that most scenes are not read twice.
         if not self._warned_of_no_caustic and energy.sent == 0:

@@ -13,11 +13,12 @@ from tpdwarp.io.images import FINGERPRINT
 from tpdwarp.jobs.existing_frames import STATISTICS, statistics_text
 from tpdwarp.jobs.fingerprint import Fingerprint
 from tpdwarp.rendering.error_target import ErrorTarget
-from tpdwarp.rendering.frame import Frame
+from tpdwarp.rendering.frame import Frame, Traced
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
 from tpdwarp.version import VERSION
+from tpdwarp.view.object_ids import object_ids
 
 
 def frame_metadata(
@@ -25,7 +26,7 @@ def frame_metadata(
     frame: float,
     shutter: Shutter,
     settings: Settings,
-    made: Frame,
+    made: Traced,
     fingerprint: Fingerprint,
     target: ErrorTarget | None = None,
 ) -> dict[str, Any]:
@@ -33,14 +34,15 @@ def frame_metadata(
 
     Camera matrices are at mid shutter, multiply row vectors and follow the definitions of OpenEXR's attributes;
     ``tpdwarp:shutterOpen`` and ``tpdwarp:shutterClose`` are time codes, ``expTime`` is in seconds, fluxes are in watts
-    summed over the channels. At the default time, which is no number, whatever depends on it is left out.
+    summed over the channels, ``tpdwarp:ids`` says whose the numbers of ``id`` are. At the default time, which is no
+    number, whatever depends on it is left out.
 
     Args:
         source: The stage rendered.
         frame: Which frame it is; NaN for the default time.
         shutter: When it was exposed.
         settings: How it was rendered.
-        made: What came out.
+        made: What came out; textures have no camera.
         fingerprint: What the sequence is made from.
         target: What photons and segments were chosen for.
     """
@@ -48,8 +50,7 @@ def frame_metadata(
     metadata: dict[str, Any] = {
         "Software": f"tpdwarp {VERSION}",
         "framesPerSecond": source.frames_per_second,
-        "PixelAspectRatio": source.pixel_aspect,
-        **_camera_attributes(made.camera),
+        **(_view_attributes(source, made.camera) if isinstance(made, Frame) else {}),
         "tpdwarp:version": VERSION,
         "tpdwarp:scene": source.file,
         "tpdwarp:settings": json.dumps(settings.as_dict(), sort_keys=True),
@@ -64,6 +65,9 @@ def frame_metadata(
         "tpdwarp:fluxAbsorbed": float(to_float32(energy.absorbed)),
         "tpdwarp:fluxLost": float(to_float32(energy.lost_total)),
     }
+    if "id" in settings.aovs:
+        numbers = object_ids(made.photons.receiver_paths)
+        metadata["tpdwarp:ids"] = json.dumps({str(number): path for path, number in numbers.items()})
     if target is not None:
         metadata |= {"tpdwarp:targetError": target.wanted, "tpdwarp:expectedError": target.expected}
     if not math.isnan(frame):
@@ -76,9 +80,10 @@ def frame_metadata(
     return metadata
 
 
-def _camera_attributes(camera: CameraAtShutter) -> dict[str, Any]:
-    """The camera's matrices as OpenEXR defines these attributes: looks along +z, NDC (0, 0) is upper left."""
-    attributes: dict[str, Any] = {"tpdwarp:camera": camera.path}
+def _view_attributes(source: StageScene, camera: CameraAtShutter) -> dict[str, Any]:
+    """The shape of pixels, and the camera's matrices as OpenEXR defines them: looks along +z, NDC (0, 0) is upper left.
+    """
+    attributes: dict[str, Any] = {"PixelAspectRatio": source.pixel_aspect, "tpdwarp:camera": camera.path}
     if camera.world_to_camera is not None:
         attributes["worldToCamera"] = camera.world_to_camera @ np.diag([1.0, 1.0, -1.0, 1.0])
     if camera.world_to_ndc is not None:

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import os
 
-from tpdwarp.errors import FrameError
+from tpdwarp.errors import FrameError, logger
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import write_frame
+from tpdwarp.jobs.aov_pictures import picture_of
 from tpdwarp.jobs.claims import Claims
 from tpdwarp.jobs.dark_frames import DarkWatch
 from tpdwarp.jobs.energy_warnings import EnergyWatch
 from tpdwarp.jobs.existing_frames import ExistingFrames, KeptFrame, statistics_text
 from tpdwarp.jobs.frame_metadata import frame_metadata
+from tpdwarp.jobs.frame_need import need_of, refuse_beyond
 from tpdwarp.jobs.layer_job import DebugLayerJob
 from tpdwarp.jobs.opening import shutter_of
 from tpdwarp.jobs.plan import SequencePlan
 from tpdwarp.jobs.results import FrameOutcome
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame, trace_frame
+from tpdwarp.scene.description import Shutter
 
 
 class RenderWork:
@@ -42,7 +46,7 @@ class RenderWork:
         self._skips, self._begun = skip_existing, begun
         self.existing = ExistingFrames(plan.fingerprint)
         self._size = plan.source.resolution()
-        self._claims, self._context = Claims(), _LazyContext(plan)
+        self._claims, self._context = Claims(), LazyContext(plan, math.prod(self._size))
         self._watch = EnergyWatch(plan.source)
         self._dark = DarkWatch(plan.source.file)
 
@@ -58,14 +62,14 @@ class RenderWork:
         plan, path = self._plan, self._names.path(frame)
         shutter = shutter_of(plan.source, frame, plan.settings)
         with self._claims.held(path):
-            kept = self.existing.kept(path, frame) if self._skips or _is_newer(path, self._begun) else None
+            kept = self.existing.kept(path, frame) if self._skips or is_newer(path, self._begun) else None
             if kept is not None and (self._layer is None or not self._layer.lacks(frame)):
-                return _skipped(frame, path, kept)
+                return skipped(frame, path, kept)
             with plan.files.unchanged(plan.strict):
                 if kept is not None:
-                    made = trace_frame(self._context(), shutter)
+                    made = trace_frame(self._context(shutter), shutter)
                 else:
-                    made = render_frame(self._context(), shutter, *self._size)
+                    made = render_frame(self._context(shutter), shutter, *self._size)
                     self._dark(frame, made.channels)
             self._watch(frame, shutter, made.energy)
             refusal: FrameError | OSError | None = None
@@ -81,7 +85,10 @@ class RenderWork:
                 metadata = frame_metadata(
                     plan.source, frame, shutter, plan.settings, made, plan.fingerprint, plan.target
                 )
-                write_frame(path, made.channels, metadata)
+                settings, channels = plan.settings, made.channels
+                if not path.lower().endswith(".exr") and (settings.view or settings.view_exposure):
+                    channels = picture_of(channels, settings.view, settings.view_exposure)
+                write_frame(path, channels, metadata, settings.exr_type or None)
         if refusal is not None:
             raise refusal
         status = "written" if kept is None else "skipped"
@@ -98,7 +105,7 @@ class TraceWork:
 
     def __init__(self, plan: SequencePlan, layer: DebugLayerJob) -> None:
         self._plan, self._layer = plan, layer
-        self._context = _LazyContext(plan)
+        self._context = LazyContext(plan, 0)
         self._watch = EnergyWatch(plan.source)
 
     def __call__(self, frame: float) -> FrameOutcome:
@@ -113,33 +120,47 @@ class TraceWork:
         shutter = shutter_of(plan.source, frame, plan.settings)
         kept = self._layer.kept(frame)
         if kept is not None:
-            return _skipped(frame, "", kept)
+            return skipped(frame, "", kept)
         with plan.files.unchanged(plan.strict):
-            traced = trace_frame(self._context(), shutter)
+            traced = trace_frame(self._context(shutter), shutter)
         self._watch(frame, shutter, traced.energy)
         statistics = statistics_text(len(traced.photons), traced.energy, traced.seconds)
         self._layer.add(frame, traced.photons, statistics)
         return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
 
 
-class _LazyContext:
-    """The context of a sequence, made by its first frame: what cannot be used fails frames, not the sequence."""
+class LazyContext:
+    """The context of a sequence, made by its first frame: what cannot be used fails frames, not the sequence.
 
-    def __init__(self, plan: SequencePlan) -> None:
-        self._plan = plan
+    Before, it is said what memory a frame will need; one that needs too much is not begun.
+    """
+
+    def __init__(self, plan: SequencePlan, pixels: int) -> None:
+        self._plan, self._pixels = plan, pixels
         self._context: RenderContext | None = None
 
-    def __call__(self) -> RenderContext:
+    def __call__(self, shutter: Shutter) -> RenderContext:
+        """The context; ``shutter`` is that of the frame that asks for it.
+
+        Raises:
+            InputError: The stage cannot be used, or a frame needs too much memory.
+        """
         if self._context is None:
-            self._context = RenderContext(self._plan.source, self._plan.settings)
+            source, settings = self._plan.source, self._plan.settings
+            need = need_of(source, shutter, settings, self._pixels)
+            logger.info(f"{source.file}: a frame needs about {need}")
+            refuse_beyond(need, self._plan.max_memory, source.file)
+            self._context = RenderContext(source, settings)
         return self._context
 
 
-def _skipped(frame: float, path: str, kept: KeptFrame) -> FrameOutcome:
+def skipped(frame: float, path: str, kept: KeptFrame) -> FrameOutcome:
+    """The outcome of a frame that stays."""
     return FrameOutcome(frame, "skipped", path, "", kept.photons, kept.energy, dict(kept.seconds))
 
 
-def _is_newer(path: str, begun: float) -> bool:
+def is_newer(path: str, begun: float) -> bool:
+    """Whether a file was written after ``begun``, as ``time.time()`` has it."""
     try:
         return os.stat(path).st_mtime > begun
     except OSError:

@@ -17,7 +17,7 @@ from tpdwarp.jobs.opening import chosen_settings, open_scene, settled_settings, 
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.rendering import frame as one_frame
 from tpdwarp.rendering.context import RenderContext
-from tpdwarp.rendering.surface_points import irradiance_at, points_on_surfaces
+from tpdwarp.rendering.surface_points import PointGroup, irradiance_at, points_on_surfaces, square
 from tpdwarp.settings import MachineSettings, Settings, StageSettings
 from tpdwarp.usd.read.stage import StageLike
 
@@ -140,7 +140,8 @@ class Scene:
         shutter = shutter_of(context.source, float(frame), context.settings)
         scenes = context.segmentation.load(shutter, Clock())
         found = points_on_surfaces(context, scenes, places, sides)
-        return irradiance_at(context, shutter, scenes, found, spacing)[0]
+        lights, _ = irradiance_at(context, shutter, scenes, [PointGroup(found, square(spacing, context))])
+        return lights[0].irradiance
 
     @cached_property
     def _context(self) -> RenderContext:

@@ -13,6 +13,7 @@ import numpy as np
 from tpdwarp.device import Launcher
 from tpdwarp.errors import InputError
 from tpdwarp.io.files import check_name
+from tpdwarp.io.memory import memory_allowed
 from tpdwarp.rendering.error_target import ErrorTarget, settled
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
@@ -35,18 +36,21 @@ def chosen_settings(changes: Mapping[str, Any], settings: Settings | None = None
     return Settings.of(settings, **{name: _plain(value) for name, value in changes.items()})
 
 
-def open_scene(scene: StageLike, settings: Settings, default_time: bool) -> StageScene:
+def open_scene(
+    scene: StageLike, settings: Settings, default_time: bool, max_memory: float | None = None
+) -> StageScene:
     """The stage, at its default time if that is asked for.
+
+    Args:
+        max_memory: Bytes that rendering may take; None for three quarters of the machine.
 
     Raises:
         InputError: The stage cannot be used.
     """
     if isinstance(scene, str | os.PathLike):
         check_name(scene)
-        # A pipe would be waited for.
-        if os.path.exists(scene) and not os.path.isfile(scene) and not os.path.isdir(scene):
-            raise InputError("is no ordinary file (name a USD file)", file=os.fspath(scene))
-    return (DefaultTimeScene if default_time else StageScene).open(scene, settings)
+    kind = DefaultTimeScene if default_time else StageScene
+    return kind.open(scene, settings, memory_allowed(max_memory))
 
 
 def shutter_of(source: StageScene, frame: float, settings: Settings) -> Shutter:
@@ -83,12 +87,22 @@ def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None
 
 
 def opened(
-    scene: StageLike, settings: Settings, frames: Frames, default_time: bool, strict: bool
+    scene: StageLike,
+    settings: Settings,
+    frames: Frames,
+    default_time: bool,
+    strict: bool,
+    max_memory: float | None = None,
 ) -> tuple[StageScene, tuple[float, ...]]:
+    """The stage and the frames of it that are asked for, or all; arguments are those of a sequence.
+
+    Raises:
+        InputError: Something cannot be used.
+    """
     asked = frames_asked(frames, default_time)
     # Tried here, so that a missing device is refused once and not by every frame.
     Launcher(settings.device, settings.threads)
-    source = open_scene(scene, settings, default_time)
+    source = open_scene(scene, settings, default_time, max_memory)
     if strict and source.warnings.of_usd:
         raise InputError(f"{source.warnings.of_usd[0]} (--strict)", file=source.file)
     return source, asked or source.frames()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from tpdwarp.io.files import sweep_temporaries
@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 
 def prepare_outputs(
-    source: StageScene, files: StageFiles, stats: FilePath | None, layer: FilePath | None, frames: Sequence[str] = ()
+    source: StageScene,
+    files: StageFiles,
+    stats: FilePath | None,
+    layer: FilePath | None,
+    frames: Sequence[str] = (),
+    others: Mapping[str, FilePath] | None = None,
 ) -> None:
     """Makes sure that outputs destroy nothing, and removes what killed renders have left beside them.
 
@@ -27,12 +32,13 @@ def prepare_outputs(
         stats: The statistics file, if one is wanted.
         layer: The debug layer, likewise.
         frames: The files of the frames.
+        others: Further files, by what people call them.
 
     Raises:
         InputError: An output cannot be written, is one of the stage's files, or is two outputs.
     """
     layers = {} if layer is None else {"the debug layer": layer, "its view layer": view_path(layer)}
-    outputs = {"--stats": stats, **layers}
+    outputs = {"--stats": stats, **layers, **(others or {})}
     inputs = {"is read by the scene": files.paths, "is the scene itself": [source.file]}
     check_outputs(outputs, inputs, frames)
     written = (os.fspath(path) for path in (*frames[:1], *outputs.values()) if path is not None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from tpdwarp.jobs.fingerprint import Fingerprint
@@ -23,6 +24,7 @@ class SequencePlan:
         target: What photons and segments were chosen for; None where they were given.
         fingerprint: What the frames depend on.
         strict: Whether what USD warns of counts as an error.
+        max_memory: Bytes that a frame may need.
     """
 
     source: StageScene
@@ -32,3 +34,4 @@ class SequencePlan:
     target: ErrorTarget | None
     fingerprint: Fingerprint
     strict: bool = False
+    max_memory: float = math.inf

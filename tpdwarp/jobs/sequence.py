@@ -9,6 +9,7 @@ from typing import Any
 from tpdwarp.errors import InputError
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import check_format
+from tpdwarp.io.memory import memory_allowed
 from tpdwarp.jobs.fingerprint import Fingerprint
 from tpdwarp.jobs.frame_loop import FrameLoop, Persistence
 from tpdwarp.jobs.frame_work import RenderWork, TraceWork
@@ -50,6 +51,7 @@ def render(
     frame_timeout: float | None = None,
     retries: int = 0,
     max_failures: int | None = None,
+    max_memory: float | None = None,
     **settings: Any,
 ) -> SequenceResult:
     """Renders frames of a USD stage to image files.
@@ -76,6 +78,8 @@ def render(
         retries: How often a frame that failed is tried again.
         max_failures: So many frames in a row that fail end the sequence; None for no limit. A disk that is full ends it
             after three.
+        max_memory: Bytes that may be taken; None for three quarters of the machine. Frames that will need more are not
+            begun.
         **settings: Fields of :class:`tpdwarp.settings.Settings`.
 
     Raises:
@@ -87,7 +91,7 @@ def render(
     persistence = Persistence(frame_timeout, retries, max_failures)
     shown = progress_of(progress)
     plan, names, layer = prepared(
-        scene, out, chosen, frames, default_time, strict, stats, debug_layer, curves, skip_existing
+        scene, out, chosen, frames, default_time, strict, stats, debug_layer, curves, skip_existing, max_memory
     )
     work = RenderWork(plan, names, layer, skip_existing, begun)
     reports = SequenceReports(plan.source.file, stats, skip_existing)
@@ -111,6 +115,7 @@ def write_photons(
     frame_timeout: float | None = None,
     retries: int = 0,
     max_failures: int | None = None,
+    max_memory: float | None = None,
     **settings: Any,
 ) -> SequenceResult:
     """Traces the photons of frames of a USD stage and writes them as a debug layer, with a view layer beside it.
@@ -125,10 +130,10 @@ def write_photons(
     chosen = chosen_settings(settings)
     persistence = Persistence(frame_timeout, retries, max_failures)
     shown = progress_of(progress)
-    source, wanted = opened(scene, chosen, frames, default_time, strict)
+    source, wanted = opened(scene, chosen, frames, default_time, strict, max_memory)
     files = StageFiles(source)
     prepare_outputs(source, files, stats, layer)
-    plan = planned(source, files, wanted, chosen, strict)
+    plan = planned(source, files, wanted, chosen, strict, max_memory)
     job = DebugLayerJob(layer, plan, curves, skip_existing)
     reports = SequenceReports(source.file, stats, skip_existing)
     loop = FrameLoop(TraceWork(plan, job), lambda frame: "", shown, persistence, reports.add)
@@ -166,6 +171,7 @@ def prepared(
     debug_layer: FilePath | None,
     curves: int | None,
     skip_existing: bool,
+    max_memory: float | None,
 ) -> tuple[SequencePlan, FrameNames, DebugLayerJob | None]:
     """Looks at all that a sequence of images reads and writes; arguments are those of :func:`render`.
 
@@ -176,21 +182,26 @@ def prepared(
         InputError: Something cannot be used.
     """
     names = FrameNames(out)
-    check_format(names.template, settings.aovs)
+    check_format(names.template, settings.aovs, settings.view)
     if curves is not None and debug_layer is None:
         raise InputError("--curves thins a debug layer (add --debug-layer)")
-    source, wanted = opened(scene, settings, frames, default_time, strict)
+    source, wanted = opened(scene, settings, frames, default_time, strict, max_memory)
     names.check(wanted)
     source.resolution()
     files = StageFiles(source)
     prepare_outputs(source, files, stats, debug_layer, [names.path(frame) for frame in wanted])
-    plan = planned(source, files, wanted, settings, strict)
+    plan = planned(source, files, wanted, settings, strict, max_memory)
     layer = None if debug_layer is None else DebugLayerJob(debug_layer, plan, curves, skip_existing)
     return plan, names, layer
 
 
 def planned(
-    source: StageScene, files: StageFiles, frames: tuple[float, ...], settings: Settings, strict: bool
+    source: StageScene,
+    files: StageFiles,
+    frames: tuple[float, ...],
+    settings: Settings,
+    strict: bool,
+    max_memory: float | None,
 ) -> SequencePlan:
     """The plan of a sequence, with photons and segments chosen where an error was asked for.
 
@@ -198,4 +209,5 @@ def planned(
         InputError: The stage cannot be used.
     """
     chosen, target = settled_settings(source, settings)
-    return SequencePlan(source, files, frames, chosen, target, Fingerprint.of(chosen, files.digest), strict)
+    fingerprint = Fingerprint.of(chosen, files.digest)
+    return SequencePlan(source, files, frames, chosen, target, fingerprint, strict, memory_allowed(max_memory))

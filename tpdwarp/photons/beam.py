@@ -68,10 +68,10 @@ def transfer_to(beam: Beam, hit: Hit, moves: bool) -> Beam:
 
 @wp.func
 def passed(incident: Beam, hit: Hit) -> Beam:
-    """The beam that goes straight on through ``hit``, whose position and columns already lie on the surface.
+    """The beam at ``hit``, which goes straight on behind a surface that is not there (beyond the paper).
 
-    Columns differ from those of a beam that met nothing by multiples of ω, which the next transfer (Eqs. 3, 4) takes
-    away.
+    Its columns already lie on the surface. They differ from those of a beam that met nothing by multiples of ω, which
+    the next transfer (Eqs. 3, 4) takes away.
     """
     out = incident
     out.offset = wp.sign(wp.dot(hit.n_g, incident.w)) * hit.offset * hit.n_g
@@ -80,8 +80,19 @@ def passed(incident: Beam, hit: Hit) -> Beam:
 
 
 @wp.func
-def interface_at(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, moves: bool) -> Interface:
+def relative_index(surfaces: Surfaces, hit: Hit, w: wp.vec3) -> float:
+    """η = η_i/η_t (Igehy 1999) of a dielectric with nothing around it, whose front is outside."""
+    ior = surfaces.ior[surfaces.material_of[hit.triangle]]
+    if wp.dot(hit.n_g, w) < 0.0:
+        return 1.0 / ior
+    return ior
+
+
+@wp.func
+def interface_at(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, eta: float, moves: bool) -> Interface:
     """Orientation, and what the laws of Snell and Fresnel say at ``hit``: what Igehy's differentials (1999) need.
+
+    ``eta`` is the relative index η_i/η_t of a ``dielectric``.
 
     The shading normal counts where it sends light to the right side of the triangle, and the flat one elsewhere. Total
     internal reflection is decided here: the reflectance stays one where cos²θ_t is not positive.
@@ -101,10 +112,7 @@ def interface_at(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, mov
         cos_i = -wp.dot(w, at.n)
         consistent = cos_i > 0.0 and wp.dot(reflect(w, at.n), n_g) > 0.0
         if dielectric:
-            ior = surfaces.ior[surfaces.material_of[hit.triangle]]
-            at.eta = ior
-            if at.side > 0.0:
-                at.eta = 1.0 / ior
+            at.eta = eta
             cos_t_squared = refracted_cosine_squared(cos_i, at.eta)
             if cos_t_squared > 0.0:
                 at.cos_t = wp.sqrt(cos_t_squared)

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+# Photons without which a light beside others counts as starved. Chosen, not derived: 32 cells along either side.
+FEWEST_OF_SEVERAL = 1024
+# What such lights are counted as.
+STARVED = f"lights with fewer than {FEWEST_OF_SEVERAL} photons"
+
 
 @dataclass
 class EnergyAccount:

@@ -25,6 +25,7 @@ from tpdwarp.photons.aiming import (
     spread_of,
 )
 from tpdwarp.photons.emission import Domain, Patch
+from tpdwarp.photons.energy import FEWEST_OF_SEVERAL
 from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape, turned
 from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, SceneSource, reference_scenes
@@ -53,8 +54,6 @@ LEAST_WEIGHT = 0.1
 # Half floats hold 40 stops. A light fainter than that beside the brightest is in no picture with it, and takes no
 # photons that others would miss.
 FAINTEST = 2.0**-40
-# Photons without which a light beside others counts as starved.
-FEWEST_OF_SEVERAL = 1024
 # Lattice coordinates are single precision, of 24 bits: beyond this cell they no longer resolve a quarter of one.
 LARGEST_CELL_NUMBER = 2**22
 

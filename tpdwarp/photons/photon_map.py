@@ -9,19 +9,21 @@ import numpy as np
 
 @dataclass
 class TrajectoryColumns:
-    """How D_t x and the footprints of photons change from the opening to the closing of the shutter.
+    """How D_t x, footprints and flux of photons change from the opening to the closing of the shutter.
 
-    Beyond the paper, whose footprints go straight and keep their shape.
+    Beyond the paper, whose footprints go straight and keep their shape and flux.
 
     Attributes:
         dxdtt, dxdttt: Acceleration D_tt x and jerk D_ttt x, each [n, 3].
         dxdut, dxdvt: Jacobian rates D_t D_u x and D_t D_v x, each [n, 3].
+        gain: Change of the flux over the whole shutter, as a part of the flux, shape [n].
     """
 
     dxdtt: np.ndarray
     dxdttt: np.ndarray
     dxdut: np.ndarray
     dxdvt: np.ndarray
+    gain: np.ndarray
 
 
 @dataclass

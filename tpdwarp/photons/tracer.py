@@ -62,7 +62,12 @@ class PhotonTracer:
                 loaded.requirements,
                 self.launcher,
                 textures=loaded.textures,
-                **{"jittered": self.settings.emission == "jittered", "riding": self.riding, **options},
+                **{
+                    "jittered": self.settings.emission == "jittered",
+                    "riding": self.riding,
+                    "smallest_branch": self.settings.branch_cutoff,
+                    **options,
+                },
             )
 
     def _planned(self, photons: int) -> EmissionPlan:

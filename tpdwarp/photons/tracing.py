@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.photons.beam import interface_at, passed, scatter, transfer_to
+from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
 from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
@@ -25,13 +25,15 @@ from tpdwarp.photons.photon_map import PhotonMap, joined
 from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, occluded
+from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.presence import presence_at
 from tpdwarp.scene.device.textures import TextureArrays, absorbed_within
 from tpdwarp.scene.requirements import Requirements
+from tpdwarp.settings import LightSettings
 
 # Reflected branches below this part of the emitted flux are given up and accounted as lost. Chosen, not derived: half a
 # step of eight bits.
-SMALLEST_BRANCH = 2.0e-3
+SMALLEST_BRANCH = LightSettings.branch_cutoff
 # Light is followed through so many interactions however little is left, then as long as that is above the cutoff.
 # Chosen, not derived.
 FIRST_INTERACTIONS = wp.constant(8)
@@ -96,6 +98,7 @@ class TracingVariant:
     riding: bool
     jittered: bool
     smooth_receivers: bool
+    nested: bool = False
     partial: bool = False
     tinted: bool = False
 
@@ -124,7 +127,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     """The kernel that traces one path of one photon, specialised by what the scene requires."""
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
-    smooth_receivers, partial, tints = variant.smooth_receivers, variant.partial, variant.tinted
+    smooth_receivers, nested = variant.smooth_receivers, variant.nested
+    partial, tints = variant.partial, variant.tinted
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -177,6 +181,11 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         beam.magnitude = patch.magnitude
         # Outside the cone of a light there is nothing to follow.
         dark = wp.max(emitted) <= 0.0
+        if wp.static(nested):
+            # Light from afar begins outside of everything.
+            inside = int(0)
+            if patch.domain == 1:
+                inside = media_at(surfaces, beam.x, beam.w)
 
         for bounce in range(bounces + 1):
             if dark:
@@ -208,6 +217,20 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
                     start = 0.0
                     continue
+
+            # ---- What another solid displaces is not there (Schmidt & Budge 2002)
+            eta = float(1.0)
+            if wp.static(nested):
+                beyond = int(inside)
+                if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
+                    crossing = crossing_at(surfaces, hit, beam.w, inside)
+                    eta = crossing.eta
+                    beyond = crossing.beyond
+                    if crossing.nothing:
+                        inside = beyond
+                        beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                        start = 0.0
+                        continue
             if tags.shape[0] > 0:
                 path = prolonged(path, tags[hit.triangle])
             beam = transfer_to(beam, hit, wp.static(moves))
@@ -255,7 +278,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             dielectric = wp.static(refraction)
             if wp.static(both):
                 dielectric = interaction == DIELECTRIC
-            at = interface_at(surfaces, hit, beam.w, dielectric, wp.static(moves))
+            if wp.static(refraction and not nested):
+                if dielectric:
+                    eta = relative_index(surfaces, hit, beam.w)
+            at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
             reflected = True
             if dielectric:
                 if wp.static(tints):
@@ -285,6 +311,9 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 if decision >= first_open:
                     absorbed += flux - tinted
                 flux = tinted
+            if wp.static(nested):
+                if not reflected:
+                    inside = beyond
             beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
             path = prolonged(path, int(reflected))
             start = 0.0
@@ -357,7 +386,7 @@ def trace_photons(
     landed: list[dict[str, np.ndarray]] = []
     needs = requirements
     variant = TracingVariant(
-        needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers,
+        needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers, needs.nested,
         needs.partial, needs.tinted,
     )  # fmt: skip
     kernel = tracing_kernel(variant)

@@ -56,7 +56,7 @@ class Frame(Traced):
     camera: CameraAtShutter
 
 
-class _Photons:
+class FramePhotons:
     """The photons of all parts of a frame, and the account of their flux."""
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ def trace_frame(context: RenderContext, shutter: Shutter) -> Traced:
     """
     clock = Clock()
     scenes = context.segmentation.load(shutter, clock)
-    photons = _Photons()
+    photons = FramePhotons()
     for part in ESTIMATORS[context.settings.estimator]().parts(context.tracer, shutter, scenes, None, clock):
         photons.add(part)
     return Traced(photons.record(scenes), photons.energy, clock.seconds)
@@ -103,11 +103,19 @@ def render_frame(
     scenes = context.segmentation.load(shutter, clock)
     camera = middle_camera(scenes)
     pixel = pixel_of(context, scenes, width, height)
-    film = Film(width, height, settings.samples, context.normalization, camera.exposure_scale, settings.aovs)
-    photons = _Photons()
+    film = Film(
+        width,
+        height,
+        settings.samples,
+        context.normalization,
+        camera.exposure_scale,
+        settings.aovs,
+        scenes[0].geometry.paths,
+    )
+    photons = FramePhotons()
     for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
         view = CameraView(part.scenes, settings, context.normalization, context.launcher, width, height, clock)
-        expose(film, part.light, view.look(), part.weight, clock)
+        part.energy.add(expose(film, part.light, view.look(), part.weight, clock))
         photons.add(part)
         # Before photons are recorded in scene units: ten million footprints take more memory than their photons.
         del part
@@ -121,18 +129,23 @@ def middle_camera(scenes: list[LoadedScene]) -> CameraAtShutter:
 
 def expose(
     film: Film, light: IrradianceField | None, view: Iterable[SeenPoints | QueryBatch], weight: float, clock: Clock
-) -> None:
+) -> EnergyAccount:
     """Adds to ``film`` what the camera sees: direct light as it is seen, light from photons where it is looked up.
 
     Args:
         light: The light of photons; None where there is none.
         view: What the camera sees.
         weight: Share of the exposure that the view stands for.
+
+    Returns:
+        An account that counts what was not seen as it is.
     """
+    account = EnergyAccount()
     for seen in view:
         if isinstance(seen, SeenPoints):
             with clock.stage("view"):
                 film.add_view(seen.points, seen.pixels, weight)
+                account.add(EnergyAccount(counts=seen.counts()))
         elif light is not None:
             with clock.stage("gather"):
                 found = light.irradiance(
@@ -143,6 +156,7 @@ def expose(
                     with_motion=film.wants_motion,
                 )
                 film.add_caustic(seen.pixels, seen.weights, seen.first, found)
+    return account
 
 
 def pixel_of(context: RenderContext, scenes: list[LoadedScene], width: int, height: int) -> PixelSize:

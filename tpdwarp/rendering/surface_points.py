@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -10,11 +11,11 @@ import warp as wp
 
 from tpdwarp.clock import Clock
 from tpdwarp.estimators import ESTIMATORS
-from tpdwarp.estimators.estimator import Part
+from tpdwarp.estimators.estimator import IrradianceField, Part, reshaped
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.footprints.shaping import PixelSize
-from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.frame import FramePhotons, Traced
 from tpdwarp.scene.description import Interaction, Shutter
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.loading import LoadedScene
@@ -49,6 +50,62 @@ class SurfacePoints:
     def of(self, chosen: np.ndarray) -> SurfacePoints:
         """Some of the points, in the order of ``chosen``."""
         return SurfacePoints(self.triangles[chosen], self.weights[chosen], self.sides[chosen])
+
+    @property
+    def other_sides(self) -> SurfacePoints:
+        """The same points on the other side of their surfaces."""
+        return SurfacePoints(self.triangles, self.weights, -self.sides)
+
+
+@dataclass(frozen=True, eq=False)
+class PointGroup:
+    """Points that stand for areas of one size.
+
+    Attributes:
+        points: The points.
+        pixel: What each of them stands for.
+    """
+
+    points: SurfacePoints
+    pixel: PixelSize
+
+
+@dataclass(eq=False)
+class PointLight:
+    """What photons leave at points, averaged over a shutter.
+
+    Attributes:
+        irradiance: W/m², shape [n, 3] float64; NaN where a point lies on no diffuse surface.
+        motion: Sum of D_t x over the whole shutter [scene units] weighted by ``weight``, shape [n, 3].
+        weight: Sum of weights, shape [n].
+    """
+
+    irradiance: np.ndarray
+    motion: np.ndarray
+    weight: np.ndarray
+
+    @classmethod
+    def none(cls, count: int) -> PointLight:
+        """No light at ``count`` points."""
+        return cls(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count))
+
+    def add(self, other: PointLight) -> None:
+        """Adds other light at the same points."""
+        self.irradiance += other.irradiance
+        self.motion += other.motion
+        self.weight += other.weight
+
+    @property
+    def mean_motion(self) -> np.ndarray:
+        """Flux-weighted mean of D_t x over the whole shutter [scene units], shape [n, 3]; zero without light."""
+        return self.motion / np.maximum(self.weight, 1e-30)[:, None]
+
+
+def square(side: float, context: RenderContext) -> PixelSize:
+    """What a point stands for that is the mean over a square, however it is turned; ``side`` in scene units."""
+    size = PixelSize()
+    size.base = side * context.normalization.scale
+    return size
 
 
 @wp.kernel(module="unique", enable_backward=False)
@@ -138,7 +195,7 @@ def points_on_surfaces(
         normals: The side of the surface that is meant, shape [n, 3]; of any length.
     """
     launcher, count = context.launcher, len(points)
-    surfaces = _surfaces_at(0.5, scenes, context)[0]
+    surfaces = surfaces_at(0.5, scenes, context)[0]
     triangles = launcher.zeros(count, wp.int32)
     weights, sides = launcher.zeros(count, wp.vec2), launcher.zeros(count, wp.float32)
     given = [
@@ -153,66 +210,81 @@ def irradiance_at(
     context: RenderContext,
     shutter: Shutter,
     scenes: list[LoadedScene],
-    points: SurfacePoints,
-    spacing: float = 0.0,
-) -> tuple[np.ndarray, EnergyAccount]:
-    """Mean irradiance from photons over a shutter at points that ride on surfaces.
+    groups: Sequence[PointGroup],
+    with_motion: bool = False,
+) -> tuple[list[PointLight], Traced]:
+    """Mean irradiance from photons over a shutter at points that ride on surfaces; photons are traced once.
 
     Args:
         context: The animation.
         shutter: The exposure.
         scenes: The scenes of its segments (``context.segmentation.load``).
-        points: On the surfaces of the scene in the middle.
-        spacing: Side of the square [scene units] that each value is the mean over.
+        groups: Points on the surfaces of the scene in the middle; at least one group.
+        with_motion: Whether the photons' motion is wanted.
 
     Returns:
-        Irradiance [W/m²], shape [n, 3] float64, NaN where a point lies on no diffuse surface; where the flux went.
+        The light at each group; the photons and where their flux went.
     """
     clock = Clock()
-    total, energy = np.zeros((len(points.triangles), 3)), EnergyAccount()
-    size = PixelSize()
-    size.base = spacing * context.normalization.scale
-    order = _curve_order(context, scenes[len(scenes) // 2], points)
-    for part in ESTIMATORS[context.settings.estimator]().parts(context.tracer, shutter, scenes, size, clock):
-        energy.add(part.energy)
-        for first in range(0, len(order), BATCH):
-            chosen = order[first : first + BATCH]
-            total[chosen] += _irradiance_of(part, context, points.of(chosen))
-    total *= context.normalization.scale**2 * context.normalization.power
-    total[points.triangles < 0] = np.nan
-    return total, energy
+    photons = FramePhotons()
+    middle = scenes[len(scenes) // 2]
+    lights = [PointLight.none(len(group.points.triangles)) for group in groups]
+    orders = [_curve_order(context, middle, group.points) for group in groups]
+    estimator = ESTIMATORS[context.settings.estimator]()
+    for part in estimator.parts(context.tracer, shutter, scenes, groups[0].pixel, clock):
+        photons.add(part)
+        field, pixel = part.light, groups[0].pixel
+        for group, light, order in zip(groups, lights, orders, strict=True):
+            if group.pixel is not pixel:
+                field, pixel = reshaped(part, group.pixel, context.tracer, clock), group.pixel
+            if field is None:
+                continue
+            with clock.stage("gather"):
+                for first in range(0, len(order), BATCH):
+                    chosen = order[first : first + BATCH]
+                    _add_light(light, chosen, part, field, context, group.points.of(chosen), with_motion)
+    norm = context.normalization
+    for group, light in zip(groups, lights, strict=True):
+        light.irradiance *= norm.scale**2 * norm.power
+        light.motion /= norm.scale
+        light.irradiance[group.points.triangles < 0] = np.nan
+    return lights, Traced(photons.record(scenes), photons.energy, clock.seconds)
 
 
-def _irradiance_of(part: Part, context: RenderContext, points: SurfacePoints) -> np.ndarray:
-    """The irradiance of one part of a frame, in the tracer's units, shape [n, 3]."""
-    light = part.light
-    if light is None:
-        return np.zeros((len(points.triangles), 3))
+def _add_light(
+    total: PointLight,
+    chosen: np.ndarray,
+    part: Part,
+    field: IrradianceField,
+    context: RenderContext,
+    points: SurfacePoints,
+    with_motion: bool,
+) -> None:
+    """Adds the light of one part of a frame, in the tracer's units, to the rows ``chosen`` of ``total``."""
     moves = any(scene.geometry.moves for scene in part.scenes)
-    times, count = _times(part, points) if moves else 1, len(part.scenes)
-    total = np.zeros((len(points.triangles), 3))
+    times, count = _times(part, field, points) if moves else 1, len(part.scenes)
     for number in range(times):
-        surfaces, scene = _surfaces_at((number + 0.5) / times, part.scenes, context)
+        surfaces, scene = surfaces_at((number + 0.5) / times, part.scenes, context)
         queries = _queries(surfaces, points, context, scene, moves, count)
         middle = (number + 0.5) / times - 0.5
-        found = light.irradiance(
-            queries, time=middle, window=(middle, 1.0 / times), query_moves=moves, with_motion=False
+        found = field.irradiance(
+            queries, time=middle, window=(middle, 1.0 / times), query_moves=moves, with_motion=with_motion
         )
-        total += found.irradiance / times
-    return total
+        total.irradiance[chosen] += found.irradiance / times
+        if with_motion:
+            total.motion[chosen] += found.motion / times
+            total.weight[chosen] += found.weight / times
 
 
-def _times(part: Part, points: SurfacePoints) -> int:
+def _times(part: Part, field: IrradianceField, points: SurfacePoints) -> int:
     """How often within the shutter points that move are looked at."""
     surfaces = part.scenes[len(part.scenes) // 2].geometry.surfaces
     corners = np.unique(surfaces.triangles.numpy()[points.triangles])
     way = len(part.scenes) * np.linalg.norm(surfaces.motions.numpy()[corners], axis=1).max(initial=0.0)
-    return int(np.clip(np.ceil(way / part.light.longest_way), FEWEST_TIMES, MOST_TIMES))
+    return int(np.clip(np.ceil(way / field.longest_way), FEWEST_TIMES, MOST_TIMES))
 
 
-def _surfaces_at(
-    time: float, scenes: list[LoadedScene], context: RenderContext
-) -> tuple[Surfaces, LoadedScene]:
+def surfaces_at(time: float, scenes: list[LoadedScene], context: RenderContext) -> tuple[Surfaces, LoadedScene]:
     """The surfaces as they stand at ``time`` in the shutter (0 … 1), and the scene of the segment that is of."""
     since = time * len(scenes)
     segment = min(int(since), len(scenes) - 1)

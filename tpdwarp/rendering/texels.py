@@ -8,10 +8,14 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.rendering.surface_points import SurfacePoints
 
 # Triangles whose area in the texture is a smaller part of a texel have no place in it: some 16 roundings of texels.
 SMALLEST_AREA = 1.0e-6
+# Sides of texels that differ by less than this, on the whole, are taken for the same. Positions are authored in single
+# precision: on meshes of a thousand edges across, edges are rounded by 6e-5 of themselves.
+AFFINE = 1.0e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,3 +121,41 @@ def overlap_of(coordinates: np.ndarray, texels: list[Texels]) -> float:
     area = 0.5 * np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]).sum()
     covered = sum(float(found.inside.sum()) / found.resolution**2 for found in texels)
     return float(area / covered) if covered else 1.0
+
+
+def texel_size(
+    corners: np.ndarray, coordinates: np.ndarray, resolution: int, keeps_shape: bool, scale: float
+) -> PixelSize:
+    """What a texel stands for on a receiver.
+
+    Where the map from (s, t) to the surface is affine and the same all over, that is the exact parallelogram with the
+    sides ∂P/∂s and ∂P/∂t of a texel; else a square of the mean area of its texels.
+
+    Args:
+        corners: Positions of the corners of the receiver's triangles, shape [m, 3, 3], in scene units.
+        coordinates: Their (s, t), shape [m, 3, 2].
+        resolution: Texels along a side of a tile.
+        keeps_shape: Whether the receiver stands still or is only moved over the shutter: turned, or bent, its
+            parallelogram would change.
+        scale: The tracer's units in a scene unit.
+    """
+    size = PixelSize()
+    edges, sides = corners[:, 1:] - corners[:, :1], coordinates[:, 1:] - coordinates[:, :1]
+    determinant = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
+    area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    seen = np.abs(determinant) * resolution**2 > SMALLEST_AREA
+    if not seen.any():
+        return size
+    weight = np.abs(determinant[seen])
+    # Rows are ∂P/∂s and ∂P/∂t: edges = sides · rows.
+    rows = np.linalg.solve(sides[seen], edges[seen])
+    mean = np.average(rows, axis=0, weights=weight)
+    spread = np.sqrt(np.average(((rows - mean) ** 2).sum(axis=(1, 2)), weights=weight))
+    if keeps_shape and spread < AFFINE * np.linalg.norm(mean):
+        right, up = mean * scale / resolution
+        size.right, size.up, size.orthographic = wp.vec3(*right), wp.vec3(*up), 1
+        normal = np.cross(right, up)
+        size.back = wp.vec3(*(normal / np.linalg.norm(normal)))
+    else:
+        size.base = scale * float(np.sqrt(area[seen].sum() / (0.5 * weight.sum()))) / resolution
+    return size

@@ -147,6 +147,7 @@ class MeshAtShutter:
         color_indices: Colour of each triangle corner, shape [m, 3] int32; −1 keeps the material's own colour.
         coordinates: Texture coordinates, shape [s, 2]; None where there are none.
         coordinate_indices: Those of each triangle corner, shape [m, 3] int32; −1 for a triangle without.
+        priority: Where dielectric solids overlap, those of higher priority hold; see :mod:`tpdwarp.scene.nesting`.
     """
 
     path: str
@@ -162,6 +163,7 @@ class MeshAtShutter:
     color_indices: np.ndarray | None = None
     coordinates: np.ndarray | None = None
     coordinate_indices: np.ndarray | None = None
+    priority: int = 0
 
     @property
     def moves(self) -> bool:

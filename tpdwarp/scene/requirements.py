@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.nesting import nesting_of
 
 # Specular interactions followed at most: light that is totally reflected so often keeps its flux, and never gets out.
 # Chosen, not derived.
@@ -25,6 +26,7 @@ class Requirements:
         moving_camera: Whether the camera does.
         refraction: Whether there is a dielectric.
         reflection: Whether there is a mirror (dielectrics reflect too, as part of refraction).
+        nested: Whether dielectric solids lie in each other or touch.
         smooth_receivers: Whether a diffuse surface is shaded by normals that are not those of its triangles.
         bounces: Specular interactions followed along a path.
         textures: Whether an albedo differs over its surface by a texture.
@@ -40,6 +42,7 @@ class Requirements:
     moving_camera: bool
     refraction: bool
     reflection: bool
+    nested: bool
     smooth_receivers: bool
     bounces: int
     textures: bool = False
@@ -95,6 +98,7 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         moving_camera=scene.camera is not None and scene.camera.moves,
         refraction=dielectrics,
         reflection=mirrors,
+        nested=nesting_of(scene) is not None,
         smooth_receivers=(dielectrics or mirrors) and any(map(is_smooth_receiver, scene.meshes)),
         bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors or partial else 0,
         textures=any(

@@ -13,7 +13,15 @@ since interpolation between keyframes errs alike at all three times.
 Axes follow to first order, since derivatives commute, D_t D_u x = D_u D_t x: the difference of D_t x between
 neighbouring photons is the rate at which the footprint between them grows.
 
-Beyond the paper, whose footprints go straight and keep their shape.
+Flux follows, too. A cell that rides on its surface takes the light of another place of the lattice at each time, by
+s · shift, and that of another area: if the shift grows from cell to cell, so does the cell. So a photon's flux is
+
+    Φ (1 + s (∂_u shift_u + ∂_v shift_v + D_t ln Φ))
+
+where D_t ln Φ is what keyframes say of the flux at the place where it rides: solid angle, Fresnel and all. The mean
+over the shutter is Φ, so that energy is as it was.
+
+Beyond the paper, whose footprints go straight and keep their shape and flux.
 """
 
 from __future__ import annotations
@@ -36,6 +44,10 @@ from tpdwarp.trajectories.keyframes import (
 )
 from tpdwarp.trajectories.neighbours import differences, neighbours
 
+# Flux grows by no more than half of this part to either end of the shutter, as axes do (LARGEST_GROWTH there): on a
+# line, it would be below zero before the shutter is over.
+LARGEST_GAIN = 1.0
+
 
 def fit_trajectories(
     photons: PhotonMap, plan: EmissionPlan, keyframes: ShutterKeyframes, clock: Clock
@@ -57,14 +69,19 @@ def fit_trajectories(
         follows = before.valid & middle.valid & after.valid
         follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT
         changes = _acceleration_and_jerk(before, middle, after, follows)
+        rates, growth = [np.zeros_like(photons.dxdt)] * 2, np.zeros(len(photons))
         if keyframes.tracer.settings.emission == "lattice":
-            rates = [differences(photons.dxdt, pairs) for pairs in neighbours(photons, plan)]
-        else:
-            rates = [np.zeros_like(photons.dxdt)] * 2
+            beside = neighbours(photons, plan)
+            rates = [differences(photons.dxdt, pairs) for pairs in beside]
+            growth = sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
+        gain = growth + np.where(follows, (after.log_flux - before.log_flux) / (2.0 * END), 0.0)
+        limited = np.clip(gain, -LARGEST_GAIN, LARGEST_GAIN).astype(np.float32)
         counts = {"keyframes": keyframes.emitted}
+        if (limited != gain.astype(np.float32)).any():
+            counts["flux that grows too fast"] = int(np.sum(limited != gain.astype(np.float32)))
         if not follows.all():
             counts["straight for want of keyframes"] = int(np.sum(~follows))
-        return replace(photons, trajectory=TrajectoryColumns(*changes, *rates)), EnergyAccount(counts=counts)
+        return replace(photons, trajectory=TrajectoryColumns(*changes, *rates, limited)), EnergyAccount(counts=counts)
 
 
 def _acceleration_and_jerk(

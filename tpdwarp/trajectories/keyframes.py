@@ -7,7 +7,7 @@ on the light; there its keyframes are looked up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -60,16 +60,18 @@ class KeyframeState:
         position: Where their light is, shape [n, 3].
         valid: Whether the keyframes around each photon took its path to its receiver, shape [n].
         drift: How many of the keyframes' cells photons have moved over the light since mid shutter, shape [n].
+        log_flux: Logarithm of the flux of the keyframes' photons there, shape [n].
     """
 
     dxdt: np.ndarray
     position: np.ndarray
     valid: np.ndarray
     drift: np.ndarray
+    log_flux: np.ndarray
 
     def rows(self, chosen: np.ndarray) -> KeyframeState:
         """The same of some of the photons."""
-        return KeyframeState(self.dxdt[chosen], self.position[chosen], self.valid[chosen], self.drift[chosen])
+        return KeyframeState(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 class ShutterKeyframes:
@@ -145,7 +147,9 @@ class ShutterKeyframes:
         """Keyframes at the part ``part`` (−½ … ½) of the shutter, at the places on the light that photons have then."""
         grids = self._at(part)
         count = len(photons)
-        found = KeyframeState(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, bool), np.zeros(count))
+        found = KeyframeState(
+            np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, bool), np.zeros(count), np.zeros(count)
+        )
         for key, rows in rows_by_path(photons, plan):
             fine, coarse = plan.lattices[key[0]], self.plan.lattices[key[0]]
             scale = np.divide(fine.step, coarse.step)
@@ -153,7 +157,7 @@ class ShutterKeyframes:
             drift = part * photons.shift[rows]
             place = (photons.emission[rows] + drift.astype(np.float64)) * scale + offset
             value, found.valid[rows] = grids.at(key, place, photons.path[rows])
-            found.dxdt[rows], found.position[rows] = value[:, :3], value[:, 3:]
+            found.dxdt[rows], found.position[rows], found.log_flux[rows] = value[:, :3], value[:, 3:6], value[:, 6]
             found.drift[rows] = np.abs(drift * scale).max(axis=1)
         return found
 
@@ -166,7 +170,7 @@ def disagreement(photons: PhotonMap, before: np.ndarray, after: np.ndarray) -> n
 
 
 class _KeyframeGrids:
-    """D_t x over the whole shutter and x as functions of the place on a light, for each lattice and path.
+    """D_t x over the whole shutter, x and ln Φ as functions of the place on a light, for each lattice and path.
 
     ``rate`` is by how much shorter the shutter is over which the keyframes take D_t x.
     """
@@ -178,19 +182,20 @@ class _KeyframeGrids:
             cell = np.floor(photons.emission[rows]).astype(np.int64)
             first = cell.min(axis=0)
             size = cell.max(axis=0) - first + 1
-            values, paths = np.zeros((*size, 6)), np.full(size, -1, np.int64)
+            values, paths = np.zeros((*size, 7)), np.full(size, -1, np.int64)
             at = tuple((cell - first).T)
-            values[at] = np.concatenate([rate * photons.dxdt[rows], photons.position[rows]], axis=1)
+            flux = np.log(np.maximum(photons.flux[rows].max(axis=1), np.finfo(np.float32).tiny))
+            values[at] = np.column_stack([rate * photons.dxdt[rows], photons.position[rows], flux])
             paths[at] = photons.path[rows]
             self._grids[key] = first, values, paths
 
     def at(self, key: Key, coordinates: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """D_t x and x [n, 6] at lattice ``coordinates`` [n, 2], interpolated bilinearly, and whether they are valid.
+        """D_t x, x and ln Φ [n, 7] at lattice ``coordinates`` [n, 2], bilinearly, and whether they are valid.
 
         Values are valid where at least three of the four photons around took ``path`` [n], too.
         """
         if key not in self._grids:
-            return np.zeros((len(coordinates), 6)), np.zeros(len(coordinates), bool)
+            return np.zeros((len(coordinates), 7)), np.zeros(len(coordinates), bool)
         first, values, paths = self._grids[key]
         place = coordinates - 0.5 - first
         # Outside the outermost photons, by up to a cell, it is as on the line that they make.

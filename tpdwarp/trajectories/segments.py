@@ -8,8 +8,8 @@ that is on average
     |D_tt x|/(24 L K²) for straight trajectories,  |D_tttt x|/(1240 L K⁴) for curved ones,  h² K/(8L²) for the blur
 
 and √K times as much light as for one segment lies within a cell of where light ends; light that begins or ends within
-the shutter, or gains and loses flux as its surface turns, errs by a part of it ∝ 1/K. All are means over the photons of
-a coarse trace, weighted by flux. L comes from the footprints themselves: irradiance goes with the inverse of their
+the shutter, or whose flux grows along a straight trajectory, errs by a part of it ∝ 1/K. All are means over the photons
+of a coarse trace, weighted by flux. L comes from the footprints themselves: irradiance goes with the inverse of their
 area; h is each photon's own width, which vanishes with L at folds. D_t x is known from keyframes as the shutter opens
 and closes, as it is for trajectories, which go straight where keyframes disagree: so a
 few segments more may be far better. A curved trajectory that knows D_t x at the times ±σ misses (s⁴ − 2σ² s²)/24 of
@@ -281,11 +281,12 @@ def _errors(
     fourth = second * (third.sum() / max(first.sum(), np.finfo(float).tiny))
     in_time = change * second / 24.0, change * fourth / 1240.0
     border = BORDER_ERROR * math.sqrt(share) * _alone(photons, plan, beside)
-    # Cells that ride grow and shrink on the light by ∂_u s_u + ∂_v s_v, and so does their flux; photons keep theirs.
-    # That tells where light has moved on by the time.
-    growth = sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
-    gain = 0.25 * np.abs(growth) * np.minimum(1.0, change * first)
-    error = gain + passing * (PASSING_ERROR_IN_PARTS if curves else PASSING_ERROR)
+    error = np.full(len(photons), passing * (PASSING_ERROR_IN_PARTS if curves else PASSING_ERROR))
+    if not curves:
+        # Cells that ride grow and shrink on the light by ∂_u s_u + ∂_v s_v, and so does their flux. Straight
+        # trajectories keep theirs, which tells where light has moved on by the time.
+        growth = sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
+        error += 0.25 * np.abs(growth) * np.minimum(1.0, change * first)
     return SegmentErrors(flux, *in_time, apart, blur**2 / 8.0, border, error)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from tpdwarp.footprints.irradiance import Irradiance
 from tpdwarp.io.float32 import to_float32
 from tpdwarp.scene.normalization import Normalization
+from tpdwarp.view.object_ids import object_ids
 from tpdwarp.view.visibility import VisiblePoints
 
 # Depth [scene units] where nothing is seen: finite, so that depths can be compared and filtered. Chosen,
@@ -23,10 +24,18 @@ class Film:
         normalization: Maps the tracer's units back to scene units.
         scale: Factor on radiance (the camera's exposure).
         aovs: Channel groups wanted beside the beauty.
+        paths: Prim path of each object, which ``id`` numbers.
     """
 
     def __init__(
-        self, width: int, height: int, samples: int, normalization: Normalization, scale: float, aovs: tuple[str, ...]
+        self,
+        width: int,
+        height: int,
+        samples: int,
+        normalization: Normalization,
+        scale: float,
+        aovs: tuple[str, ...],
+        paths: tuple[str, ...] = (),
     ) -> None:
         self.width, self.height, self.samples = width, height, samples
         self._norm, self._scale, self._aovs = normalization, scale, aovs
@@ -36,6 +45,9 @@ class Film:
         self._diffuse = np.zeros(count)
         self._motion_weight = np.zeros(count)
         self._depth = np.full(count, np.inf)
+        numbers = object_ids(paths)
+        self._numbers = np.array([numbers[path] for path in paths], np.float64)
+        self._ids, self._id_depth = np.zeros(count), np.full(count, np.inf)
 
     @property
     def wants_motion(self) -> bool:
@@ -51,6 +63,9 @@ class Film:
             weight: Share of the exposure that they stand for.
         """
         self._add("direct", weight * points.arrays.direct.numpy(), pixels)
+        extras = points.extras
+        if extras is not None and "shadow" in self._aovs:
+            self._add("shadow", weight * points.arrays.weight.numpy() * extras.shaded, pixels)
         if not points.first:
             return
         depth = points.arrays.first_depth.numpy()
@@ -63,6 +78,13 @@ class Film:
             self._add("P", weight * points.arrays.first_position.numpy(), pixels)
         if "Z" in self._aovs:
             np.minimum.at(self._depth, pixels[hit], depth[hit])
+        if extras is not None:
+            if "albedo" in self._aovs:
+                self._add("albedo", weight * extras.albedo, pixels)
+            if "vector" in self._aovs:
+                self._add("vector", weight * extras.vector, pixels)
+            if "id" in self._aovs:
+                self._name(pixels[hit], depth[hit], extras.objects[hit])
 
     def add_caustic(self, pixels: np.ndarray, weights: np.ndarray, first: np.ndarray, light: Irradiance) -> None:
         """Adds what photons left at visible points.
@@ -105,6 +127,15 @@ class Film:
                 out["Z"] = np.where(seen, np.where(seen, self._depth, 0.0) / self._norm.scale, BACKGROUND_DEPTH)
             elif aov == "photons":
                 out["photons"] = self._get("photons", 1)[0] / diffuse
+            elif aov == "id":
+                out["id"] = self._ids
+            elif aov == "vector":
+                value = self._get("vector", 2) / hits
+                out.update({f"vector.{c}": value[k] for k, c in enumerate("XY")})
+            elif aov in ("albedo", "shadow"):
+                factor = 1.0 / diffuse if aov == "albedo" else per_sample * self._scale * area
+                value = self._get(aov, 3) * factor
+                out.update({f"{aov}.{c}": value[k] for k, c in enumerate("RGB")})
             else:
                 value = self._get(aov, 3)
                 if aov == "motion":
@@ -116,6 +147,15 @@ class Film:
                     value = value / np.maximum(np.linalg.norm(value, axis=0), 1e-30)
                 out.update({f"{aov}.{c}": value[k] for k, c in enumerate("XYZ")})
         return {name: to_float32(v).reshape(self.height, self.width) for name, v in out.items()}
+
+    def _name(self, pixels: np.ndarray, depths: np.ndarray, objects: np.ndarray) -> None:
+        """Names pixels by the nearest object that a sample of theirs saw."""
+        order = np.lexsort((depths, pixels))
+        _, firsts = np.unique(pixels[order], return_index=True)
+        chosen = order[firsts]
+        chosen = chosen[depths[chosen] < self._id_depth[pixels[chosen]]]
+        self._id_depth[pixels[chosen]] = depths[chosen]
+        self._ids[pixels[chosen]] = self._numbers[objects[chosen]]
 
     def _sum(self, values: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         return np.bincount(pixels, weights=values, minlength=self.width * self.height)

@@ -22,12 +22,21 @@ from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
 from tpdwarp.view.camera import Camera, camera_of, in_pixels, pixel_size
 from tpdwarp.view.domes import DomeArrays, dome_arrays
+from tpdwarp.view.lights import LightArrays, light_arrays
 from tpdwarp.view.merging import Columns, merged
 from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
-from tpdwarp.view.visibility import LightArrays, VisiblePoints, light_arrays, visible_points
+from tpdwarp.view.visibility import PathFlag, VisiblePoints, visible_points
 
 # Samples that are looked at together, which limits memory: their arrays take some 200 MB.
 BATCH_SAMPLES = 1 << 20
+
+
+# What is counted of camera paths.
+COUNTED = {
+    "views slowed down": PathFlag.TOO_FAST,
+    "views of no finite motion": PathFlag.NOT_FINITE,
+    "view branches below cutoff": PathFlag.CULLED,
+}
 
 
 @dataclass
@@ -64,6 +73,12 @@ class SeenPoints:
 
     points: VisiblePoints
     pixels: np.ndarray
+
+    def counts(self) -> dict[str, int]:
+        """How many paths were not seen as they are, by what is wrong with them."""
+        flags = self.points.arrays.flags.numpy()
+        numbers = {name: int(np.count_nonzero(flags & flag)) for name, flag in COUNTED.items()}
+        return {name: number for name, number in numbers.items() if number}
 
 
 @dataclass
@@ -159,7 +174,7 @@ class CameraView:
                     moving = np.zeros_like(diffuse)
                     if self._moves:
                         moving = diffuse & points.queries.motion.numpy().any(axis=1)
-                        disturbed[there[points.arrays.met_motion.numpy() > 0]] = True
+                        disturbed[there[(points.arrays.flags.numpy() & PathFlag.MET_MOTION) != 0]] = True
                     still.add(points, np.flatnonzero(diffuse & ~moving), seen, spots[points.items], number)
                     moving_rows = np.flatnonzero(moving)
                 if len(moving_rows):
@@ -206,6 +221,8 @@ class CameraView:
             surfaces, lights, camera, films, loaded.requirements, self._launcher,
             moves=self._moves, segments=count, scales_radiance=self._settings.refracted_radiance == "scaled",
             textures=loaded.textures, domes=self._domes_of(loaded), samples=self._settings.samples,
+            smallest_throughput=self._settings.view_cutoff,
+            aovs=self._settings.aovs,
         )
         while True:
             with self._clock.stage("view"):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import IntFlag
 from functools import cache
 
 import numpy as np
@@ -14,21 +15,23 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
-from tpdwarp.photons.beam import interface_at, passed, scatter, transfer_to
+from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
-from tpdwarp.scene.description import Interaction, LightAtShutter, LightKind
+from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import closest_hit, diffuse_color, occluded, shading_normal
+from tpdwarp.scene.device.intersection import along, closest_hit, diffuse_color, occluded, shading_normal
+from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.presence import presence_at, share_that_passes
-from tpdwarp.scene.device.shaping import shaped, shaping_values
 from tpdwarp.scene.device.textures import TextureArrays, absorbed_within, on_plane, textured_color
-from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import Requirements
+from tpdwarp.settings import ViewSettings
 from tpdwarp.view.camera import Camera, camera_ray, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
+from tpdwarp.view.lights import LightArrays, shaped_power
+from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceExtras, surface_extras
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
-SMALLEST_THROUGHPUT = 4.0e-3
+SMALLEST_THROUGHPUT = ViewSettings.view_cutoff
 # Where glass moves past, a pixel's view can race over the receiver. Faster than this, in scenes of unit size a shutter,
 # the differential says nothing any more. Chosen, not derived.
 FASTEST_QUERY = wp.constant(0.25)
@@ -43,69 +46,41 @@ TURN = wp.constant(6.283185307179586)
 FAR = wp.constant(1.0e6)
 
 
-@wp.struct
-class LightArrays:
-    """Lights in the tracer's units: direction of travel or position, and how these change over the shutter.
+class PathFlag(IntFlag):
+    """What is to be known of a camera path."""
 
-    ``power`` is irradiance at normal incidence per square unit, or radiant intensity. ``shaping``, about ``axis``, is
-    that of point lights; there are no rows where none is shaped.
-    """
+    MET_MOTION = 1  # met a surface that moves, and may be another path at other times
+    TOO_FAST = 2  # races over the receiver, and is slowed down
+    NOT_FINITE = 4  # has a motion that is none, and counts as at rest
+    CULLED = 8  # had a branch below the cutoff
 
-    distant: wp.array(dtype=wp.int32)
-    place: wp.array(dtype=wp.vec3)
-    place_motion: wp.array(dtype=wp.vec3)
-    power: wp.array(dtype=wp.vec3)
-    shaping: wp.array(dtype=wp.vec3)
-    axis: wp.array(dtype=wp.vec3)
-    axis_motion: wp.array(dtype=wp.vec3)
+
+# Kernels know no enumerations.
+MET_MOTION = wp.constant(int(PathFlag.MET_MOTION))
+TOO_FAST = wp.constant(int(PathFlag.TOO_FAST))
+NOT_FINITE = wp.constant(int(PathFlag.NOT_FINITE))
+CULLED = wp.constant(int(PathFlag.CULLED))
 
 
 @wp.struct
 class VisibleArrays:
     """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π.
 
-    ``met_motion`` is 1 where the path met a surface that moves, and may be another one at other times.
+    ``flags`` are those of :class:`PathFlag`.
+    ``albedo`` and ``triangle`` are those of the surface where the path ends, ``first_triangle`` is what it met first;
+    they have rows only where AOVs ask for them.
     """
 
     weight: wp.array(dtype=wp.vec3)
     direct: wp.array(dtype=wp.vec3)
-    met_motion: wp.array(dtype=wp.int32)
+    flags: wp.array(dtype=wp.int32)
     reported: wp.array(dtype=wp.int32)
     first_position: wp.array(dtype=wp.vec3)
     first_normal: wp.array(dtype=wp.vec3)
     first_depth: wp.array(dtype=wp.float32)
-
-
-def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher) -> LightArrays:
-    """The kernel's view of ``lights``."""
-    out = LightArrays()
-    distant = np.array([light.kind == LightKind.DISTANT for light in lights], bool)
-    place, motion, power = (np.zeros((len(lights), 3)) for _ in range(3))
-    for i, light in enumerate(lights):
-        power[i] = normalization.light_power(light)
-        if distant[i]:
-            place[i], motion[i] = -light.axes[2], -light.axes_motion[2]
-        else:
-            place[i] = normalization.points(light.position[None])[0]
-            motion[i] = light.position_motion * normalization.scale
-    out.distant = launcher.array(distant.astype(np.int32), wp.int32)
-    out.place = launcher.array(place.astype(np.float32), wp.vec3)
-    out.place_motion = launcher.array(motion.astype(np.float32), wp.vec3)
-    out.power = launcher.array(power.astype(np.float32), wp.vec3)
-    chosen = lights if any(light.shaping is not None for light in lights) else ()
-    axes = np.array([-light.axes[2] for light in chosen]), np.array([-light.axes_motion[2] for light in chosen])
-    for name, rows in (("shaping", list(map(shaping_values, chosen))), ("axis", axes[0]), ("axis_motion", axes[1])):
-        setattr(out, name, launcher.array(np.array(rows, np.float32).reshape(-1, 3), wp.vec3))
-    return out
-
-
-@wp.func
-def shaped_power(surfaces: Surfaces, lights: LightArrays, k: int, w: wp.vec3) -> wp.vec3:
-    """The power of light ``k`` along −ω, which points from the light to what it lights."""
-    if lights.shaping.shape[0] == 0:
-        return lights.power[k]
-    axis = wp.normalize(lights.axis[k] + surfaces.time * lights.axis_motion[k])
-    return lights.power[k] * shaped(lights.shaping[k], axis, -w)
+    albedo: wp.array(dtype=wp.vec3)
+    triangle: wp.array(dtype=wp.int32)
+    first_triangle: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -182,13 +157,15 @@ def visible_kernel(
     reflection: bool,
     smooth_receivers: bool,
     textured: bool = False,
+    nested: bool = False,
     domed: bool = False,
+    named: bool = False,
     partial: bool = False,
     tinted: bool = False,
     lens: bool = False,
     emission: bool = False,
 ) -> wp.Kernel:
-    """The kernel that follows one camera path to the diffuse surface it ends on."""
+    """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -229,15 +206,20 @@ def visible_kernel(
         beam.magnitude = wp.min(surfaces.magnitude, wp.vec3(closeness, closeness, closeness))
         start = camera.near / depth_scale
         end = camera.far / depth_scale
+        passed_by = float(0.0)
+        if wp.static(nested):
+            inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
         throughput = wp.vec3(1.0, 1.0, 1.0)
         mask = masks[i]
         first_open = first_open_decision(mask)
         reported = int(0)
+        flags = int(0)
         decision = int(0)
         travelled = float(0.0)
-        met = bool(False)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
+        if wp.static(named):
+            out.first_triangle[i] = -1
 
         for bounce in range(bounces + 1):
             # ---- Transfer to the next surface
@@ -248,47 +230,68 @@ def visible_kernel(
                 if wp.static(domed):
                     out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                 break
-            if wp.static(textured or partial):
+            if wp.static(textured):
                 travelled += hit.distance
-            beam = transfer_to(beam, hit, wp.static(moves))
             if wp.static(partial):
                 # ---- What is not there is seen through
                 share = presence_at(surfaces, textures, hit.triangle, hit.beta)
                 stays = share >= 1.0
                 if share > 0.0 and share < 1.0:
                     if out.first_depth[i] < 0.0:
-                        out.first_position[i] = beam.x
+                        out.first_position[i] = hit.position
                         out.first_normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
-                        out.first_depth[i] = travelled * depth_scale
+                        out.first_depth[i] = (passed_by + hit.distance) * depth_scale
+                        if wp.static(named):
+                            out.first_triangle[i] = hit.triangle
                     part = take_branch(mask, decision, first_open, share, throughput, smallest_throughput)
                     stays = part.reflected
                     throughput = part.throughput
                     reported = reported | part.reported
                     decision += part.decided
                 if not stays:
-                    beam = passed(beam, hit)
+                    passed_by += hit.distance
+                    beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
                     start = 0.0
+                    end = FAR
                     continue
+            # ---- What another solid displaces is not there
+            eta = float(1.0)
+            if wp.static(nested):
+                beyond = int(inside)
+                if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
+                    crossing = crossing_at(surfaces, hit, beam.w, inside)
+                    eta = crossing.eta
+                    beyond = crossing.beyond
+                    if crossing.nothing:
+                        inside = beyond
+                        passed_by += hit.distance
+                        beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                        start = 0.0
+                        end = FAR
+                        continue
+            beam = transfer_to(beam, hit, wp.static(moves))
             if wp.static(moves):
                 if wp.length_sq(hit.motion) > 0.0:
-                    out.met_motion[i] = 1
+                    flags = flags | MET_MOTION
             side = -wp.sign(wp.dot(hit.n_g, beam.w))
             n_g = side * hit.n_g
             n = shading_normal(surfaces, hit, False, wp.static(moves)).n
             # Faced to the viewer, as the geometric normal is, also where it was authored against the winding.
             if wp.dot(n, n_g) < 0.0:
                 n = -n
-            if wp.static(partial):
-                if not met and out.first_depth[i] < 0.0:
-                    out.first_position[i] = beam.x
-                    out.first_normal[i] = n
-                    out.first_depth[i] = travelled * depth_scale
-                met = True
-            else:
-                if bounce == 0:
-                    out.first_position[i] = beam.x
-                    out.first_normal[i] = n
-                    out.first_depth[i] = hit.distance * depth_scale
+            first = bounce == 0
+            if wp.static(nested or partial):
+                # Before it, there may have been surfaces that are not there.
+                first = out.first_depth[i] < 0.0
+            if first:
+                out.first_position[i] = beam.x
+                out.first_normal[i] = n
+                if wp.static(named):
+                    out.first_triangle[i] = hit.triangle
+                depth = hit.distance
+                if wp.static(nested or partial):
+                    depth += passed_by
+                out.first_depth[i] = depth * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
             if wp.static(partial):
@@ -326,6 +329,9 @@ def visible_kernel(
                     irradiance += dome_irradiance(
                         surfaces, textures, wp.static(partial), domes, beam.x, n, n_g, hit.offset * n_g, place
                     )
+                if wp.static(named):
+                    out.albedo[i] = albedo
+                    out.triangle[i] = hit.triangle
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 if wp.static(emission):
@@ -336,6 +342,11 @@ def visible_kernel(
                     queries.shading_normal[i] = n
                 queries.position[i] = beam.x
                 if wp.static(moves):
+                    speed = wp.length(segments * beam.dxdt)
+                    if not wp.isfinite(speed):
+                        flags = flags | NOT_FINITE
+                    elif speed > FASTEST_QUERY:
+                        flags = flags | TOO_FAST
                     queries.motion[i] = query_motion(segments * beam.dxdt)
                 break
 
@@ -346,7 +357,10 @@ def visible_kernel(
                 dielectric = wp.static(refraction)
                 if wp.static(both):
                     dielectric = interaction == DIELECTRIC
-                at = interface_at(surfaces, hit, beam.w, dielectric, wp.static(moves))
+                if wp.static(refraction and not nested):
+                    if dielectric:
+                        eta = relative_index(surfaces, hit, beam.w)
+                at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
                 reflected = True
                 if dielectric:
                     if wp.static(tinted):
@@ -360,9 +374,14 @@ def visible_kernel(
                         if wp.static(tinted):
                             throughput = wp.cw_mul(throughput, textures.transmittances[material])
                     reported = reported | branch.reported
+                    if wp.max(branch.culled) > 0.0:
+                        flags = flags | CULLED
                     decision += branch.decided
                 else:
                     throughput = wp.cw_mul(throughput, surfaces.tint[material])
+                if wp.static(nested):
+                    if not reflected:
+                        inside = beyond
                 beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
                 start = 0.0
                 end = FAR
@@ -370,6 +389,7 @@ def visible_kernel(
                 break
 
         out.reported[i] = reported
+        out.flags[i] = flags
 
     return see
 
@@ -382,6 +402,7 @@ class VisiblePoints:
     queries: QueryArrays
     arrays: VisibleArrays
     first: bool
+    extras: SurfaceExtras | None = None
 
 
 def visible_points(
@@ -398,6 +419,8 @@ def visible_points(
     textures: TextureArrays | None = None,
     domes: DomeArrays | None = None,
     samples: int = 1,
+    smallest_throughput: float = SMALLEST_THROUGHPUT,
+    aovs: tuple[str, ...] = (),
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
 
@@ -409,6 +432,8 @@ def visible_points(
         textures: The textures of the surfaces, where there are any.
         domes: Light from all around, where there is any.
         samples: Samples a pixel; textures are averaged over the part of it that each stands for.
+        smallest_throughput: Reflected branches that carry less are not followed.
+        aovs: Channel groups wanted beside the beauty.
     """
     items = np.arange(len(films), dtype=np.int32)
     masks = np.zeros(len(films), np.int32)
@@ -419,21 +444,28 @@ def visible_points(
         needs.refraction,
         needs.reflection,
         needs.smooth_receivers,
-        needs.textures,
-        needs.domes,
-        needs.partial,
-        needs.tinted,
-        needs.lens,
-        needs.emission,
+        textured=needs.textures,
+        nested=needs.nested,
+        domed=needs.domes,
+        named=bool(asked := set(aovs) & set(SURFACE_AOVS)),
+        partial=needs.partial,
+        tinted=needs.tinted,
+        lens=needs.lens,
+        emission=needs.emission,
     )
     left_out = () if needs.smooth_receivers else ("shading_normal",)
+    unnamed = () if asked else ("albedo", "triangle", "first_triangle")
     first = True
     while len(items):
-        queries, out = launcher.rows(QueryArrays, len(items), but=left_out), launcher.rows(VisibleArrays, len(items))
+        queries = launcher.rows(QueryArrays, len(items), but=left_out)
+        out = launcher.rows(VisibleArrays, len(items), but=unnamed)
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
         scene = [surfaces, lights, camera, textures or TextureArrays(), domes or DomeArrays(), device_films]
-        limits = [needs.bounces, SMALLEST_THROUGHPUT, float(segments), 2.0 if scales_radiance else 0.0]
+        limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
         launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, queries, out])
-        yield VisiblePoints(items, queries, out, first)
+        extras = None
+        if asked:
+            extras = surface_extras(surfaces, lights, camera, queries, out, aovs, launcher, moves, segments)
+        yield VisiblePoints(items, queries, out, first, extras)
         items, masks = reported_paths(items, masks, out.reported.numpy())
         first = False

@@ -9,6 +9,7 @@ from pxr import Gf, Sdf, UsdGeom
 from tests.usd.stages import SQUARE, SmallStage, face_normals, mesh_named
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
+from tpdwarp.usd.read.meshes import PRIORITY
 
 CORNERS = np.array(SQUARE)
 UP = np.array([0.0, 0.0, 1.0])
@@ -387,3 +388,16 @@ def test_visibility_is_asked_at_the_frame(small):
     scene = small.open()
     assert [len(scene.at(Shutter.still(t)).meshes) for t in (1, 2, 3, 4)] == [1, 1, 2, 2]
     assert len(scene.reference_shutters()) == 9
+
+
+def test_priorities_are_inherited_and_must_be_whole_numbers(small):
+    xform = UsdGeom.Xform.Define(small.stage, "/glass")
+    small.mesh("/glass/ice", SQUARE)
+    small.mesh("/water", SQUARE)
+    UsdGeom.PrimvarsAPI(xform.GetPrim()).CreatePrimvar(PRIORITY, Sdf.ValueTypeNames.Int).Set(2)
+    primvars = UsdGeom.PrimvarsAPI(small.stage.GetPrimAtPath("/water"))
+    primvars.CreatePrimvar(PRIORITY, Sdf.ValueTypeNames.Float).Set(1.5)
+    opened = small.open()
+    found = {mesh.path: mesh.priority for mesh in opened.at(Shutter(1, 1, 2)).meshes}
+    assert found == {"/glass/ice": 2, "/water": 0}
+    assert sum("author an int" in line for line in opened.warnings.messages) == 1

@@ -368,11 +368,42 @@ def test_speed_colours_grow_lighter_with_speed_and_share_one_scale(tmp_path: Pat
             np.testing.assert_allclose(colors, expected, rtol=0, atol=1e-5)
 
 
-def test_still_photons_all_have_the_slowest_colour(tmp_path: Path, scene: Path) -> None:
+def test_photons_that_stand_still_are_coloured_by_their_flux(tmp_path: Path, scene: Path) -> None:
     record = replace(photons(), dxdt=np.zeros((64, 3)))
     stage = write(tmp_path / "a.usdc", scene, {2: record})
-    colors = prim(stage, "Photons").GetDisplayColorAttr().Get(2)
-    np.testing.assert_allclose(colors, np.tile(speed_colors(np.zeros(1), 1.0), (64, 1)), rtol=1e-6)
+    flux = record.flux.sum(axis=1)
+    expected = speed_colors(flux, float(np.percentile(flux, 99)))
+    np.testing.assert_allclose(prim(stage, "Photons").GetDisplayColorAttr().Get(2), expected, rtol=0, atol=1e-5)
+    colours = stage.GetPrimAtPath("/TPD").GetVariantSet("colour")
+    colours.SetVariantSelection("speed")
+    slowest = np.tile(speed_colors(np.zeros(1), 1.0), (64, 1))
+    np.testing.assert_allclose(prim(stage, "Photons").GetDisplayColorAttr().Get(2), slowest, rtol=1e-6)
+
+
+def test_colours_show_what_their_variant_says(tmp_path: Path, scene: Path) -> None:
+    record = photons(paths=("/World/A", "/World/B", "/World/C"))
+    stage = write(tmp_path / "a.usdc", scene, {2: record})
+    colours = stage.GetPrimAtPath("/TPD").GetVariantSet("colour")
+    assert colours.GetVariantSelection() == "speed"
+    for name, values in (("bounces", record.bounces), ("receiver", record.receivers)):
+        colours.SetVariantSelection(name)
+        for of in PRIMS:
+            shown = np.array(prim(stage, of).GetDisplayColorAttr().Get(2))
+            np.testing.assert_allclose(shown, speed_colors(values, float(values.max())), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("moves", "first"), [(True, "differentials"), (False, "footprints")])
+def test_the_view_shows_one_kind_at_a_time_and_all_on_demand(tmp_path: Path, scene: Path, moves, first) -> None:
+    record = photons() if moves else replace(photons(), dxdt=np.zeros((64, 3)))
+    write(tmp_path / "a.debug.usdc", scene, {2: record})
+    stage = Usd.Stage.Open(str(tmp_path / "a.view.usda"))
+    what = stage.GetPrimAtPath("/TPD").GetVariantSet("what")
+    assert what.GetVariantSelection() == first
+    kinds = {"differentials": CURVES[:1], "footprints": CURVES[1:2], "swept": CURVES[2:], "photons": ("Photons",)}
+    for choice, names in {**kinds, "all": PRIMS}.items():
+        what.SetVariantSelection(choice)
+        visible = {name for name in PRIMS if prim(stage, name).ComputeVisibility(2) == UsdGeom.Tokens.inherited}
+        assert visible == set(names)
 
 
 @pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])

@@ -4,6 +4,7 @@ Of surfaces closer together than a ray offset, single precision cannot say which
 passes the other by. So a specular triangle in the plane of a triangle of another mesh is
 moved off it by some times that distance: off a diffuse surface to its front, off a specular one that faces it to its
 own inside. Specular ones that face the same way are one surface written twice, of which rays meet one; they stay.
+Of nested solids there is no gap between: the one that gives way is moved into the one that holds.
 """
 
 from __future__ import annotations
@@ -86,6 +87,7 @@ def find_contacts(
     triangles: wp.array(dtype=wp.vec3i),
     object_of: wp.array(dtype=wp.int32),
     diffuse: wp.array(dtype=wp.int32),
+    media: wp.array(dtype=wp.int32),
     # In
     chosen: wp.array(dtype=wp.int32),
     # Out
@@ -110,10 +112,18 @@ def find_contacts(
                 resolution = mine.resolution + theirs.rounding
             off = wp.min(_off_plane(mine, theirs), _off_plane(theirs, mine))
             if wp.abs(wp.dot(mine.n, theirs.n)) > PARALLEL and off < CONTACT * resolution:
-                if diffuse[i] == 0:
-                    moves[i] = _move(mine.n, theirs.n, diffuse[face] == 1, GAP * resolution)
-                if diffuse[face] == 0:
-                    moves[face] = _move(theirs.n, mine.n, diffuse[i] == 1, GAP * resolution)
+                medium = media[object_of[i]]
+                other = media[object_of[face]]
+                if medium >= 0 and other >= 0 and medium != other and diffuse[i] == 0 and diffuse[face] == 0:
+                    if medium < other:
+                        moves[i] = -GAP * resolution * theirs.n
+                    else:
+                        moves[face] = -GAP * resolution * mine.n
+                else:
+                    if diffuse[i] == 0:
+                        moves[i] = _move(mine.n, theirs.n, diffuse[face] == 1, GAP * resolution)
+                    if diffuse[face] == 0:
+                        moves[face] = _move(theirs.n, mine.n, diffuse[i] == 1, GAP * resolution)
 
 
 def separate_coincident(
@@ -122,6 +132,7 @@ def separate_coincident(
     object_of: np.ndarray,
     diffuse: np.ndarray,
     boxes: np.ndarray,
+    media: np.ndarray,
     launcher: Launcher,
 ) -> np.ndarray | None:
     """The scene's points with surfaces in contact separated.
@@ -132,6 +143,7 @@ def separate_coincident(
         object_of: The mesh of the stage that each triangle belongs to, in their order, shape [t].
         diffuse: 1 for diffuse triangles, 0 for specular ones, shape [t].
         boxes: Lower and upper corner of each mesh of the stage, shape [m, 2, 3].
+        media: Medium of each nested solid, of which higher ones hold, −1 for other meshes, shape [m].
         launcher: Where to look for contacts.
 
     Returns:
@@ -143,7 +155,7 @@ def separate_coincident(
         return None
     moves = launcher.zeros(len(triangles), wp.vec3)
     arrays = [
-        launcher.array(triangles, wp.vec3i), *(launcher.array(a, wp.int32) for a in (object_of, diffuse, chosen))
+        launcher.array(triangles, wp.vec3i), *(launcher.array(a, wp.int32) for a in (object_of, diffuse, media, chosen))
     ]
     launcher(find_contacts, len(chosen), [mesh.id, mesh.points, *arrays, moves])
     found = moves.numpy()

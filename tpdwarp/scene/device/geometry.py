@@ -10,6 +10,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.device.contact import separate_coincident
+from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.normalization import Normalization
 
 
@@ -18,7 +19,8 @@ class Surfaces:
     """Triangles with everything a ray needs to know where it lands; positions in the tracer's units.
 
     ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly. ``magnitude``
-    is how large the coordinates of the scene are along each axis.
+    is how large the coordinates of the scene are along each axis. Where solids are nested, ``medium_of`` has the medium
+    of each object and ``medium_index`` the index of each medium (:mod:`tpdwarp.scene.nesting`).
     """
 
     mesh: wp.uint64
@@ -37,6 +39,8 @@ class Surfaces:
     interaction: wp.array(dtype=wp.int32)
     tint: wp.array(dtype=wp.vec3)
     ior: wp.array(dtype=wp.float32)
+    medium_of: wp.array(dtype=wp.int32)
+    medium_index: wp.array(dtype=wp.float32)
 
 
 @dataclass
@@ -144,9 +148,9 @@ def geometry_of(
     table = list(materials)
     diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
     boxes = np.array([(placed.min(axis=0), placed.max(axis=0)) for placed in points])
-    separated = separate_coincident(
-        mesh, corners, owners, diffuse, boxes, launcher
-    )
+    nesting = nesting_of(scene)
+    media = np.full(len(boxes), -1, np.int32) if nesting is None else nesting.media
+    separated = separate_coincident(mesh, corners, owners, diffuse, boxes, media, launcher)
     if separated is not None:
         mesh.points.assign(separated)
         mesh.refit()
@@ -166,6 +170,9 @@ def geometry_of(
     surfaces.interaction = launcher.array(np.array([int(m.interaction) for m in table], np.int32), wp.int32)
     surfaces.tint = launcher.array(np.array([m.color for m in table], np.float32), wp.vec3)
     surfaces.ior = launcher.array(np.array([m.ior for m in table], np.float32), wp.float32)
+    surfaces.medium_of = launcher.array(media, wp.int32)
+    indices = np.zeros(0) if nesting is None else nesting.indices
+    surfaces.medium_index = launcher.array(indices.astype(np.float32), wp.float32)
     paths = tuple(mesh.path for mesh in scene.meshes)
     return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, tuple(table))
 

@@ -9,6 +9,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.instance_limits import refuse_too_many
 from tpdwarp.usd.read.jumps import Jump
 from tpdwarp.usd.read.meshes import PlacedMesh, Placement
 from tpdwarp.usd.read.primvars import flattened
@@ -53,6 +54,7 @@ class Instancer:
         by_instance = primvar.HasValue() and primvar.GetInterpolation() != UsdGeom.Tokens.constant
         self._color_curve = flattened(primvar, warnings.file) if by_instance else None
         self._colors: tuple[float, np.ndarray | None] | None = None
+        self._counted: tuple[float, int] | None = None
         if UsdGeom.PrimvarsAPI(instancer).GetPrimvar("displayOpacity").HasValue():
             warnings(f"{self.path}.primvars:displayOpacity", "displayOpacity is not rendered: the surface is opaque")
         self.span = self._span()
@@ -64,6 +66,17 @@ class Instancer:
             prototype.meshes or any(nested.holds_meshes for nested in prototype.instancers)
             for prototype in self.prototypes
         )
+
+    def placed_meshes(self, frame: float) -> int:
+        """How many meshes it places at a time code, those of instancers in its prototypes included."""
+        if self._counted is None or self._counted[0] != frame:
+            below = {
+                id(prototype): len(prototype.meshes) + sum(of.placed_meshes(frame) for of in prototype.instancers)
+                for prototype in self.prototypes
+            }
+            count = sum(below[id(prototype)] for _, prototype in self.instances(frame))
+            self._counted = frame, count
+        return self._counted[1]
 
     def instances(self, frame: float) -> list[tuple[int, Prototype]]:
         """Index and prototype of each instance that is not masked at a time code."""
@@ -233,7 +246,12 @@ class InstancedMeshes:
         self._made: dict[tuple[str, str], PlacedMesh] = {}
 
     def meshes(self, frame: float) -> Iterator[PlacedMesh]:
-        """The meshes of every instance at a time code; the same objects on later calls."""
+        """The meshes of every instance at a time code; the same objects on later calls.
+
+        Raises:
+            InputError: They are too many.
+        """
+        refuse_too_many(self.instancer.placed_meshes(frame), self.instancer.path)
         yield from self._below(self.instancer, self.instancer.path, self._placement, frame)
 
     def _below(self, instancer: Instancer, label: str, placement: Placement, frame: float) -> Iterator[PlacedMesh]:

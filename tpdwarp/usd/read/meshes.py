@@ -20,6 +20,10 @@ from tpdwarp.usd.read.primitives import Primitive
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import Transforms, union, usable
+from tpdwarp.usd.read.uv import CornerCoordinates, authored_points, corner_coordinates, planar_coordinates
+
+# Of nested dielectrics; see tpdwarp.scene.nesting.
+PRIORITY = "tpdwarp:priority"
 
 
 class Placement(Protocol):
@@ -140,10 +144,40 @@ class PlacedMesh:
                     color_indices=appearance.color_indices,
                     coordinates=appearance.coordinates,
                     coordinate_indices=appearance.coordinate_indices,
+                    priority=priority_of(self.prim, self._warnings),
                 ),
                 appearance.kept,
             )
         return self._whole if len(self._whole.triangles) else None
+
+    def coordinates(self, name: str, shutter: Shutter) -> CornerCoordinates | None:
+        """Texture coordinates of the triangles of :meth:`over`; None where there are none of these.
+
+        Args:
+            name: Primvar; a mesh without it is projected along its thinnest axis, which is said.
+            shutter: The shutter.
+
+        Raises:
+            InputError: As :meth:`over`; values that are not finite.
+        """
+        if self.over(shutter) is None:
+            return None
+        geometry, appearance = self._geometry, self._appearance[1]
+        topology, count = geometry.topology, geometry.point_count
+        values = corner_coordinates(self.prim, topology, count, name, shutter.frame, self._warnings)
+        projected = None
+        if values is None:
+            self._warnings(self.label, f"has no {name}: projected along its thinnest axis (choose with --uv)")
+            points = authored_points(self.prim, count)
+            if points is not None:
+                projected = planar_coordinates(points)
+                spread, indices = topology.spread(projected, str(UsdGeom.Tokens.vertex), count)
+                values = spread[indices]
+            else:
+                projected = np.zeros((0, 2))
+                still = Shutter.still(self.span[0])
+                values = planar_coordinates(self.shape.at(still, self.span).points(self.span[0]))[topology.triangles]
+        return CornerCoordinates(values if appearance.kept is None else values[appearance.kept], projected)
 
     def _evaluate(self, shutter: Shutter) -> _Geometry | None:
         frame = shutter.frame
@@ -182,6 +216,20 @@ class PlacedMesh:
 
     def _world(self, time: float, frame: float) -> np.ndarray:
         return usable(self.placement.world(time, frame), time, self.label, self._warnings.file)
+
+
+def priority_of(prim: Usd.Prim, warnings: WarnOnce) -> int:
+    """``primvars:tpdwarp:priority`` of a mesh, or of what it inherits from: where solids overlap the highest holds; 0
+    without."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(PRIORITY)
+    if not primvar or not primvar.HasValue():
+        return 0
+    path = str(primvar.GetAttr().GetPath())
+    value = primvar.Get(Usd.TimeCode.EarliestTime())
+    if not isinstance(value, int):
+        warnings(path, "is no whole number and is ignored (author an int)")
+        return 0
+    return value
 
 
 def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:

@@ -17,12 +17,15 @@ from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
+from tpdwarp.usd.read.composed_prims import composed_prims
 from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
 from tpdwarp.usd.read.domes import Dome
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
+from tpdwarp.usd.read.instance_limits import check_native_instances, refuse_too_many_prims
 from tpdwarp.usd.read.instances import InstancedMeshes
+from tpdwarp.usd.read.layer_limits import checked_layers
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
@@ -35,6 +38,7 @@ from tpdwarp.usd.read.skinning import Deformation, Skeletons
 from tpdwarp.usd.read.subdivision.surface import SCHEMES, levels_for
 from tpdwarp.usd.read.transforms import Transforms, union
 from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
+from tpdwarp.usd.read.uv import CornerCoordinates
 from tpdwarp.usd.read.values import text_at
 
 DEFAULT_WIDTH = 960
@@ -108,16 +112,18 @@ class StageScene:
             warnings("", "no light shines: a light at the camera stands in (add a UsdLux light)")
 
     @classmethod
-    def open(cls, stage: StageLike, settings: StageSettings) -> StageScene:
+    def open(cls, stage: StageLike, settings: StageSettings, max_memory: float = math.inf) -> StageScene:
         """Opens a stage and checks that it can be rendered.
 
         Args:
             stage: A USD file, a root layer, or a stage that is open already (of which nothing is changed).
             settings: ``motion``, ``purposes``, ``mask``, ``camera``, ``render_settings``, ``image_width``,
                 ``shutter`` and ``exposure`` are used.
+            max_memory: Bytes that its largest array may need.
 
         Raises:
-            InputError: The file cannot be read; no visible mesh; no such camera, mask or render settings.
+            InputError: The file cannot be read, or stands for more than can be rendered; no visible mesh; no such
+                camera, mask or render settings.
         """
         if isinstance(stage, Usd.Stage):
             name = stage.GetRootLayer().identifier
@@ -132,7 +138,13 @@ class StageScene:
                 raise InputError("is a folder (name a USD file)", name)
         warnings = WarnOnce(name)
         with usd_diagnostics(warnings):
-            return cls(name, _open_stage(stage, name, settings), settings, warnings)
+            # Kept until the stage is open, so that USD does not read them again.
+            layers = checked_layers(name, max_memory) if isinstance(stage, str) else []
+            refuse_too_many_prims(composed_prims(layers))
+            opened = _open_stage(stage, name, settings)
+            del layers
+            check_native_instances(opened)
+            return cls(name, opened, settings, warnings)
 
     def at(self, shutter: Shutter) -> SceneAtShutter:
         """The scene over ``shutter``; what does not move is the same object on every call.
@@ -182,6 +194,28 @@ class StageScene:
             raise refused
         return tuple(meshes)
 
+    def coordinates(self, path: str, name: str, shutter: Shutter) -> CornerCoordinates | None:
+        """Texture coordinates of the triangles of one of the meshes of :meth:`at`; None where it is not there.
+
+        Args:
+            path: Of the mesh, as in ``MeshAtShutter``.
+            name: Primvar that holds them; a mesh without it is projected along its thinnest axis.
+            shutter: The shutter.
+
+        Raises:
+            InputError: Coordinates that cannot be used.
+        """
+        with usd_diagnostics(self.warnings):
+            for placed in self._placed(shutter.frame):
+                if placed.label == path:
+                    return placed.coordinates(name, shutter)
+        return None
+
+    @property
+    def stage(self) -> Usd.Stage:
+        """The stage itself, to be read only."""
+        return self._stage
+
     def frames(self) -> tuple[float, ...]:
         """The frames of the stage's range; its first alone where nothing changes.
 
@@ -216,8 +250,9 @@ class StageScene:
     def resolution(self) -> tuple[int, int]:
         """Width and height of the image in pixels.
 
-        ``settings.image_width`` comes first, its height from the camera's aspect (rounded down, as usdrecord does);
-        then the render settings' resolution; then a width of 960. Of that, the part that the render settings ask for.
+        ``settings.resolution`` comes first; then ``settings.image_width``, its height from the camera's aspect (rounded
+        down, as usdrecord does); then the render settings' resolution; then a width of 960. Of that, the part that the
+        render settings ask for.
 
         Raises:
             InputError: The camera's aperture has no size.
@@ -228,6 +263,8 @@ class StageScene:
         return end - first, below - above
 
     def _resolution(self) -> tuple[int, int]:
+        if self._settings.resolution is not None:
+            return self._checked(*self._settings.resolution)
         if self._settings.image_width is None and self._request.resolution is not None:
             return self._checked(*self._request.resolution)
         width = self._settings.image_width or DEFAULT_WIDTH

@@ -3,6 +3,8 @@
     shot.debug.usdc     /TPD (Scope, purpose guide) over TimeDifferentials, Footprints, SweptFootprints, Photons
     shot.view.usda      sublayers of the two, with /TPD shown
 
+/TPD has two variant sets: ``colour`` (speed, flux, bounces or receiver) and, in the view layer, ``what`` is shown.
+
 The guide purpose keeps photons out of renders of a scene that has the debug layer among its own; the view layer shows
 them without a viewer having to ask for guides.
 """
@@ -36,9 +38,20 @@ SWEPT_POINTS = OUTLINE_POINTS + 2
 CURVE_WIDTH = 0.02
 POINT_WIDTH = 0.1
 FALLBACK_DIAMETER = 0.01
+# A layer whose photons all move by less than this part of a typical footprint shows nothing moving.
+SMALLEST_MOTION = 1e-3
 
 # sRGB, slow to fast: lightness rises evenly, so that it reads on grey prints and by colour-blind eyes as well.
 SPEED_RAMP = np.array([[38, 26, 120], [126, 30, 148], [205, 44, 96], [245, 128, 36], [255, 218, 84]]) / 255
+# What colours may show, and the prims that each choice of the view layer shows.
+COLOURS = ("speed", "flux", "bounces", "receiver")
+SHOWN: dict[str, tuple[str, ...]] = {
+    "differentials": ("TimeDifferentials",),
+    "footprints": ("Footprints",),
+    "swept": ("SweptFootprints",),
+    "photons": ("Photons",),
+    "all": ("TimeDifferentials", "Footprints", "SweptFootprints", "Photons"),
+}
 # Near a focus a few photons are far faster than the rest; they share the last colour.
 RAMP_PERCENTILE = 99.0
 
@@ -197,7 +210,8 @@ class DebugLayerWriter:
     Use it in a ``with`` block, or call :meth:`close`: until then, and after an error in the block, neither file
     appears. A crate layer goes to disk with every frame, so that memory holds one frame and not the animation.
 
-    Colours show the speed |D_t x| on one scale for the whole layer; the layer's ``customLayerData`` records it, with
+    Colours show the speed |D_t x| on one scale for the whole layer, or where nothing moves the flux; the variant set
+    ``colour`` chooses, also the number of bounces or the receiver. The layer's ``customLayerData`` records it, with
     where the photons come from, under ``tpdwarp``: ``scene``, ``frameRange``, ``exposure`` (frames), ``settings``
     (JSON), ``version`` and ``fastestColor`` (scene units over the exposure).
 
@@ -241,7 +255,7 @@ class DebugLayerWriter:
         self._curves = curves
         self._bound: np.uint64 | None = None
         self._receivers: dict[str, int] = {}
-        self._speeds: dict[float, np.ndarray] = {}
+        self._shades: dict[float, dict[str, np.ndarray]] = {}
         self._diameter: float | None = None
         self._origin: np.ndarray | None = None
 
@@ -275,6 +289,9 @@ class DebugLayerWriter:
         self._points.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
         self._define_primvars(self._points, UsdGeom.Tokens.vertex)
         self._author_curve_widths(FALLBACK_DIAMETER)
+        self._colours = scope.GetPrim().GetVariantSets().AddVariantSet("colour")
+        for name in COLOURS:
+            self._colours.AddVariant(name)
 
     def __enter__(self) -> DebugLayerWriter:
         return self
@@ -334,7 +351,12 @@ class DebugLayerWriter:
                 primvars.GetPrimvar(name).Set(value, time)
             extent = UsdGeom.Boundable.ComputeExtentFromPlugins(prim, Usd.TimeCode(time))
             prim.GetExtentAttr().Set(extent, time)
-        self._speeds[time] = np.linalg.norm(record.dxdt, axis=-1).astype(np.float32)
+        self._shades[time] = {
+            "speed": np.linalg.norm(record.dxdt, axis=-1).astype(np.float32),
+            "flux": record.flux.sum(axis=-1).astype(np.float32),
+            "bounces": record.bounces.astype(np.float32),
+            "receiver": np.array(table, np.float32)[record.receivers],
+        }
         self._flush()
 
     def close(self) -> None:
@@ -346,20 +368,32 @@ class DebugLayerWriter:
         if self._stage is None:
             return
         with self._files:
-            speeds = np.concatenate([np.zeros(0), *self._speeds.values()])
-            fastest = float(np.percentile(speeds, RAMP_PERCENTILE)) if len(speeds) else 0.0
-            for time, frame_speeds in self._speeds.items():
-                colors = vectors(speed_colors(frame_speeds, fastest))
-                for prim in self._prims():
-                    prim.GetDisplayColorAttr().Set(colors, time)
+            ends = {name: self._scale_of(name) for name in COLOURS}
+            for name, end in ends.items():
+                self._colours.SetVariantSelection(name)
+                with self._colours.GetVariantEditContext():
+                    for time, shades in self._shades.items():
+                        colors = vectors(speed_colors(shades[name], end))
+                        for prim in self._prims():
+                            prim.GetDisplayColorAttr().Set(colors, time)
                 self._flush()
+            fastest = ends["speed"]
+            moves = fastest > SMALLEST_MOTION * (self._diameter or FALLBACK_DIAMETER)
+            self._colours.SetVariantSelection("speed" if moves else "flux")
             receivers = Vt.StringArray(list(self._receivers))
             for prim in self._prims():
                 UsdGeom.PrimvarsAPI(prim).GetPrimvar("tpd:receivers").Set(receivers)
             self._stage.GetRootLayer().customLayerData = {"tpdwarp": {**self._provenance, "fastestColor": fastest}}
             self._save()
             self._stage = None
-            self._write_view()
+            self._write_view("differentials" if moves else "footprints")
+
+    def _scale_of(self, name: str) -> float:
+        """Where the colours of a quantity end."""
+        values = np.concatenate([np.zeros(0), *(shades[name] for shades in self._shades.values())])
+        if not len(values):
+            return 0.0
+        return float(np.percentile(values, RAMP_PERCENTILE) if name in ("speed", "flux") else values.max())
 
     def _prims(self) -> tuple[UsdGeom.PointBased, ...]:
         return self._differentials, self._footprints, self._swept, self._points
@@ -415,7 +449,7 @@ class DebugLayerWriter:
         except Tf.ErrorException as error:
             raise FrameError(f"{self.path}: cannot be written: {first_line(error)}") from error
 
-    def _write_view(self) -> None:
+    def _write_view(self, what: str) -> None:
         folder = os.path.realpath(self.view_path.parent)
         view = Sdf.Layer.CreateNew(self._temporary_view)
         # Stage metadata does not compose from sublayers.
@@ -428,6 +462,15 @@ class DebugLayerWriter:
         shown = Sdf.CreatePrimInLayer(view, "/TPD")
         purpose = Sdf.AttributeSpec(shown, "purpose", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
         purpose.default = UsdGeom.Tokens.default_
+        choices = Sdf.VariantSetSpec(shown, "what")
+        for name, prims in SHOWN.items():
+            variant = Sdf.VariantSpec(choices, name).primSpec
+            for hidden in (prim for prim in SHOWN["all"] if prim not in prims):
+                over = Sdf.PrimSpec(variant, hidden, Sdf.SpecifierOver)
+                visibility = Sdf.AttributeSpec(over, "visibility", Sdf.ValueTypeNames.Token)
+                visibility.default = UsdGeom.Tokens.invisible
+        shown.variantSetNameList.prependedItems = ["what"]
+        shown.variantSelections["what"] = what
         try:
             view.Save()
         except Tf.ErrorException as error:

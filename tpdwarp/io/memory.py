@@ -1,4 +1,4 @@
-"""How much memory rendering may take, and how much a frame will need."""
+"""How much memory this program may take."""
 
 from __future__ import annotations
 

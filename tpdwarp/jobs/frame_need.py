@@ -1,0 +1,68 @@
+"""How much memory a frame will need, known before it is begun."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tpdwarp.errors import InputError
+from tpdwarp.scene.description import SceneSource, Shutter
+from tpdwarp.settings import Settings
+
+# Peaks of whole processes, as printed by scripts/benchmarks/run.py memory. Libraries and kernels, before anything is
+# read:
+BYTES_AT_REST = 330e6
+# Arrays of the stage, of the tracer and the tree over them.
+BYTES_A_TRIANGLE = 1140.0
+# Rows of two photon maps at a time, keyframes, footprints and the tree over them.
+BYTES_A_PHOTON = 1200.0
+# Visible points of a batch, sums and channels of the film.
+BYTES_A_PIXEL = 430.0
+
+
+@dataclass(frozen=True)
+class FrameNeed:
+    """What a frame is made of, and the memory that it will need.
+
+    Attributes:
+        triangles: Triangles, those of all instances counted.
+        photons: Photons that are sent.
+        pixels: Pixels of the image; 0 where photons are only traced.
+    """
+
+    triangles: int
+    photons: int
+    pixels: int
+
+    @property
+    def bytes(self) -> float:
+        """Bytes of memory at most, about; within a factor of two on the scenes that were measured."""
+        parts = BYTES_A_TRIANGLE * self.triangles + BYTES_A_PHOTON * self.photons + BYTES_A_PIXEL * self.pixels
+        return BYTES_AT_REST + parts
+
+    def __str__(self) -> str:
+        pixels = f", {self.pixels} pixels" if self.pixels else ""
+        return f"{self.bytes / 2**30:.3g} GB of memory ({self.triangles} triangles, {self.photons} photons{pixels})"
+
+
+def need_of(source: SceneSource, shutter: Shutter, settings: Settings, pixels: int) -> FrameNeed:
+    """What the frame over ``shutter`` will need.
+
+    Raises:
+        InputError: The scene cannot be used there.
+    """
+    meshes = source.at(Shutter.still(shutter.middle)).meshes
+    return FrameNeed(sum(len(mesh.triangles) for mesh in meshes), settings.photons, pixels)
+
+
+def refuse_beyond(need: FrameNeed, allowed: float, file: str) -> None:
+    """Refuses a frame that needs more memory than it may have.
+
+    Raises:
+        InputError: It does.
+    """
+    if need.bytes > allowed:
+        raise InputError(
+            f"a frame would need about {need}, and {allowed / 2**30:.3g} may be taken (fewer --photons, a smaller "
+            "--imageWidth, --mask, or more --max-memory)",
+            file=file,
+        )

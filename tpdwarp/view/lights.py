@@ -1,0 +1,61 @@
+"""Lights on the device."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.scene.description import LightAtShutter, LightKind
+from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.shaping import shaped, shaping_values
+from tpdwarp.scene.normalization import Normalization
+
+
+@wp.struct
+class LightArrays:
+    """Lights in the tracer's units: direction of travel or position, and how these change over the shutter.
+
+    ``power`` is irradiance at normal incidence per square unit, or radiant intensity. ``shaping``, about ``axis``, is
+    that of point lights; there are no rows where none is shaped.
+    """
+
+    distant: wp.array(dtype=wp.int32)
+    place: wp.array(dtype=wp.vec3)
+    place_motion: wp.array(dtype=wp.vec3)
+    power: wp.array(dtype=wp.vec3)
+    shaping: wp.array(dtype=wp.vec3)
+    axis: wp.array(dtype=wp.vec3)
+    axis_motion: wp.array(dtype=wp.vec3)
+
+
+def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher) -> LightArrays:
+    """The kernel's view of ``lights``."""
+    out = LightArrays()
+    distant = np.array([light.kind == LightKind.DISTANT for light in lights], bool)
+    place, motion, power = (np.zeros((len(lights), 3)) for _ in range(3))
+    for i, light in enumerate(lights):
+        power[i] = normalization.light_power(light)
+        if distant[i]:
+            place[i], motion[i] = -light.axes[2], -light.axes_motion[2]
+        else:
+            place[i] = normalization.points(light.position[None])[0]
+            motion[i] = light.position_motion * normalization.scale
+    out.distant = launcher.array(distant.astype(np.int32), wp.int32)
+    out.place = launcher.array(place.astype(np.float32), wp.vec3)
+    out.place_motion = launcher.array(motion.astype(np.float32), wp.vec3)
+    out.power = launcher.array(power.astype(np.float32), wp.vec3)
+    chosen = lights if any(light.shaping is not None for light in lights) else ()
+    axes = np.array([-light.axes[2] for light in chosen]), np.array([-light.axes_motion[2] for light in chosen])
+    for name, rows in (("shaping", list(map(shaping_values, chosen))), ("axis", axes[0]), ("axis_motion", axes[1])):
+        setattr(out, name, launcher.array(np.array(rows, np.float32).reshape(-1, 3), wp.vec3))
+    return out
+
+
+@wp.func
+def shaped_power(surfaces: Surfaces, lights: LightArrays, k: int, w: wp.vec3) -> wp.vec3:
+    """The power of light ``k`` along −ω, which points from the light to what it lights."""
+    if lights.shaping.shape[0] == 0:
+        return lights.power[k]
+    axis = wp.normalize(lights.axis[k] + surfaces.time * lights.axis_motion[k])
+    return lights.power[k] * shaped(lights.shaping[k], axis, -w)

@@ -1,0 +1,189 @@
+"""What compositing asks of the surfaces seen: what dielectrics shade, how they move over the screen, whose they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
+from tpdwarp.scene.description import Interaction
+from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
+from tpdwarp.view.camera import Camera
+from tpdwarp.view.lights import LightArrays, shaped_power
+
+# Which AOVs take this module's kernel.
+SURFACE_AOVS = ("albedo", "shadow", "vector", "id")
+DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
+FAR = wp.constant(1.0e6)
+# Dielectric surfaces that a shadow ray goes through. Chosen, not derived: a stack of sixteen panes.
+MOST_CROSSED = wp.constant(32)
+
+
+@wp.struct
+class SurfaceArrays:
+    """One row a camera path: irradiance that dielectrics take away, screen motion [pixels], object first met (or −1).
+
+    Screen motion is that over the whole shutter, to the right and up.
+    """
+
+    shaded: wp.array(dtype=wp.vec3)
+    vector: wp.array(dtype=wp.vec2)
+    object: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def hidden_by_opaque(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, offset: wp.vec3, distance: float) -> bool:
+    """Whether anything but dielectrics stands between x and x + distance·ω, and but for the plane that x lies on."""
+    offset_length = wp.length(offset)
+    side = wp.normalize(offset)
+    origin = x + offset
+    gone = float(0.0)
+    for _crossed in range(MOST_CROSSED):
+        query = wp.mesh_query_ray(surfaces.mesh, origin + gone * w, w, distance - gone)
+        if not query.result:
+            return False
+        plane = plane_of(surfaces, query.face)
+        glass = surfaces.interaction[surfaces.material_of[query.face]] == DIELECTRIC
+        if not glass and not is_plane_left(plane, x, side, offset_length):
+            return True
+        # Off the surface by as much as a ray that leaves it.
+        gone += query.t + 2.0 * plane.offset / wp.max(wp.abs(wp.dot(plane.n_g, w)), 1.0e-3)
+        if gone >= distance:
+            return False
+    return True
+
+
+@wp.func
+def shaded_irradiance(
+    surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp.vec3, n_g: wp.vec3, offset: wp.vec3
+) -> wp.vec3:
+    """Irradiance of lights that would come directly if dielectrics were not there."""
+    total = wp.vec3(0.0, 0.0, 0.0)
+    for k in range(lights.power.shape[0]):
+        place = lights.place[k] + surfaces.time * lights.place_motion[k]
+        w = -wp.normalize(place)
+        distance = float(FAR)
+        power = lights.power[k]
+        if lights.distant[k] == 0:
+            distance = wp.length(place - x)
+            w = (place - x) / distance
+            power = shaped_power(surfaces, lights, k, w) / (distance * distance)
+        cosine = wp.dot(n, w)
+        if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
+            if occluded(surfaces, x, w, offset, distance):
+                if not hidden_by_opaque(surfaces, x, w, offset, distance):
+                    total += power * cosine
+    return total
+
+
+@wp.func
+def film_position(camera: Camera, x: wp.vec3, time: float) -> wp.vec2:
+    """Where on the film [pixels, from the upper left] x is seen at ``time`` in the shutter (−½ … ½)."""
+    d = x - (camera.position + time * camera.position_motion)
+    a = wp.dot(d, wp.normalize(camera.right + time * camera.right_motion))
+    b = wp.dot(d, wp.normalize(camera.up + time * camera.up_motion))
+    if camera.orthographic == 0:
+        depth = -wp.dot(d, wp.normalize(camera.back + time * camera.back_motion))
+        a /= wp.max(depth, 1.0e-9)
+        b /= wp.max(depth, 1.0e-9)
+    return wp.vec2((a - camera.corner[0]) / camera.pixel[0], (camera.corner[1] - b) / camera.pixel[1])
+
+
+@cache
+def _kernel(shadow: bool, vector: bool, moves: bool, smooth: bool) -> wp.Kernel:
+    @wp.kernel(module="unique", enable_backward=False)
+    def surface_aovs(
+        base: int,
+        surfaces: Surfaces,
+        lights: LightArrays,
+        camera: Camera,
+        queries: QueryArrays,
+        triangles: wp.array(dtype=wp.int32),
+        first_triangles: wp.array(dtype=wp.int32),
+        first_positions: wp.array(dtype=wp.vec3),
+        segments: float,
+        out: SurfaceArrays,
+    ):
+        i = base + wp.tid()
+        first = first_triangles[i]
+        out.object[i] = -1
+        if first >= 0:
+            out.object[i] = surfaces.object_of[first]
+            if wp.static(vector):
+                motion = wp.vec3(0.0, 0.0, 0.0)
+                x = first_positions[i]
+                if wp.static(moves):
+                    corners = surfaces.triangles[first]
+                    p0 = surfaces.points[corners[0]]
+                    e1 = surfaces.points[corners[1]] - p0
+                    e2 = surfaces.points[corners[2]] - p0
+                    area = wp.cross(e1, e2)
+                    inverse = 1.0 / wp.max(wp.dot(area, area), 1.0e-30)
+                    b1 = wp.dot(wp.cross(x - p0, e2), area) * inverse
+                    b2 = wp.dot(wp.cross(e1, x - p0), area) * inverse
+                    m0 = surfaces.motions[corners[0]]
+                    motion = m0 + b1 * (surfaces.motions[corners[1]] - m0) + b2 * (surfaces.motions[corners[2]] - m0)
+                opened = film_position(camera, x - (surfaces.time + 0.5) * motion, -0.5)
+                closed = film_position(camera, x + (0.5 - surfaces.time) * motion, 0.5)
+                way = segments * (closed - opened)
+                out.vector[i] = wp.vec2(way[0], -way[1])
+        if wp.static(shadow):
+            if queries.receiver[i] >= 0:
+                n_g = queries.normal[i]
+                n = n_g
+                if wp.static(smooth):
+                    n = queries.shading_normal[i]
+                offset = plane_of(surfaces, triangles[i]).offset * n_g
+                out.shaded[i] = shaded_irradiance(surfaces, lights, queries.position[i], n, n_g, offset)
+
+    return surface_aovs
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceExtras:
+    """What one pass of camera paths saw besides; one row a path.
+
+    Attributes:
+        albedo: Of the diffuse surface where the path ends, shape [n, 3].
+        shaded: Irradiance there that dielectrics take away, in the tracer's units, shape [n, 3].
+        vector: Screen motion of what was met first, over the whole shutter [pixels, right and up], shape [n, 2].
+        objects: The object met first, −1 for none, shape [n].
+    """
+
+    albedo: np.ndarray
+    shaded: np.ndarray
+    vector: np.ndarray
+    objects: np.ndarray
+
+
+def surface_extras(
+    surfaces: Surfaces,
+    lights: LightArrays,
+    camera: Camera,
+    queries: QueryArrays,
+    seen: object,
+    aovs: tuple[str, ...],
+    launcher: Launcher,
+    moves: bool,
+    segments: int,
+) -> SurfaceExtras:
+    """Looks again at what camera paths saw.
+
+    Args:
+        queries: Where they ended.
+        seen: The :class:`tpdwarp.view.visibility.VisibleArrays` of the paths, with their triangles.
+        aovs: What is wanted.
+        moves: Whether triangles have motions.
+        segments: Segments of the shutter; scene and camera are those of one of them.
+    """
+    count = queries.receiver.shape[0]
+    out = launcher.rows(SurfaceArrays, count)
+    kernel = _kernel("shadow" in aovs, "vector" in aovs, moves, has_shading_normals(queries))
+    arrays = [seen.triangle, seen.first_triangle, seen.first_position]
+    launcher(kernel, count, [surfaces, lights, camera, queries, *arrays, float(segments), out])
+    return SurfaceExtras(seen.albedo.numpy(), out.shaded.numpy(), out.vector.numpy(), out.object.numpy())
