@@ -10,6 +10,7 @@ from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import write_frame
 from tpdwarp.jobs.aov_pictures import picture_of
 from tpdwarp.jobs.claims import Claims
+from tpdwarp.jobs.dark_frames import DarkWatch
 from tpdwarp.jobs.energy_warnings import EnergyWatch
 from tpdwarp.jobs.existing_frames import ExistingFrames, KeptFrame, statistics_text
 from tpdwarp.jobs.frame_metadata import frame_metadata
@@ -47,6 +48,7 @@ class RenderWork:
         self._size = plan.source.resolution()
         self._claims, self._context = Claims(), LazyContext(plan, math.prod(self._size))
         self._watch = EnergyWatch(plan.source)
+        self._dark = DarkWatch(plan.source.file)
 
     def __call__(self, frame: float) -> FrameOutcome:
         """Renders a frame, or leaves it alone.
@@ -68,6 +70,7 @@ class RenderWork:
                     made = trace_frame(self._context(shutter), shutter)
                 else:
                     made = render_frame(self._context(shutter), shutter, *self._size)
+                    self._dark(frame, made.channels)
             self._watch(frame, shutter, made.energy)
             refusal: FrameError | OSError | None = None
             if self._layer is not None:

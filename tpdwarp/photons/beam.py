@@ -68,10 +68,10 @@ def transfer_to(beam: Beam, hit: Hit, moves: bool) -> Beam:
 
 @wp.func
 def passed(incident: Beam, hit: Hit) -> Beam:
-    """The beam that goes straight on through ``hit``, where nothing is (beyond the paper).
+    """The beam at ``hit``, which goes straight on behind a surface that is not there (beyond the paper).
 
-    Its position and columns already lie on the surface. Columns differ from those of a beam that met nothing by
-    multiples of ω, which the next transfer takes away.
+    Its columns already lie on the surface. They differ from those of a beam that met nothing by multiples of ω, which
+    the next transfer (Eqs. 3, 4) takes away.
     """
     out = incident
     out.offset = wp.sign(wp.dot(hit.n_g, incident.w)) * hit.offset * hit.n_g
@@ -81,7 +81,7 @@ def passed(incident: Beam, hit: Hit) -> Beam:
 
 @wp.func
 def relative_index(surfaces: Surfaces, hit: Hit, w: wp.vec3) -> float:
-    """η = η_i/η_t of Igehy's refraction (1999), at a dielectric with nothing around it, whose front is outside."""
+    """η = η_i/η_t (Igehy 1999) of a dielectric with nothing around it, whose front is outside."""
     ior = surfaces.ior[surfaces.material_of[hit.triangle]]
     if wp.dot(hit.n_g, w) < 0.0:
         return 1.0 / ior

@@ -179,13 +179,13 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         path = wp.uint32(1)
         start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
         beam.magnitude = patch.magnitude
+        # Outside the cone of a light there is nothing to follow.
+        dark = wp.max(emitted) <= 0.0
         if wp.static(nested):
             # Light from afar begins outside of everything.
             inside = int(0)
             if patch.domain == 1:
                 inside = media_at(surfaces, beam.x, beam.w)
-        # Outside the cone of a light there is nothing to follow.
-        dark = wp.max(emitted) <= 0.0
 
         for bounce in range(bounces + 1):
             if dark:
@@ -202,20 +202,6 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     fate = FATE_DIRECT
                 break
             retried += hit.retried
-
-            # ---- What another solid displaces is not there (Schmidt & Budge 2002)
-            eta = float(1.0)
-            if wp.static(nested):
-                beyond = int(inside)
-                if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
-                    crossing = crossing_at(surfaces, hit, beam.w, inside)
-                    eta = crossing.eta
-                    beyond = crossing.beyond
-                    if crossing.nothing:
-                        inside = beyond
-                        beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
-                        start = 0.0
-                        continue
             if wp.static(partial):
                 # ---- What is not there lets light pass, and is no part of its path
                 share = presence_at(surfaces, textures, hit.triangle, hit.beta)
@@ -231,6 +217,20 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
                     start = 0.0
                     continue
+
+            # ---- What another solid displaces is not there (Schmidt & Budge 2002)
+            eta = float(1.0)
+            if wp.static(nested):
+                beyond = int(inside)
+                if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
+                    crossing = crossing_at(surfaces, hit, beam.w, inside)
+                    eta = crossing.eta
+                    beyond = crossing.beyond
+                    if crossing.nothing:
+                        inside = beyond
+                        beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                        start = 0.0
+                        continue
             if tags.shape[0] > 0:
                 path = prolonged(path, tags[hit.triangle])
             beam = transfer_to(beam, hit, wp.static(moves))
@@ -386,16 +386,9 @@ def trace_photons(
     landed: list[dict[str, np.ndarray]] = []
     needs = requirements
     variant = TracingVariant(
-        needs.photon_motion,
-        needs.refraction,
-        needs.reflection,
-        riding,
-        jittered,
-        needs.smooth_receivers,
-        nested=needs.nested,
-        partial=needs.partial,
-        tinted=needs.tinted,
-    )
+        needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers, needs.nested,
+        needs.partial, needs.tinted,
+    )  # fmt: skip
     kernel = tracing_kernel(variant)
     left_out = () if needs.smooth_receivers else ("incidence",)
     columns = [name for name in _COLUMNS if name not in left_out]

@@ -66,8 +66,9 @@ CULLED = wp.constant(int(PathFlag.CULLED))
 class VisibleArrays:
     """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π.
 
-    ``flags`` are those of :class:`PathFlag`. ``albedo`` and ``triangle`` are those of the surface where it ends,
-    ``first_triangle`` is what it met first; they have rows only where AOVs ask for them.
+    ``flags`` are those of :class:`PathFlag`.
+    ``albedo`` and ``triangle`` are those of the surface where the path ends, ``first_triangle`` is what it met first;
+    they have rows only where AOVs ask for them.
     """
 
     weight: wp.array(dtype=wp.vec3)
@@ -158,11 +159,11 @@ def visible_kernel(
     textured: bool = False,
     nested: bool = False,
     domed: bool = False,
+    named: bool = False,
     partial: bool = False,
     tinted: bool = False,
     lens: bool = False,
     emission: bool = False,
-    named: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
@@ -205,8 +206,8 @@ def visible_kernel(
         beam.magnitude = wp.min(surfaces.magnitude, wp.vec3(closeness, closeness, closeness))
         start = camera.near / depth_scale
         end = camera.far / depth_scale
+        passed_by = float(0.0)
         if wp.static(nested):
-            passed_by = float(0.0)
             inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
         throughput = wp.vec3(1.0, 1.0, 1.0)
         mask = masks[i]
@@ -215,7 +216,6 @@ def visible_kernel(
         flags = int(0)
         decision = int(0)
         travelled = float(0.0)
-        met = bool(False)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
         if wp.static(named):
@@ -230,8 +230,30 @@ def visible_kernel(
                 if wp.static(domed):
                     out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                 break
-            if wp.static(textured or partial):
+            if wp.static(textured):
                 travelled += hit.distance
+            if wp.static(partial):
+                # ---- What is not there is seen through
+                share = presence_at(surfaces, textures, hit.triangle, hit.beta)
+                stays = share >= 1.0
+                if share > 0.0 and share < 1.0:
+                    if out.first_depth[i] < 0.0:
+                        out.first_position[i] = hit.position
+                        out.first_normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+                        out.first_depth[i] = (passed_by + hit.distance) * depth_scale
+                        if wp.static(named):
+                            out.first_triangle[i] = hit.triangle
+                    part = take_branch(mask, decision, first_open, share, throughput, smallest_throughput)
+                    stays = part.reflected
+                    throughput = part.throughput
+                    reported = reported | part.reported
+                    decision += part.decided
+                if not stays:
+                    passed_by += hit.distance
+                    beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                    start = 0.0
+                    end = FAR
+                    continue
             # ---- What another solid displaces is not there
             eta = float(1.0)
             if wp.static(nested):
@@ -248,24 +270,6 @@ def visible_kernel(
                         end = FAR
                         continue
             beam = transfer_to(beam, hit, wp.static(moves))
-            if wp.static(partial):
-                # ---- What is not there is seen through
-                share = presence_at(surfaces, textures, hit.triangle, hit.beta)
-                stays = share >= 1.0
-                if share > 0.0 and share < 1.0:
-                    if out.first_depth[i] < 0.0:
-                        out.first_position[i] = beam.x
-                        out.first_normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
-                        out.first_depth[i] = travelled * depth_scale
-                    part = take_branch(mask, decision, first_open, share, throughput, smallest_throughput)
-                    stays = part.reflected
-                    throughput = part.throughput
-                    reported = reported | part.reported
-                    decision += part.decided
-                if not stays:
-                    beam = passed(beam, hit)
-                    start = 0.0
-                    continue
             if wp.static(moves):
                 if wp.length_sq(hit.motion) > 0.0:
                     flags = flags | MET_MOTION
@@ -276,22 +280,17 @@ def visible_kernel(
             if wp.dot(n, n_g) < 0.0:
                 n = -n
             first = bounce == 0
-            if wp.static(nested):
+            if wp.static(nested or partial):
                 # Before it, there may have been surfaces that are not there.
                 first = out.first_depth[i] < 0.0
-            if wp.static(partial):
-                first = not met and out.first_depth[i] < 0.0
-                met = True
             if first:
                 out.first_position[i] = beam.x
                 out.first_normal[i] = n
                 if wp.static(named):
                     out.first_triangle[i] = hit.triangle
                 depth = hit.distance
-                if wp.static(nested):
+                if wp.static(nested or partial):
                     depth += passed_by
-                if wp.static(partial):
-                    depth = travelled
                 out.first_depth[i] = depth * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
@@ -420,8 +419,8 @@ def visible_points(
     textures: TextureArrays | None = None,
     domes: DomeArrays | None = None,
     samples: int = 1,
-    aovs: tuple[str, ...] = (),
     smallest_throughput: float = SMALLEST_THROUGHPUT,
+    aovs: tuple[str, ...] = (),
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
 
@@ -433,8 +432,8 @@ def visible_points(
         textures: The textures of the surfaces, where there are any.
         domes: Light from all around, where there is any.
         samples: Samples a pixel; textures are averaged over the part of it that each stands for.
-        aovs: Channel groups wanted beside the beauty.
         smallest_throughput: Reflected branches that carry less are not followed.
+        aovs: Channel groups wanted beside the beauty.
     """
     items = np.arange(len(films), dtype=np.int32)
     masks = np.zeros(len(films), np.int32)
@@ -448,11 +447,11 @@ def visible_points(
         textured=needs.textures,
         nested=needs.nested,
         domed=needs.domes,
+        named=bool(asked := set(aovs) & set(SURFACE_AOVS)),
         partial=needs.partial,
         tinted=needs.tinted,
         lens=needs.lens,
         emission=needs.emission,
-        named=bool(asked := set(aovs) & set(SURFACE_AOVS)),
     )
     left_out = () if needs.smooth_receivers else ("shading_normal",)
     unnamed = () if asked else ("albedo", "triangle", "first_triangle")

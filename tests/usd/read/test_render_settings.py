@@ -113,14 +113,47 @@ def test_impossible_resolutions_are_refused(small, resolution):
         small.open()
 
 
+@pytest.mark.parametrize(
+    ("window", "size", "edges"),
+    [
+        ((0.0, 0.0, 1.0, 1.0), (40, 20), (0, 40, 0, 20)),
+        ((0.0, 0.0, 0.5, 1.0), (20, 20), (0, 20, 0, 20)),
+        # From the lower left: the upper quarter is rows 0 … 5.
+        ((0.25, 0.75, 1.0, 1.0), (30, 5), (10, 40, 0, 5)),
+        ((0.11, 0.0, 0.13, 0.04), (1, 1), (5, 6, 19, 20)),
+        ((-1.0, -1.0, 2.0, 0.5), (40, 10), (0, 40, 10, 20)),
+    ],
+)
+def test_the_data_window_is_cut_out_of_the_image(small, window, size, edges):
+    found = settings_on(small)
+    found.CreateResolutionAttr(Gf.Vec2i(40, 20))
+    whole = small.open(camera="/First").at(Shutter.still(1)).camera.window
+    found.CreateDataWindowNDCAttr(Gf.Vec4f(*window))
+    scene = small.open(camera="/First")
+    assert scene.resolution() == size
+    left, right, bottom, top = whole
+    across, down = (right - left) / 40, (top - bottom) / 20
+    first, end, above, below = edges
+    expected = (left + first * across, left + end * across, top - below * down, top - above * down)
+    assert scene.at(Shutter.still(1)).camera.window == pytest.approx(expected)
+
+
+def test_a_data_window_of_nothing_is_said_and_the_whole_rendered(small):
+    found = settings_on(small)
+    found.CreateResolutionAttr(Gf.Vec2i(40, 20))
+    found.CreateDataWindowNDCAttr(Gf.Vec4f(0.5, 0, 0.5, 1))
+    scene = small.open(camera="/First")
+    assert scene.resolution() == (40, 20)
+    assert any("dataWindowNDC" in m for m in scene.warnings.messages)
+
+
 def test_what_is_not_honoured_is_said(small):
     found = settings_on(small)
-    found.CreateDataWindowNDCAttr(Gf.Vec4f(0, 0, 0.5, 1))
     for name in ("One", "Two"):
         UsdRender.Product.Define(small.stage, f"/Render/{name}")
     found.GetProductsRel().SetTargets(["/Render/One", "/Render/Two"])
     warnings = small.open(camera="/First").warnings.messages
-    assert any("dataWindowNDC" in m for m in warnings) and any("/Render/Two" in m for m in warnings)
+    assert any("/Render/Two" in m for m in warnings)
 
 
 def test_the_aspect_of_a_pixel_is_the_one_asked_for_or_that_of_the_fit(small):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from tpdwarp.usd.read.values import text_at, texts_at, value_at
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
+# A window that holds the whole image.
+WHOLE = (0.0, 0.0, 1.0, 1.0)
 POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
 
 
@@ -28,6 +31,7 @@ class RenderRequest:
         still: Whether motion blur is disabled.
         purposes: Purposes included; None where not authored.
         material_purpose: Material purpose looked for first.
+        data_window: Part of the image that is rendered: left, bottom, right and top in 0 … 1, from its lower left.
     """
 
     path: str = ""
@@ -38,6 +42,19 @@ class RenderRequest:
     still: bool = False
     purposes: tuple[str, ...] | None = None
     material_purpose: str = "full"
+    data_window: tuple[float, float, float, float] = WHOLE
+
+    def pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
+        """Columns and rows of an image that are rendered: first and end of each, rows from the top.
+
+        A pixel is rendered where its lower left corner lies within the window, as UsdRender has it; one is at least.
+        """
+        left, bottom, right, top = self.data_window
+        first, end = (min(max(math.ceil(edge * width), 0), width) for edge in (left, right))
+        low, high = (min(max(math.ceil(edge * height), 0), height) for edge in (bottom, top))
+        first, low = min(first, width - 1), min(low, height - 1)
+        end, high = max(end, first + 1), max(high, low + 1)
+        return first, end, height - high, height - low
 
 
 def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce) -> RenderRequest:
@@ -79,8 +96,10 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce) -> RenderReque
     if policy not in POLICIES:
         warnings(_where(chosen), f"knows no {policy!r}; {POLICIES[0]} is used")
         policy = POLICIES[0]
-    if tuple(value("dataWindowNDC", (0, 0, 1, 1))) != (0, 0, 1, 1):
-        warnings(_where(authored("dataWindowNDC")), "is ignored: the whole image is rendered")
+    window = tuple(map(float, value("dataWindowNDC", WHOLE)))
+    if not (np.isfinite(window).all() and window[0] < window[2] and window[1] < window[3]):
+        warnings(_where(authored("dataWindowNDC")), "holds no window: the whole image is rendered")
+        window = WHOLE
     cameras = [camera for base in prims for camera in base.GetCameraRel().GetForwardedTargets()]
     purposes = settings.GetIncludedPurposesAttr()
     materials = settings.GetMaterialBindingPurposesAttr()
@@ -94,6 +113,7 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce) -> RenderReque
         bool(value("disableMotionBlur", False)) or bool(value("instantaneousShutter", False)),
         texts_at(purposes) if purposes.HasAuthoredValue() else None,
         order[0] if order else "",
+        window,
     )
 
 
@@ -124,6 +144,16 @@ def conformed(
         height = width / aspect
     x, y = 0.5 * (left + right), 0.5 * (bottom + top)
     return x - 0.5 * width, x + 0.5 * width, y - 0.5 * height, y + 0.5 * height
+
+
+def cropped(
+    window: tuple[float, float, float, float], width: int, height: int, pixels: tuple[int, int, int, int]
+) -> tuple[float, float, float, float]:
+    """The part of a window (left, right, bottom, top) that some columns and rows of its image show."""
+    left, right, bottom, top = window
+    first, end, above, below = pixels
+    across, down = (right - left) / width, (top - bottom) / height
+    return left + first * across, left + end * across, top - below * down, top - above * down
 
 
 def _product(stage: Usd.Stage, settings: UsdRender.Settings, warnings: WarnOnce) -> UsdRender.Product | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -30,7 +31,7 @@ from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
 from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
-from tpdwarp.usd.read.render_settings import RenderRequest, read_request
+from tpdwarp.usd.read.render_settings import WHOLE, RenderRequest, cropped, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.skinning import Deformation, Skeletons
@@ -160,6 +161,9 @@ class StageScene:
             width, height = self._resolution()
             aspect = width * self._request.pixel_aspect / height
             camera = self._camera.over(shutter, aspect, self._request.policy)
+            if self._request.data_window != WHOLE:
+                part = self._request.pixels(width, height)
+                camera = replace(camera, window=cropped(camera.window, width, height, part))
             if self._camera_light:
                 lights = (camera_light(camera),)
             domes = tuple(found for dome in self._domes if (found := dome.at(shutter)) is not None)
@@ -249,14 +253,16 @@ class StageScene:
         """Width and height of the image in pixels.
 
         ``settings.resolution`` comes first; then ``settings.image_width``, its height from the camera's aspect (rounded
-        down, as usdrecord does); then the render settings' resolution; then a width of 960.
+        down, as usdrecord does); then the render settings' resolution; then a width of 960. Of that, the part that the
+        render settings ask for.
 
         Raises:
             InputError: The camera's aperture has no size.
         """
         if self.camera_path is None:
             self.warnings("", "the stage has no camera: a free camera frames it (add a Camera prim to choose the view)")
-        return self._resolution()
+        first, end, above, below = self._request.pixels(*self._resolution())
+        return end - first, below - above
 
     def _resolution(self) -> tuple[int, int]:
         if self._settings.resolution is not None:
