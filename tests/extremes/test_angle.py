@@ -69,7 +69,8 @@ def test_a_flat_interface_of_any_index_follows_snell_and_fresnel(ior, motion):
 @pytest.mark.parametrize("angle", [0.4, 1.2, 0.5 * math.pi - 1e-2, 0.5 * math.pi - 1e-3])
 def test_an_interface_without_a_step_in_index_reflects_nothing_at_any_angle(angle):
     water = moving(quad("/water", (0, 0, 1), (1, 0, 0), (0, 1, 0), glass(1.0)), (0.05, 0.02, 0.03))
-    frame = render(scene([water, *walls()], sun(towards(angle))), photons=512)
+    # Along straight trajectories each cell has one photon, those at the border too.
+    frame = render(scene([water, *walls()], sun(towards(angle))), photons=512, path="straight")
     # Every photon goes straight on to the floor or to the wall behind.
     assert len(frame.photons) == pytest.approx(512, rel=0.1)
     assert frame.energy.deposited == pytest.approx(frame.energy.sent, rel=1e-6)
@@ -131,7 +132,9 @@ def test_waves_seen_from_inside_straddle_the_critical_angle_without_harm(beyond)
 def test_a_sun_in_the_plane_of_faces_lights_the_others(off, direction):
     body = moving(box("/box", (-0.5, -0.5, 0.5), (0.5, 0.5, 1), glass()), (0.05, 0.02, 0.01))
     lit = {"down": ((off, 0, -1), 1.0), "along": ((1, 0, -off), 0.5)}[direction]
-    frame = render(scene([body, floor(half=6.0)], sun(lit[0]), eye=looking_down((-2, 2, -2, 2), height=0.3)))
+    seen = scene([body, floor(half=6.0)], sun(lit[0]), eye=looking_down((-2, 2, -2, 2), height=0.3))
+    # Cells that are traced again at the border ride with the face that they meet first, and one of these is a sliver.
+    frame = render(seen, path="straight")
     assert frame.energy.sent == pytest.approx(3 * lit[1], rel=1e-3)
 
 

@@ -68,10 +68,10 @@ LIGHTS = {"sun": lambda: sun((0.2, 0.1, -1)), "lamp": lambda: lamp((0.4, 0.1, 3)
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-@pytest.mark.parametrize("half", [1e4, 1e5, 3e5])
+@pytest.mark.parametrize("half", [3e4, 1e5, 3e5])
 def test_a_small_lens_on_a_huge_floor_is_the_lens_on_a_smaller_one(half, light):
-    """From a thousandth of the floor's size down to a millionth: beyond a thousand, all the light it spreads lands."""
-    expected, found = (render(lens_on(h, light=LIGHTS[light]())) for h in (300.0, half))
+    """Down to a millionth of the floor's size. On smaller floors some light is drawn on squares of the scene's size."""
+    expected, found = (render(lens_on(h, light=LIGHTS[light]())) for h in (1e4, half))
     # A few photons at the rim and of many inner reflections take another way for a rounding.
     assert found.energy.sent == pytest.approx(expected.energy.sent, rel=1e-6)
     for part in ("deposited", "escaped", "lost_total"):
@@ -117,7 +117,8 @@ def test_triangles_with_edges_in_this_ratio_refract_like_the_plane_they_lie_in(r
         motions = motions + (points - [0, 0, 1]) @ turn.T
     down = axes_along((0, 0, -1), (*DIRECTION[:2], 0))
     light = LightAtShutter("/sun", LightKind.DISTANT, (1.0,) * 3, axes=down)
-    frame = render(scene([strip(points, glass(), motions), floor()], light))
+    # Along straight trajectories photons lie where they were traced, and not in the middle of cells at the border.
+    frame = render(scene([strip(points, glass(), motions), floor()], light), path="straight")
     photons = frame.photons
     passing = photons.bounces == 1
     assert passing.sum() > 700
