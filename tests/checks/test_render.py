@@ -107,7 +107,7 @@ def test_no_output_is_written_over_the_scene_or_a_frame_to_be(rendered, tmp_path
         (shot, "is part of the scene"),
         (stage, "is part of the scene"),
         (baseline / "w.0001.exr", "is part of the baseline"),
-        (tmp_path / "a" / "w.0003.exr", "is written by --json and by frames"),
+        (tmp_path / "a" / "w.0003.exr", "is written by json and by frames"),
     ):
         with pytest.raises(InputError, match=said):
             check(tmp_path / "a", baseline, render=shot, json=output)

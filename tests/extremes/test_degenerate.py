@@ -74,7 +74,8 @@ def test_faces_without_area_and_coincident_ones_change_nothing(motion, how):
     if motion == "rigid":
         special = replace(special, normal_motions=np.zeros_like(special.normals))
     spoilt = replace(here, meshes=(*spoiled(special)[how], ground))
-    assert_same_frame(render(spoilt), render(here))
+    # Of faces that coincide rays meet either: cells at the border may be traced again for one and not for the other.
+    assert_same_frame(*(render(what, path="straight") for what in (spoilt, here)))
 
 
 SHAPES = {

@@ -27,7 +27,8 @@ PASSING = 1 - fresnel_reflectance(0.0, 1.0, 1.33)
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_a_vanishing_exposure_is_a_still(motion):
     here = MOTIONS[motion]()
-    still, brief = (render(here, Shutter(0, 0.5 - e / 2, 0.5 + e / 2)) for e in (0.0, 1e-6))
+    # Along straight trajectories: otherwise cells at the border are traced through several places as soon as time goes.
+    still, brief = (render(here, Shutter(0, 0.5 - e / 2, 0.5 + e / 2), path="straight") for e in (0.0, 1e-6))
     for name in ("R", "caustic.R", "irradiance.R"):
         # A millionth of a frame moves footprints by less than 1e-6 of their size; queries too, if they move.
         brightest = still.channels[name].max()

@@ -20,7 +20,7 @@ from .placed import backwards, brighter, placed
 from .scenes import brightened, lamps, lattice_steps, law, numbers, rotations, scenes, suns, vectors, with_camera
 
 PIXELS = 12
-SETTINGS = Settings(photons=300, samples=1, threads=1, aovs=("irradiance", "motion"))
+SETTINGS = Settings(photons=300, segments=1, samples=1, threads=1, aovs=("irradiance", "motion"))
 BEAUTY = ("R", "G", "B")
 frame_law = examples(law, max_examples=20)
 # Which cells are traced again in time is decided by thresholds: roundings, or what else the scene holds, may put a cell

@@ -207,10 +207,10 @@ def test_frames_say_what_was_wanted_and_what_is_expected(tmp_path):
         ({"target_error": 0.0}, "must lie in"),
         ({"target_error": 2.0}, "must lie in"),
         ({"target_error": math.nan}, "must lie in"),
-        ({"target_error": 0.1, "photons": 64}, "leave --photons out"),
-        ({"target_error": 0.1, "segments": 2}, "leave --segments out"),
-        ({"target_error": 0.1, "estimator": "pd"}, "leave --estimator"),
-        ({"target_error": 0.1, "kernel": "cone"}, "leave --estimator"),
+        ({"target_error": 0.1, "photons": 64}, "leave photons out"),
+        ({"target_error": 0.1, "segments": 2}, "leave segments out"),
+        ({"target_error": 0.1, "estimator": "pd"}, "leave estimator"),
+        ({"target_error": 0.1, "kernel": "cone"}, "leave estimator"),
     ],
 )
 def test_what_does_not_go_together_is_refused(changes, words):

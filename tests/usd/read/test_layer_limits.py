@@ -76,7 +76,7 @@ def test_compressed_tables_may_not_grow_beyond_what_they_are_for(tmp_path, count
 
 def test_an_array_is_refused_by_its_declared_size(tmp_path):
     path = many_faces(tmp_path / "a.usdc", 3_000_000)
-    with pytest.raises(InputError, match=r"a\.usdc: declares an array of 3000000 values.*--max-memory"):
+    with pytest.raises(InputError, match=r"a\.usdc: declares an array of 3000000 values.*max_memory"):
         StageScene.open(path, Settings(), max_memory=1e9)
     root = tmp_path / "root.usda"
     root.write_text("#usda 1.0\n(\n    subLayers = [@./a.usdc@]\n)\n")

@@ -99,7 +99,7 @@ def test_the_mask_restricts_the_stage(small):
     assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/World/B"]
     assert scene.camera_path == "/Camera"
     for wrong in ("/Nowhere", "not a path"):
-        assert "--mask" in refused(small.file, mask=(wrong,))
+        assert "correct mask" in refused(small.file, mask=(wrong,))
 
 
 def test_rates_units_and_range_are_reported_and_change_nothing(small):
@@ -171,7 +171,7 @@ def test_description_is_plain_json_and_tells_what_moves(small):
         {"path": "/World/Wave", "triangles": 2, "instances": 1, "moves": True, "interactions": ["dielectric"]},
         {"path": "/World/Floor", "triangles": 2, "instances": 1, "moves": False, "interactions": ["diffuse"]},
     ]
-    assert told["lights"] == [{"path": "/Light", "kind": "distant", "power": [1, 1, 1], "moves": False}]
+    assert told["lights"] == [{"path": "/Light", "kind": "distant", "power": [1, 1, 1], "unit": "W/m2", "moves": False}]
     assert told["cameras"] == [{"path": "/Camera", "used": True}]
     assert told["frames"] == {"start": 1, "end": 5}
     assert len(told["warnings"]) == 1
