@@ -24,6 +24,7 @@ from .cases import (
     GRID,
     MOST_LOST,
     MOTIONS,
+    SAME,
     SHUTTER,
     Source,
     assert_balanced,
@@ -74,8 +75,8 @@ def test_faces_without_area_and_coincident_ones_change_nothing(motion, how):
     if motion == "rigid":
         special = replace(special, normal_motions=np.zeros_like(special.normals))
     spoilt = replace(here, meshes=(*spoiled(special)[how], ground))
-    # Of faces that coincide rays meet either: cells at the border may be traced again for one and not for the other.
-    assert_same_frame(*(render(what, path="straight") for what in (spoilt, here)))
+    # Of two meshes that coincide one is passed through as if it were not there, which takes one transfer more.
+    assert_same_frame(render(spoilt), render(here), 1e-3 if how == "the mesh twice" else SAME)
 
 
 SHAPES = {
