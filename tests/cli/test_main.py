@@ -127,6 +127,8 @@ def test_an_interruption_is_code_130_in_one_line(break_info, capsys):
 
 @pytest.mark.parametrize(("signal_number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_an_interrupted_render_leaves_complete_frames_only(tmp_path, signal_number, code):
+    if signal.getsignal(signal_number) == signal.SIG_IGN:
+        pytest.skip("whoever runs the tests (nohup, say) has this signal ignored, and so do they")
     stage = write_stage(tmp_path / "stage.usda")
     out = tmp_path / "out"
     arguments = ["render", stage, out / "a.##.exr", "-w", 8, "--debug-layer", out / "a.usdc", "--stats", out / "a.json"]
