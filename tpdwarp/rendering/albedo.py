@@ -12,7 +12,7 @@ from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.surface_points import SurfacePoints
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import Hit, diffuse_color
+from tpdwarp.scene.device.intersection import diffuse_color, hit_on
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.device.textures import TextureArrays, textured_color
 
@@ -36,19 +36,10 @@ def _albedo(textured: bool) -> wp.Kernel:
         material = surfaces.material_of[triangle]
         if surfaces.interaction[material] != DIFFUSE:
             return
-        hit = Hit()
-        hit.triangle = triangle
-        hit.beta = wp.vec3(weights[i][0], weights[i][1], 1.0 - weights[i][0] - weights[i][1])
+        beta = wp.vec3(weights[i][0], weights[i][1], 1.0 - weights[i][0] - weights[i][1])
+        hit = hit_on(surfaces, triangle, beta, False)
         color = diffuse_color(surfaces, hit)
         if wp.static(textured):
-            corners = surfaces.triangles[triangle]
-            e1 = surfaces.points[corners[1]] - surfaces.points[corners[0]]
-            e2 = surfaces.points[corners[2]] - surfaces.points[corners[0]]
-            area = wp.cross(e1, e2)
-            inverse = 1.0 / wp.max(wp.dot(area, area), 1.0e-30)
-            hit.n_g = wp.normalize(area)
-            hit.g1 = wp.cross(e2, area) * inverse
-            hit.g2 = wp.cross(area, e1) * inverse
             across = pixel.right
             down = pixel.up
             if wp.length_sq(across) == 0.0:

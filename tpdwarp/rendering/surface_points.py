@@ -18,6 +18,7 @@ from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import FramePhotons, Traced
 from tpdwarp.scene.description import Interaction, Shutter
 from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.intersection import hit_on, shading_normal
 from tpdwarp.scene.device.loading import LoadedScene
 
 # Points further than this from all surfaces lie on none, in scenes of unit size. Chosen, not derived: what callers
@@ -149,37 +150,19 @@ def _placing(smooth: bool, moves: bool) -> wp.Kernel:
         queries.receiver[i] = -1
         triangle = triangles[i]
         if triangle >= 0:
-            corners = surfaces.triangles[triangle]
-            a = weights[i][0]
-            b = weights[i][1]
-            c = 1.0 - a - b
-            p0 = surfaces.points[corners[0]]
-            p1 = surfaces.points[corners[1]]
-            p2 = surfaces.points[corners[2]]
-            n_g = wp.normalize(wp.cross(p1 - p0, p2 - p0)) * sides[i]
+            beta = wp.vec3(weights[i][0], weights[i][1], 1.0 - weights[i][0] - weights[i][1])
+            hit = hit_on(surfaces, triangle, beta, wp.static(moves))
+            n_g = hit.n_g * sides[i]
             queries.receiver[i] = surfaces.object_of[triangle]
-            queries.position[i] = a * p0 + b * p1 + c * p2
+            queries.position[i] = hit.position
             queries.normal[i] = n_g
             if wp.static(smooth):
-                n = n_g
-                indices = surfaces.normal_indices[triangle]
-                if indices[0] >= 0:
-                    s0 = surfaces.normals[indices[0]]
-                    s1 = surfaces.normals[indices[1]]
-                    s2 = surfaces.normals[indices[2]]
-                    if wp.static(moves):
-                        s0 += surfaces.time * surfaces.normal_motions[indices[0]]
-                        s1 += surfaces.time * surfaces.normal_motions[indices[1]]
-                        s2 += surfaces.time * surfaces.normal_motions[indices[2]]
-                    n = wp.normalize(a * s0 + b * s1 + c * s2)
-                    if wp.dot(n, n_g) < 0.0:
-                        n = -n
+                n = shading_normal(surfaces, hit, False, wp.static(moves)).n
+                if wp.dot(n, n_g) < 0.0:
+                    n = -n
                 queries.shading_normal[i] = n
             if wp.static(moves):
-                m0 = surfaces.motions[corners[0]]
-                m1 = surfaces.motions[corners[1]]
-                m2 = surfaces.motions[corners[2]]
-                queries.motion[i] = segments * (a * m0 + b * m1 + c * m2)
+                queries.motion[i] = segments * hit.motion
 
     return place
 

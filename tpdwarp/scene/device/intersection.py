@@ -185,6 +185,32 @@ def closest_hit(
 
 
 @wp.func
+def hit_on(surfaces: Surfaces, triangle: int, beta: wp.vec3, moves: bool) -> Hit:
+    """The point of a triangle with barycentric coordinates β, as if a ray had met it there (without what rays need)."""
+    hit = Hit()
+    hit.triangle = triangle
+    hit.beta = beta
+    corners = surfaces.triangles[triangle]
+    p0 = surfaces.points[corners[0]]
+    p1 = surfaces.points[corners[1]]
+    p2 = surfaces.points[corners[2]]
+    hit.position = beta[0] * p0 + beta[1] * p1 + beta[2] * p2
+    e1 = p1 - p0
+    e2 = p2 - p0
+    area = wp.cross(e1, e2)
+    inverse = 1.0 / wp.max(wp.dot(area, area), 1.0e-30)
+    hit.n_g = wp.normalize(area)
+    hit.g1 = wp.cross(e2, area) * inverse
+    hit.g2 = wp.cross(area, e1) * inverse
+    if moves:
+        m0 = surfaces.motions[corners[0]]
+        m1 = surfaces.motions[corners[1]]
+        m2 = surfaces.motions[corners[2]]
+        hit.motion = beta[0] * m0 + beta[1] * m1 + beta[2] * m2
+    return hit
+
+
+@wp.func
 def occluded(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, offset: wp.vec3, distance: float) -> bool:
     """Whether anything stands between x and x + distance·ω, but for the plane that x lies on.
 
