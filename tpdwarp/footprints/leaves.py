@@ -9,11 +9,10 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
+from tpdwarp.footprints.runs import FAR_AWAY
 
 # Queries of a leaf: a square of pixels of this area (tpdwarp.view.sampling). Chosen, not derived.
 LEAF = wp.constant(16)
-# Corners of a box that holds nothing yet.
-FAR_AWAY = wp.constant(1.0e30)
 
 
 @wp.struct

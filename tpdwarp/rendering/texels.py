@@ -91,8 +91,7 @@ def texels_of(
         launcher: The device.
     """
     places = (np.asarray(coordinates, np.float64) - np.asarray(tile)) * resolution
-    sides = places[:, 1:] - places[:, :1]
-    area = 0.5 * np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    area = 0.5 * np.abs(_determinants(places))
     beside = (places.min(axis=1) > resolution + gutter) | (places.max(axis=1) < -gutter)
     kept = np.flatnonzero((area > SMALLEST_AREA) & ~beside.any(axis=1))
     count = resolution**2
@@ -117,8 +116,7 @@ def texels_of(
 
 def overlap_of(coordinates: np.ndarray, texels: list[Texels]) -> float:
     """How many times over triangles lie on each other in a texture, as far as its texels show: 1 where they do not."""
-    sides = coordinates[:, 1:] - coordinates[:, :1]
-    area = 0.5 * np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]).sum()
+    area = 0.5 * np.abs(_determinants(coordinates)).sum()
     covered = sum(float(found.inside.sum()) / found.resolution**2 for found in texels)
     return float(area / covered) if covered else 1.0
 
@@ -141,7 +139,7 @@ def texel_size(
     """
     size = PixelSize()
     edges, sides = corners[:, 1:] - corners[:, :1], coordinates[:, 1:] - coordinates[:, :1]
-    determinant = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
+    determinant = _determinants(coordinates)
     area = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     seen = np.abs(determinant) * resolution**2 > SMALLEST_AREA
     if not seen.any():
@@ -159,3 +157,9 @@ def texel_size(
     else:
         size.base = scale * float(np.sqrt(area[seen].sum() / (0.5 * weight.sum()))) / resolution
     return size
+
+
+def _determinants(coordinates: np.ndarray) -> np.ndarray:
+    """Twice the signed areas, shape [m], of triangles in the plane with these corners [m, 3, 2]."""
+    sides = coordinates[:, 1:] - coordinates[:, :1]
+    return sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
