@@ -16,6 +16,7 @@ from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
 from tpdwarp.scene.device.presence import presence_at
 from tpdwarp.scene.device.textures import TextureArrays, filtered, packed_textures
 from tpdwarp.scene.normalization import Normalization
+from tpdwarp.view.lights import FAR
 
 # Parts of nearly equal luminance that a dome is cut into; of uniform ones each is 6° across. Chosen, not derived.
 PARTS = 1024
@@ -25,7 +26,6 @@ DOME_RAYS = wp.constant(16)
 # Layers of glass that a shadow ray passes; more hide the dome.
 MOST_LAYERS = wp.constant(16)
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
-FAR = wp.constant(1.0e6)
 # Beyond a layer of glass a shadow ray begins so much farther on, in scenes of unit size: some roundings.
 STEP = wp.constant(1.0e-5)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

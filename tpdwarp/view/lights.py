@@ -11,6 +11,9 @@ from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.shaping import shaped, shaping_values
 from tpdwarp.scene.normalization import Normalization
 
+# Distant lights are as far away as rays go, in the tracer's units, in which the scene is of unit size.
+FAR = wp.constant(1.0e6)
+
 
 @wp.struct
 class LightArrays:
@@ -52,10 +55,32 @@ def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalizatio
     return out
 
 
+@wp.struct
+class LitFrom:
+    """Where light comes from at a point: direction towards it, distance, and what ``power`` is divided by there."""
+
+    w: wp.vec3
+    distance: float
+    falloff: float
+    power: wp.vec3
+
+
 @wp.func
-def shaped_power(surfaces: Surfaces, lights: LightArrays, k: int, w: wp.vec3) -> wp.vec3:
-    """The power of light ``k`` along −ω, which points from the light to what it lights."""
-    if lights.shaping.shape[0] == 0:
-        return lights.power[k]
-    axis = wp.normalize(lights.axis[k] + surfaces.time * lights.axis_motion[k])
-    return lights.power[k] * shaped(lights.shaping[k], axis, -w)
+def lit_from(surfaces: Surfaces, lights: LightArrays, k: int, x: wp.vec3) -> LitFrom:
+    """What light ``k`` sends to x if nothing hides it: irradiance at normal incidence is power/falloff."""
+    out = LitFrom()
+    place = lights.place[k] + surfaces.time * lights.place_motion[k]
+    out.power = lights.power[k]
+    if lights.distant[k] == 1:
+        out.w = -wp.normalize(place)
+        out.distance = FAR
+        out.falloff = 1.0
+    else:
+        d = place - x
+        out.distance = wp.length(d)
+        out.w = d / out.distance
+        out.falloff = out.distance * out.distance
+        if lights.shaping.shape[0] > 0:
+            axis = wp.normalize(lights.axis[k] + surfaces.time * lights.axis_motion[k])
+            out.power = out.power * shaped(lights.shaping[k], axis, -out.w)
+    return out

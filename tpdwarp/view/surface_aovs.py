@@ -14,12 +14,11 @@ from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
 from tpdwarp.view.camera import Camera
-from tpdwarp.view.lights import LightArrays, shaped_power
+from tpdwarp.view.lights import LightArrays, lit_from
 
 # Which AOVs take this module's kernel.
 SURFACE_AOVS = ("albedo", "shadow", "vector", "id")
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
-FAR = wp.constant(1.0e6)
 # Dielectric surfaces that a shadow ray goes through. Chosen, not derived: a stack of sixteen panes.
 MOST_CROSSED = wp.constant(32)
 
@@ -65,19 +64,12 @@ def shaded_irradiance(
     """Irradiance of lights that would come directly if dielectrics were not there."""
     total = wp.vec3(0.0, 0.0, 0.0)
     for k in range(lights.power.shape[0]):
-        place = lights.place[k] + surfaces.time * lights.place_motion[k]
-        w = -wp.normalize(place)
-        distance = float(FAR)
-        power = lights.power[k]
-        if lights.distant[k] == 0:
-            distance = wp.length(place - x)
-            w = (place - x) / distance
-            power = shaped_power(surfaces, lights, k, w) / (distance * distance)
-        cosine = wp.dot(n, w)
-        if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
-            if occluded(surfaces, x, w, offset, distance):
-                if not hidden_by_opaque(surfaces, x, w, offset, distance):
-                    total += power * cosine
+        light = lit_from(surfaces, lights, k, x)
+        cosine = wp.dot(n, light.w)
+        if cosine > 0.0 and wp.dot(n_g, light.w) > 0.0:
+            if occluded(surfaces, x, light.w, offset, light.distance):
+                if not hidden_by_opaque(surfaces, x, light.w, offset, light.distance):
+                    total += light.power * (cosine / light.falloff)
     return total
 
 

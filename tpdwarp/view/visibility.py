@@ -27,7 +27,7 @@ from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
 from tpdwarp.view.camera import Camera, camera_ray, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
-from tpdwarp.view.lights import LightArrays, shaped_power
+from tpdwarp.view.lights import FAR, LightArrays, lit_from
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceExtras, surface_extras
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
@@ -42,8 +42,6 @@ DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Random numbers that choose places on the lens are others than those that keep rays off edges.
 OF_LENS = wp.constant(104729)
 TURN = wp.constant(6.283185307179586)
-# Rays end there, in the tracer's units, in which the scene is of unit size, as photons' do.
-FAR = wp.constant(1.0e6)
 
 
 class PathFlag(IntFlag):
@@ -93,21 +91,11 @@ def direct_irradiance(
     """
     total = wp.vec3(0.0, 0.0, 0.0)
     for k in range(lights.power.shape[0]):
-        place = lights.place[k] + surfaces.time * lights.place_motion[k]
-        if lights.distant[k] == 1:
-            w = -wp.normalize(place)
-            cosine = wp.dot(n, w)
-            if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
-                if not occluded(surfaces, x, w, offset, FAR):
-                    total += lights.power[k] * cosine
-        else:
-            d = place - x
-            distance = wp.length(d)
-            w = d / distance
-            cosine = wp.dot(n, w)
-            if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
-                if not occluded(surfaces, x, w, offset, distance):
-                    total += shaped_power(surfaces, lights, k, w) * (cosine / (distance * distance))
+        light = lit_from(surfaces, lights, k, x)
+        cosine = wp.dot(n, light.w)
+        if cosine > 0.0 and wp.dot(n_g, light.w) > 0.0:
+            if not occluded(surfaces, x, light.w, offset, light.distance):
+                total += light.power * (cosine / light.falloff)
     return total
 
 
@@ -124,18 +112,11 @@ def partly_hidden_irradiance(
     """As :func:`direct_irradiance`, where surfaces that are there in part let the rest of the light pass."""
     total = wp.vec3(0.0, 0.0, 0.0)
     for k in range(lights.power.shape[0]):
-        place = lights.place[k] + surfaces.time * lights.place_motion[k]
-        w = -wp.normalize(place)
-        distance = FAR
-        power = lights.power[k]
-        if lights.distant[k] == 0:
-            d = place - x
-            distance = wp.length(d)
-            w = d / distance
-            power = shaped_power(surfaces, lights, k, w) / (distance * distance)
-        cosine = wp.dot(n, w)
-        if cosine > 0.0 and wp.dot(n_g, w) > 0.0:
-            total += power * (cosine * share_that_passes(surfaces, textures, x, w, offset, distance))
+        light = lit_from(surfaces, lights, k, x)
+        cosine = wp.dot(n, light.w)
+        if cosine > 0.0 and wp.dot(n_g, light.w) > 0.0:
+            passing = share_that_passes(surfaces, textures, x, light.w, offset, light.distance)
+            total += light.power * (cosine / light.falloff * passing)
     return total
 
 
