@@ -13,10 +13,9 @@ from tpdwarp.cli.options import (
     declare_resume,
     declare_tracing,
     names,
-    persistence_given,
-    settings_given,
+    sequence_given,
 )
-from tpdwarp.cli.report import report, warnings_shown
+from tpdwarp.cli.report import QUIET, report, warnings_shown
 from tpdwarp.jobs.progress import progress_of
 
 SUMMARY = "bake light of photons on receivers to textures, over their coordinates"
@@ -86,13 +85,7 @@ def run(options: argparse.Namespace) -> int:
             resolution=options.texels,
             what=options.what,
             gutter=options.gutter,
-            frames=options.frames,
-            default_time=options.default_time,
             progress=shown,
-            stats=options.stats,
-            max_memory=options.max_memory,
-            skip_existing=options.skip_existing,
-            **persistence_given(options),
-            **settings_given(options),
+            **sequence_given(options),
         )
-    return report(result, quiet=options.progress in ("alf", "openjd", "none"), warnings=warnings)
+    return report(result, quiet=options.progress in QUIET, warnings=warnings)

@@ -230,6 +230,12 @@ def persistence_given(options: argparse.Namespace) -> dict[str, Any]:
     return {name: getattr(options, name) for name in ("strict", "frame_timeout", "retries", "max_failures")}
 
 
+def sequence_given(options: argparse.Namespace) -> dict[str, Any]:
+    """What all commands that work through frames are given, by its names in Python."""
+    plain = ("frames", "default_time", "stats", "skip_existing", "max_memory")
+    return {**{name: getattr(options, name) for name in plain}, **persistence_given(options), **settings_given(options)}
+
+
 def declare_memory(parser: argparse.ArgumentParser) -> None:
     """Adds ``--max-memory``."""
     parser.add_argument(

@@ -12,10 +12,9 @@ from tpdwarp.cli.options import (
     declare_reports,
     declare_resume,
     declare_tracing,
-    persistence_given,
-    settings_given,
+    sequence_given,
 )
-from tpdwarp.cli.report import report, warnings_shown
+from tpdwarp.cli.report import QUIET, report, warnings_shown
 from tpdwarp.jobs.progress import progress_of
 
 SUMMARY = "render frames of a USD stage to image files"
@@ -50,15 +49,9 @@ def run(options: argparse.Namespace) -> int:
         result = render(
             options.scene,
             options.out,
-            frames=options.frames,
-            default_time=options.default_time,
             progress=shown,
             debug_layer=options.debug_layer,
             curves=options.curves,
-            stats=options.stats,
-            skip_existing=options.skip_existing,
-            max_memory=options.max_memory,
-            **persistence_given(options),
-            **settings_given(options),
+            **sequence_given(options),
         )
-    return report(result, quiet=options.progress in ("alf", "openjd", "none"), warnings=warnings)
+    return report(result, quiet=options.progress in QUIET, warnings=warnings)

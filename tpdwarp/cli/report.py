@@ -22,6 +22,9 @@ _PLACES = re.compile(r"^(?:\S+: ){1,2}")
 _KIND_LENGTH = 72
 _MOST_KINDS = 4
 
+# Ways to show progress beside which only failures are worth a line: nobody reads, or a program does.
+QUIET = ("alf", "openjd", "none")
+
 if TYPE_CHECKING:
     from tpdwarp.jobs.results import SequenceResult
 
