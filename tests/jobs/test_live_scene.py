@@ -67,7 +67,7 @@ def test_a_stage_is_rendered_with_what_its_session_changes_and_is_not_changed(sm
 def test_an_open_scene_renders_what_single_calls_do(small):
     scene = tpdwarp.Scene(small, **SMALL)
     assert scene.frames == (1.0, 2.0, 3.0)
-    for changes in ({}, {"photons": 128}, {"image_width": 12}, {"exposure": 0.0}):
+    for changes in ({}, {"photons": 128}, {"image_width": 12}, {"exposure": 0.0}, {"emission": "jittered"}):
         frame = scene.render_frame(FRAME, **changes)
         same_channels(frame, tpdwarp.render_frame(small, FRAME, **{**SMALL, **changes}).channels)
     np.testing.assert_array_equal(

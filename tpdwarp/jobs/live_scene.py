@@ -21,8 +21,11 @@ from tpdwarp.rendering.surface_points import PointGroup, irradiance_at, points_o
 from tpdwarp.settings import MachineSettings, Settings, StageSettings
 from tpdwarp.usd.read.stage import StageLike
 
-# Settings that the stage is opened with, and put on the device.
-_READ_WITH = ("bounces", *(field.name for group in (StageSettings, MachineSettings) for field in fields(group)))
+# Settings that the stage is opened with, and put on the device; its shutter is asked for frame by frame.
+_READ_WITH = {"bounces", *(field.name for group in (StageSettings, MachineSettings) for field in fields(group))} - {
+    "exposure",
+    "shutter",
+}
 
 
 @dataclass
@@ -30,7 +33,7 @@ class RenderedFrame(one_frame.Frame):
     """A frame in memory; notebooks show its beauty.
 
     Attributes:
-        frame: Its time code; NaN for the default time.
+        frame: Its time code.
     """
 
     frame: float = math.nan
@@ -158,6 +161,10 @@ class Scene:
         return lights[0].irradiance
 
     @cached_property
+    def _opened(self) -> RenderContext:
+        return RenderContext(self._source, self.settings)
+
+    @cached_property
     def _context(self) -> RenderContext:
         return self._context_of(self.settings)
 
@@ -171,9 +178,7 @@ class Scene:
 
     def _context_of(self, settings: Settings) -> RenderContext:
         settings, _ = settled_settings(self._source, settings)
-        if "_context" in self.__dict__:
-            return self._context.with_settings(settings)
-        return RenderContext(self._source, settings)
+        return self._opened.with_settings(settings)
 
 
 def _vectors(name: str, values: np.ndarray) -> np.ndarray:

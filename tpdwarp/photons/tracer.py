@@ -29,10 +29,17 @@ class PhotonTracer:
         self._plans: dict[int, EmissionPlan] = {}
 
     def with_settings(self, settings: LightSettings) -> PhotonTracer:
-        """The same tracer with other numbers of photons or segments; stills are not read again."""
+        """The same tracer with other settings; stills are not read again where lattices keep their shape."""
         other = copy(self)
         other.settings = settings
+        if other._square != self._square:
+            other._plans = {}
         return other
+
+    @property
+    def _square(self) -> bool:
+        # What knows no footprints gains nothing from long cells, and dice are thrown as the paper throws them.
+        return self.settings.estimator == "tdpm" or self.settings.emission == "jittered"
 
     @property
     def riding(self) -> bool:
@@ -73,6 +80,4 @@ class PhotonTracer:
     def _planned(self, photons: int) -> EmissionPlan:
         if self._plans:
             return next(iter(self._plans.values())).with_photons(photons)
-        # What knows no footprints gains nothing from long cells, and dice are thrown as the paper throws them.
-        square = self.settings.estimator == "tdpm" or self.settings.emission == "jittered"
-        return plan_emission(self.source, photons, self.normalization, square=square)
+        return plan_emission(self.source, photons, self.normalization, square=self._square)
