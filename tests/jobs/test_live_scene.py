@@ -67,12 +67,21 @@ def test_a_stage_is_rendered_with_what_its_session_changes_and_is_not_changed(sm
 def test_an_open_scene_renders_what_single_calls_do(small):
     scene = tpdwarp.Scene(small, **SMALL)
     assert scene.frames == (1.0, 2.0, 3.0)
-    for changes in ({}, {"photons": 128}, {"image_width": 12}, {"exposure": 0.0}, {"emission": "jittered"}):
+    for changes in ({}, {"photons": 128}, {"image_width": 12}, {"exposure": 0.0}):
         frame = scene.render_frame(FRAME, **changes)
         same_channels(frame, tpdwarp.render_frame(small, FRAME, **{**SMALL, **changes}).channels)
     np.testing.assert_array_equal(
         scene.trace_photons(FRAME).positions, tpdwarp.trace_photons(small, FRAME, **SMALL).positions
     )
+
+
+def test_an_open_scene_does_not_throw_dice_in_the_long_cells_of_its_lattices(waves):
+    # Under a wave lattice cells are long; those of dice are square.
+    settings = {**SMALL, "camera": "TopOrtho"}
+    scene = tpdwarp.Scene(waves, **settings)
+    scene.render_frame(FRAME)
+    frame = scene.render_frame(FRAME, emission="jittered")
+    same_channels(frame, tpdwarp.render_frame(waves, FRAME, **settings, emission="jittered").channels)
 
 
 def test_a_notebook_shows_the_beauty(small):

@@ -75,6 +75,16 @@ def take_branch(
     return out
 
 
+@wp.func
+def take_share(mask: int, decision: int, first_open: int, share: float, throughput: wp.vec3, cutoff: float) -> Branch:
+    """Follows ``mask`` where a share of a surface acts, as :func:`take_branch` does; at 0 nothing is decided either."""
+    if share > 0.0:
+        return take_branch(mask, decision, first_open, share, throughput, cutoff)
+    out = Branch()
+    out.throughput = throughput
+    return out
+
+
 def reported_paths(items: np.ndarray, masks: np.ndarray, reported: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The paths of the next pass: every reported branch becomes one, in order of decision, then of item.
 

@@ -16,7 +16,7 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
-from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
+from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
 from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
@@ -205,15 +205,12 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(partial):
                 # ---- What is not there lets light pass, and is no part of its path
                 share = presence_at(surfaces, textures, hit.triangle, hit.beta)
-                stays = share >= 1.0
-                if share > 0.0 and share < 1.0:
-                    part = take_branch(mask, decision, first_open, share, flux, cutoff)
-                    stays = part.reflected
-                    flux = part.throughput
-                    reported = reported | part.reported
-                    culled += part.culled
-                    decision += part.decided
-                if not stays:
+                part = take_share(mask, decision, first_open, share, flux, cutoff)
+                flux = part.throughput
+                reported = reported | part.reported
+                culled += part.culled
+                decision += part.decided
+                if not part.reflected:
                     beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
                     start = 0.0
                     continue
@@ -237,15 +234,13 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
             if wp.static(partial):
-                diffuse = textures.diffuse_shares[material]
-                if diffuse > 0.0:
-                    part = take_branch(mask, decision, first_open, diffuse, flux, cutoff)
-                    flux = part.throughput
-                    reported = reported | part.reported
-                    culled += part.culled
-                    decision += part.decided
-                    if part.reflected:
-                        interaction = DIFFUSE
+                part = take_share(mask, decision, first_open, textures.diffuse_shares[material], flux, cutoff)
+                flux = part.throughput
+                reported = reported | part.reported
+                culled += part.culled
+                decision += part.decided
+                if part.reflected:
+                    interaction = DIFFUSE
 
             # ---- A diffuse surface takes it
             if interaction == DIFFUSE:

@@ -16,7 +16,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
-from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch
+from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, diffuse_color, occluded, shading_normal
@@ -216,20 +216,17 @@ def visible_kernel(
             if wp.static(partial):
                 # ---- What is not there is seen through
                 share = presence_at(surfaces, textures, hit.triangle, hit.beta)
-                stays = share >= 1.0
-                if share > 0.0 and share < 1.0:
-                    if out.first_depth[i] < 0.0:
-                        out.first_position[i] = hit.position
-                        out.first_normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
-                        out.first_depth[i] = (passed_by + hit.distance) * depth_scale
-                        if wp.static(named):
-                            out.first_triangle[i] = hit.triangle
-                    part = take_branch(mask, decision, first_open, share, throughput, smallest_throughput)
-                    stays = part.reflected
-                    throughput = part.throughput
-                    reported = reported | part.reported
-                    decision += part.decided
-                if not stays:
+                part = take_share(mask, decision, first_open, share, throughput, smallest_throughput)
+                throughput = part.throughput
+                reported = reported | part.reported
+                decision += part.decided
+                if part.decided == 1 and out.first_depth[i] < 0.0:
+                    out.first_position[i] = hit.position
+                    out.first_normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+                    out.first_depth[i] = (passed_by + hit.distance) * depth_scale
+                    if wp.static(named):
+                        out.first_triangle[i] = hit.triangle
+                if not part.reflected:
                     passed_by += hit.distance
                     beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
                     start = 0.0
@@ -277,13 +274,12 @@ def visible_kernel(
             interaction = surfaces.interaction[material]
             if wp.static(partial):
                 diffuse = textures.diffuse_shares[material]
-                if diffuse > 0.0:
-                    part = take_branch(mask, decision, first_open, diffuse, throughput, smallest_throughput)
-                    throughput = part.throughput
-                    reported = reported | part.reported
-                    decision += part.decided
-                    if part.reflected:
-                        interaction = DIFFUSE
+                part = take_share(mask, decision, first_open, diffuse, throughput, smallest_throughput)
+                throughput = part.throughput
+                reported = reported | part.reported
+                decision += part.decided
+                if part.reflected:
+                    interaction = DIFFUSE
 
             # ---- A diffuse surface ends the path: direct light, and a query for the photons'
             if interaction == DIFFUSE:
