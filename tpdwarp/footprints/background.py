@@ -29,8 +29,8 @@ from tpdwarp.photons.photon_map import PhotonMap
 # an eighth, by .0174, .0256 and .1045 without any background.
 FAINT = 1.0 / 8.0
 FAINT_QUANTILE = 0.1
-# Squares that a background footprint covers at least: they are at most 3/8 of a cell wide, and add side²/6 to the
-# cell²/4 by which a B-spline blurs: a tenth of it.
+# Squares that a background footprint covers at least: those of one at rest are at most 3/8 of a cell wide, and add
+# side²/6 to the cell²/4 by which a B-spline blurs: a tenth of it. One that moves is blurred by its motion besides.
 FEWEST_SQUARES = wp.constant(64.0)
 # Squares are powers of two in the tracer's units, and no finer than this, which bounds what numbers them.
 FINEST_SQUARE = wp.constant(2.0**-11)
