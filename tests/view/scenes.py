@@ -18,6 +18,7 @@ from tpdwarp.scene.description import (
 from tpdwarp.scene.device.geometry import geometry_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
+from tpdwarp.view.area_lights import area_light_arrays
 from tpdwarp.view.camera import camera_of
 from tpdwarp.view.lights import light_arrays
 from tpdwarp.view.visibility import visible_points
@@ -100,8 +101,8 @@ def see(
     geometry = geometry_of(scene, norm, ONE_THREAD, with_motions=moves)
     surfaces = geometry.at(time, ONE_THREAD)
     camera = camera_of(scene.camera, width, height, norm)
-    lights = light_arrays(scene.lights, norm, ONE_THREAD)
-    passes = visible_points(surfaces, lights, camera, np.asarray(films, float), needs, ONE_THREAD, moves=moves)
+    lights = [make(scene.lights, norm, ONE_THREAD) for make in (light_arrays, area_light_arrays)]
+    passes = visible_points(surfaces, *lights, camera, np.asarray(films, float), needs, ONE_THREAD, moves=moves)
     found = []
     for batch in passes:
         queries, arrays = batch.queries, batch.arrays

@@ -20,6 +20,7 @@ from tpdwarp.scene.description import DomeAtShutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
+from tpdwarp.view.area_lights import AreaLightArrays, area_light_arrays
 from tpdwarp.view.camera import Camera, camera_of, in_pixels, pixel_size
 from tpdwarp.view.domes import DomeArrays, dome_arrays
 from tpdwarp.view.lights import LightArrays, light_arrays
@@ -215,10 +216,10 @@ class CameraView:
         segment = min(int(time), count - 1)
         loaded = self._scenes[segment]
         with self._clock.stage("view"):
-            camera, lights = self._camera_and_lights(loaded)
+            camera, *lights = self._camera_and_lights(loaded)
             surfaces = loaded.geometry.at(time - segment - 0.5, self._launcher)
         passes = visible_points(
-            surfaces, lights, camera, films, loaded.requirements, self._launcher,
+            surfaces, *lights, camera, films, loaded.requirements, self._launcher,
             moves=self._moves, segments=count, scales_radiance=self._settings.refracted_radiance == "scaled",
             textures=loaded.textures, domes=self._domes_of(loaded), samples=self._settings.samples,
             aovs=self._settings.aovs,
@@ -240,11 +241,10 @@ class CameraView:
             self._domes = domes, dome_arrays(domes, self._normalization, self._launcher)
         return self._domes[1]
 
-    def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays]:
-        return (
-            camera_of(loaded.scene.camera, *self._size, self._normalization),
-            light_arrays(loaded.scene.lights, self._normalization, self._launcher),
-        )
+    def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays, AreaLightArrays]:
+        lights = loaded.scene.lights, self._normalization, self._launcher
+        camera = camera_of(loaded.scene.camera, *self._size, self._normalization)
+        return camera, light_arrays(*lights), area_light_arrays(*lights)
 
     def _batch(self, columns: Columns, moves: bool, number: int | None = None) -> QueryBatch:
         """The queries of ``columns``, all of them of slice ``number``; without, they stand for the whole shutter."""
