@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -28,6 +28,8 @@ class PhotonRecord:
         bounces: Specular interactions of the path, shape [n] int32.
         receivers: Index into ``receiver_paths``, shape [n] int32.
         receiver_paths: Prim paths of the meshes.
+        dxda, dxdb: Positional differentials by the place on the light, shape [n, 3]; no rows where no light has an
+            extent.
     """
 
     ids: np.ndarray
@@ -41,9 +43,16 @@ class PhotonRecord:
     bounces: np.ndarray
     receivers: np.ndarray
     receiver_paths: tuple[str, ...]
+    dxda: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    dxdb: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def rows(self, chosen: np.ndarray) -> PhotonRecord:
+        """Some of the photons, by index or mask."""
+        columns = {name: value for name, value in vars(self).items() if name != "receiver_paths" and len(value)}
+        return replace(self, **{name: value[chosen] for name, value in columns.items()})
 
 
 def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]) -> PhotonRecord:
@@ -77,6 +86,8 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
             "emission": photons.emission.astype(np.float64),
             "bounces": photons.bounces,
             "receivers": photons.receiver,
+            "dxda": norm.world_vectors(photons.dxda),
+            "dxdb": norm.world_vectors(photons.dxdb),
         }
         for name, value in values.items():
             rows.setdefault(name, []).append(value)

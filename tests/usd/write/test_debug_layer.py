@@ -59,11 +59,6 @@ def photons(
     )
 
 
-def subset(record: PhotonRecord, rows: np.ndarray) -> PhotonRecord:
-    columns = {name: values[rows] for name, values in vars(record).items() if name != "receiver_paths"}
-    return replace(record, **columns)
-
-
 @pytest.fixture
 def scene(tmp_path: Path) -> Path:
     path = tmp_path / "scene" / "shot.usda"
@@ -543,7 +538,7 @@ def test_photon_that_is_not_finite_is_named(tmp_path: Path, scene: Path, name: s
 def test_thinned_layer_keeps_the_same_photons_in_every_frame(tmp_path: Path, scene: Path) -> None:
     everything = photons(16)
     landed = np.random.default_rng(5).random((6, len(everything))) < 0.9
-    frames = {float(k): subset(everything, rows) for k, rows in enumerate(landed)}
+    frames = {float(k): everything.rows(rows) for k, rows in enumerate(landed)}
     stage = write(tmp_path / "a.usdc", scene, frames, curves=50)
     points = prim(stage, "Photons")
     kept = {time: set(points.GetIdsAttr().Get(time)) for time in frames}

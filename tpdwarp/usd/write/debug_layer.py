@@ -155,7 +155,7 @@ def thinned_alone(record: PhotonRecord, curves: int | None) -> PhotonRecord:
     if curves is None or len(record) <= curves + 1:
         return record
     ranks = thinning_ranks(record)
-    return _rows(record, ranks <= np.partition(ranks, curves)[curves])
+    return record.rows(ranks <= np.partition(ranks, curves)[curves])
 
 
 def refuse_non_finite(record: PhotonRecord, time: float, path: str | os.PathLike[str]) -> None:
@@ -437,7 +437,7 @@ class DebugLayerWriter:
         if np.count_nonzero(kept) > self._curves:
             self._bound = np.partition(ranks[kept], self._curves)[self._curves]
             kept = ranks < self._bound
-        return _rows(record, kept)
+        return record.rows(kept)
 
     def _flush(self) -> None:
         if self._streams:
@@ -475,12 +475,6 @@ class DebugLayerWriter:
             view.Save()
         except Tf.ErrorException as error:
             raise FrameError(f"{self.view_path}: cannot be written: {first_line(error)}") from error
-
-
-def _rows(record: PhotonRecord, kept: np.ndarray) -> PhotonRecord:
-    """The photons for which ``kept``, shape [n], is true."""
-    columns = {name: values[kept] for name, values in vars(record).items() if name != "receiver_paths"}
-    return replace(record, **columns)
 
 
 def open_scene_layer(path: str) -> Sdf.Layer:
