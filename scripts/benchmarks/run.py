@@ -16,7 +16,7 @@ from pathlib import Path
 FOLDER = Path(__file__).resolve().parent
 CASES = (
     "frame_time", "accuracy", "presets", "comparison", "target_error", "rounding", "check_frames", "solids", "house",
-    "speed", "gpu", "memory", "farm",
+    "speed", "extent", "gpu", "memory", "farm",
 )  # fmt: skip
 
 
