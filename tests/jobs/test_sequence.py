@@ -43,6 +43,17 @@ def some_photons(count=4):
     )
 
 
+class SomeLanded:
+    """Stands in for photons that have landed."""
+
+    def __init__(self):
+        self.record = some_photons()
+        self.receiver_paths = self.record.receiver_paths
+
+    def __len__(self):
+        return len(self.record)
+
+
 class FakeRenderer:
     """Stands in for the renderer: grey frames, and an exception at frames of choice."""
 
@@ -57,13 +68,13 @@ class FakeRenderer:
             raise self.fail[shutter.frame]
         self.rendered.append(shutter.frame)
         grey = {name: np.full((height, width), 0.5, np.float32) for name in "RGBA"}
-        return Frame(some_photons(), self.energy, {"trace": 0.5}, grey, context.source.at(shutter).camera)
+        return Frame(SomeLanded(), self.energy, {"trace": 0.5}, grey, context.source.at(shutter).camera)
 
     def trace(self, context, shutter):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.traced.append(shutter.frame)
-        return Frame(some_photons(), self.energy, {"trace": 0.5}, {}, None)
+        return Frame(SomeLanded(), self.energy, {"trace": 0.5}, {}, None)
 
 
 @pytest.fixture

@@ -77,7 +77,7 @@ class RenderWork:
                 # Photons first: a frame whose image is there has them, whenever the process is killed. That they
                 # cannot be kept makes the frame fail, but costs no image.
                 try:
-                    statistics = statistics_text(len(made.photons), made.energy, made.seconds)
+                    statistics = statistics_text(len(made.landed), made.energy, made.seconds)
                     self._layer.add(frame, made.photons, statistics)
                 except (FrameError, OSError) as error:
                     refusal = error
@@ -92,7 +92,7 @@ class RenderWork:
         if refusal is not None:
             raise refusal
         status = "written" if kept is None else "skipped"
-        return FrameOutcome(frame, status, path, "", len(made.photons), made.energy, dict(made.seconds))
+        return FrameOutcome(frame, status, path, "", len(made.landed), made.energy, dict(made.seconds))
 
 
 class TraceWork:
@@ -124,9 +124,9 @@ class TraceWork:
         with plan.files.unchanged(plan.strict):
             traced = trace_frame(self._context(shutter), shutter)
         self._watch(frame, shutter, traced.energy)
-        statistics = statistics_text(len(traced.photons), traced.energy, traced.seconds)
+        statistics = statistics_text(len(traced.landed), traced.energy, traced.seconds)
         self._layer.add(frame, traced.photons, statistics)
-        return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
+        return FrameOutcome(frame, "traced", "", "", len(traced.landed), traced.energy, dict(traced.seconds))
 
 
 class LazyContext:
