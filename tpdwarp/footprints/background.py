@@ -30,8 +30,9 @@ from tpdwarp.photons.photon_map import PhotonMap
 FAINT = 1.0 / 8.0
 FAINT_QUANTILE = 0.1
 # Squares that a background footprint covers at least: those of one at rest are at most 3/8 of a cell wide, and add
-# side²/6 to the cell²/4 by which a B-spline blurs: a tenth of it. One that moves is blurred by its motion besides.
-FEWEST_SQUARES = wp.constant(64.0)
+# side²/6 to the cell²/4 by which a B-spline blurs: a tenth of it. One that moves is blurred by its motion besides. So
+# many lie across its narrow side, too, or light beside a focus would leak out of the lines that converge there.
+FEWEST_ACROSS = wp.constant(8.0)
 # Squares are powers of two in the tracer's units, and no finer than this, which bounds what numbers them.
 FINEST_SQUARE = wp.constant(2.0**-11)
 COARSEST_SQUARE = wp.constant(2.0**-3)
@@ -94,24 +95,34 @@ def measure_light(
 ):
     """How bright footprints are while they shine, and the largest squares that they cover enough of; 0 for none.
 
-    The area of a swept parallelogram is |a × b| + |a × c| + |b × c|.
+    A parallelogram that is swept is narrowest across one of its sides or across its way.
     """
     i = base + wp.tid()
     u = CELLS * smoothing * dxdu[i]
     v = CELLS * smoothing * dxdv[i]
     area = wp.length(wp.cross(u, v))
     brightness[i] = (flux[i][0] + flux[i][1] + flux[i][2]) / wp.max(area, 1.0e-30)
-    swept = area + wp.length(wp.cross(u, dxdt[i])) + wp.length(wp.cross(v, dxdt[i]))
+    across_u = (area + wp.length(wp.cross(u, dxdt[i]))) / wp.max(wp.length(u), 1.0e-15)
+    across_v = (area + wp.length(wp.cross(v, dxdt[i]))) / wp.max(wp.length(v), 1.0e-15)
+    across = wp.min(across_u, across_v)
+    if wp.length(dxdt[i]) > 1.0e-15:
+        across_way = wp.length(wp.cross(u, dxdt[i])) + wp.length(wp.cross(v, dxdt[i]))
+        across = wp.min(across, across_way / wp.length(dxdt[i]))
     on_plane = pixel_on_plane(pixel, position[i], normal[i], tangent_frame(normal[i]))
     pixel_area = wp.abs(on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0])
-    side = wp.pow(2.0, wp.floor(0.5 * wp.log2(wp.max(swept, 1.0e-30) / FEWEST_SQUARES)))
+    side = wp.pow(2.0, wp.floor(wp.log2(wp.max(across, 1.0e-15) / FEWEST_ACROSS)))
     squares[i] = 0.0
     if side >= FINEST_SQUARE and side * side >= FEWEST_PIXELS * FEWEST_PIXELS * pixel_area:
         squares[i] = wp.min(side, COARSEST_SQUARE)
 
 
 def split_light(maps: list[PhotonMap], smoothing: float, pixel: PixelSize, launcher: Launcher) -> SplitLight:
-    """Tells photons of the background from others."""
+    """Tells photons of the background from others.
+
+    Where no path branches off with so little of its light, there is no background, and nothing is measured.
+    """
+    if not any((photons.share < FAINT).any() for photons in maps):
+        return SplitLight(maps)
     measured = [_measured(photons, smoothing, pixel, launcher) for photons in maps]
     while_shining = [bright / photons.duration for photons, (bright, _) in zip(maps, measured, strict=True)]
     brightness = np.concatenate(while_shining)
