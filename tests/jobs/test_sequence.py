@@ -63,14 +63,14 @@ class FakeRenderer:
         monkeypatch.setattr(frame_work, "render_frame", self.render)
         monkeypatch.setattr(frame_work, "trace_frame", self.trace)
 
-    def render(self, context, shutter, width, height):
+    def render(self, context, shutter, width, height, clock=None):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.rendered.append(shutter.frame)
         grey = {name: np.full((height, width), 0.5, np.float32) for name in "RGBA"}
         return Frame(SomeLanded(), self.energy, {"trace": 0.5}, grey, context.source.at(shutter).camera)
 
-    def trace(self, context, shutter):
+    def trace(self, context, shutter, clock=None):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.traced.append(shutter.frame)
@@ -238,7 +238,7 @@ def test_two_renders_into_one_folder_share_the_frames(stage, tmp_path, monkeypat
     fake = FakeRenderer(monkeypatch)
     real, first = fake.render, []
 
-    def render_and_begin_another(context, shutter, width, height):
+    def render_and_begin_another(context, shutter, width, height, clock=None):
         if not first:
             first.append(threading.Thread(target=tpdwarp.render, args=(stage, tmp_path / "a.##.exr"), kwargs=SMALL))
             first[0].start()

@@ -77,13 +77,13 @@ class FramePhotons:
         return LandedPhotons(self._maps, scenes[0].geometry.paths)
 
 
-def trace_frame(context: RenderContext, shutter: Shutter) -> Traced:
-    """Traces the photons of one shutter.
+def trace_frame(context: RenderContext, shutter: Shutter, clock: Clock | None = None) -> Traced:
+    """Traces the photons of one shutter; ``clock`` is as for :func:`render_frame`.
 
     Raises:
         InputError: The scene cannot be used there.
     """
-    clock = Clock()
+    clock = clock or Clock()
     scenes = context.segmentation.load(shutter, clock)
     photons = FramePhotons()
     for part in ESTIMATORS[context.settings.estimator]().parts(context.tracer, shutter, scenes, None, clock):
