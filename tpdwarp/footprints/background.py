@@ -33,8 +33,9 @@ FAINT_QUANTILE = 0.1
 # side²/6 to the cell²/4 by which a B-spline blurs: a tenth of it. One that moves is blurred by its motion besides.
 FEWEST_SQUARES = wp.constant(64.0)
 # Squares across the narrow side of what one sweeps over: with fewer, light beside a focus leaks out of the lines that
-# converge there. Chosen, not derived: a small lens on a floor 300 times as large showed .0080 for .0030 in a pixel beside
-# the focus without, .0043 with eight, which made the torus of scripts/benchmarks/solids.py take half as long again.
+# converge there. Chosen, not derived: a small lens on a floor 300 times as large showed .0080 for .0030 in a pixel
+# beside the focus without, .0043 with eight, which made the torus of scripts/benchmarks/solids.py take half as long
+# again.
 FEWEST_ACROSS = wp.constant(4.0)
 # Squares are powers of two in the tracer's units, and no finer than this, which bounds what numbers them.
 FINEST_SQUARE = wp.constant(2.0**-11)
