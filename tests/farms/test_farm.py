@@ -145,7 +145,7 @@ def poisoned(tmp_path, body):
         "        def exec_module(module):\n"
         "            run(module)\n"
         "            real = module.render_frame\n"
-        "            def render_frame(context, shutter, width, height):\n"
+        "            def render_frame(context, shutter, width, height, clock=None):\n"
         f"                if shutter.frame == 3: {body}\n"
         "                return real(context, shutter, width, height)\n"
         "            module.render_frame = render_frame\n"

@@ -43,6 +43,17 @@ def some_photons(count=4):
     )
 
 
+class SomeLanded:
+    """Stands in for photons that have landed."""
+
+    def __init__(self):
+        self.record = some_photons()
+        self.receiver_paths = self.record.receiver_paths
+
+    def __len__(self):
+        return len(self.record)
+
+
 class FakeRenderer:
     """Stands in for the renderer: grey frames, and an exception at frames of choice."""
 
@@ -52,18 +63,18 @@ class FakeRenderer:
         monkeypatch.setattr(frame_work, "render_frame", self.render)
         monkeypatch.setattr(frame_work, "trace_frame", self.trace)
 
-    def render(self, context, shutter, width, height):
+    def render(self, context, shutter, width, height, clock=None):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.rendered.append(shutter.frame)
         grey = {name: np.full((height, width), 0.5, np.float32) for name in "RGBA"}
-        return Frame(some_photons(), self.energy, {"trace": 0.5}, grey, context.source.at(shutter).camera)
+        return Frame(SomeLanded(), self.energy, {"trace": 0.5}, grey, context.source.at(shutter).camera)
 
-    def trace(self, context, shutter):
+    def trace(self, context, shutter, clock=None):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.traced.append(shutter.frame)
-        return Frame(some_photons(), self.energy, {"trace": 0.5}, {}, None)
+        return Frame(SomeLanded(), self.energy, {"trace": 0.5}, {}, None)
 
 
 @pytest.fixture
@@ -227,7 +238,7 @@ def test_two_renders_into_one_folder_share_the_frames(stage, tmp_path, monkeypat
     fake = FakeRenderer(monkeypatch)
     real, first = fake.render, []
 
-    def render_and_begin_another(context, shutter, width, height):
+    def render_and_begin_another(context, shutter, width, height, clock=None):
         if not first:
             first.append(threading.Thread(target=tpdwarp.render, args=(stage, tmp_path / "a.##.exr"), kwargs=SMALL))
             first[0].start()

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import SplitLight, split_light
 from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
 from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, irradiance_of
-from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, rows_of
 from tpdwarp.footprints.rasters import Rasters
 from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
@@ -83,7 +82,7 @@ class FootprintLight:
         looked_at = np.arange(queries.position.shape[0]) if lookup.with_motion else rows
         if not len(looked_at):
             return
-        some = _rows_of(queries, looked_at, self._launcher)
+        some = rows_of(queries, looked_at, self._launcher)
         for footprints in self._background:
             more = irradiance_of(gathered(footprints, some, self._form, self._launcher, lookup), lookup.with_motion)
             found.irradiance[rows] += more.irradiance[np.searchsorted(looked_at, rows)]
@@ -102,16 +101,3 @@ def _square(side: float) -> PixelSize:
     size = PixelSize()
     size.base = side
     return size
-
-
-def _rows_of(queries: QueryArrays, rows: np.ndarray, launcher: Launcher) -> QueryArrays:
-    """Some of the queries."""
-    out = QueryArrays()
-    names = ["position", "normal"]
-    names += ["motion"] if queries.motion.shape[0] else []
-    names += ["shading_normal"] if has_shading_normals(queries) else []
-    for name in ("position", "normal", "motion", "shading_normal"):
-        values = getattr(queries, name).numpy()[rows] if name in names else np.zeros((0, 3), np.float32)
-        setattr(out, name, launcher.array(values, wp.vec3))
-    out.receiver = launcher.array(queries.receiver.numpy()[rows], wp.int32)
-    return out

@@ -227,7 +227,7 @@ class BakeWork:
                     depth = "float" if what == "motion" else None
                     write_frame(self._names.path(receiver.path, tile, frame), channels, metadata | own, depth)
         return FrameOutcome(
-            frame, "written", paths[0], "", len(traced.photons), traced.energy, dict(traced.seconds)
+            frame, "written", paths[0], "", len(traced.landed), traced.energy, dict(traced.seconds)
         )
 
     def _kept(self, path: str, frame: float) -> KeptFrame | None:

@@ -55,10 +55,10 @@ def frame_metadata(
         "tpdwarp:scene": source.file,
         "tpdwarp:settings": json.dumps(settings.as_dict(), sort_keys=True),
         FINGERPRINT: fingerprint.text(frame),
-        STATISTICS: statistics_text(len(made.photons), energy, made.seconds),
+        STATISTICS: statistics_text(len(made.landed), energy, made.seconds),
         "tpdwarp:seed": settings.seed,
         "tpdwarp:renderSeconds": sum(made.seconds.values()),
-        "tpdwarp:photonsLanded": len(made.photons),
+        "tpdwarp:photonsLanded": len(made.landed),
         "tpdwarp:fluxSent": float(to_float32(energy.sent)),
         "tpdwarp:fluxDeposited": float(to_float32(energy.deposited)),
         "tpdwarp:fluxEscaped": float(to_float32(energy.escaped)),
@@ -66,7 +66,7 @@ def frame_metadata(
         "tpdwarp:fluxLost": float(to_float32(energy.lost_total)),
     }
     if "id" in settings.aovs:
-        numbers = object_ids(made.photons.receiver_paths)
+        numbers = object_ids(made.landed.receiver_paths)
         metadata["tpdwarp:ids"] = json.dumps({str(number): path for path, number in numbers.items()})
     if target is not None:
         metadata |= {"tpdwarp:targetError": target.wanted, "tpdwarp:expectedError": target.expected}

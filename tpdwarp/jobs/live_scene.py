@@ -115,7 +115,7 @@ class Scene:
         context = self._context_with(changes)
         shutter = shutter_of(context.source, float(frame), context.settings)
         made = one_frame.render_frame(context, shutter, *context.source.resolution())
-        return RenderedFrame(made.photons, made.energy, made.seconds, made.channels, made.camera, float(frame))
+        return RenderedFrame(made.landed, made.energy, made.seconds, made.channels, made.camera, float(frame))
 
     def trace_photons(self, frame: float, **changes: Any) -> PhotonRecord:
         """The photons that land over the shutter of a frame; see :func:`tpdwarp.trace_photons`."""

@@ -93,7 +93,7 @@ def render(
     plan, names, layer = prepared(
         scene, out, chosen, frames, default_time, strict, stats, debug_layer, curves, skip_existing, max_memory
     )
-    work = RenderWork(plan, names, layer, skip_existing, begun)
+    work = RenderWork(plan, names, layer, skip_existing, begun, shown)
     reports = SequenceReports(plan.source.file, stats, skip_existing)
     loop = FrameLoop(work, names.path, shown, persistence, reports.add)
     loop.run(plan.frames, layer)
@@ -136,7 +136,7 @@ def write_photons(
     plan = planned(source, files, wanted, chosen, strict, max_memory)
     job = DebugLayerJob(layer, plan, curves, skip_existing)
     reports = SequenceReports(source.file, stats, skip_existing)
-    loop = FrameLoop(TraceWork(plan, job), lambda frame: "", shown, persistence, reports.add)
+    loop = FrameLoop(TraceWork(plan, job, shown), lambda frame: "", shown, persistence, reports.add)
     loop.run(wanted, job)
     seconds = time.perf_counter() - started
     return reports.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds)

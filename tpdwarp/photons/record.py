@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -44,6 +45,26 @@ class PhotonRecord:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+
+class LandedPhotons:
+    """The photons of one shutter, whose record is made when it is first asked for: most frames never ask.
+
+    Args:
+        maps: As :func:`record_of` takes them.
+        receiver_paths: Prim paths of the meshes.
+    """
+
+    def __init__(self, maps: list[tuple[PhotonMap, EmissionPlan]], receiver_paths: tuple[str, ...]) -> None:
+        self._maps, self.receiver_paths = maps, receiver_paths
+
+    def __len__(self) -> int:
+        return sum(len(photons) for photons, _ in self._maps)
+
+    @cached_property
+    def record(self) -> PhotonRecord:
+        """The photons in scene units."""
+        return record_of(self._maps, self.receiver_paths)
 
 
 def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]) -> PhotonRecord:

@@ -409,7 +409,9 @@ def trace_photons(
             _tally(account, out, fate, first, plan.normalization.power)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
             if len(keep):
-                rows = {name: getattr(out, name).numpy()[keep] for name in columns}
+                # Where all of them have landed nothing is copied.
+                landing = slice(None) if len(keep) == len(cells) else keep
+                rows = {name: getattr(out, name).numpy()[landing] for name in columns}
                 rows["ids"] = _ids(cells[keep], patch, masks[keep], lattice, plan.id_count)
                 landed.append(rows)
             cells, masks = reported_paths(cells, masks, reported)
@@ -428,23 +430,28 @@ def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, first: n
         first: Paths whose emitted flux no other has counted, shape [n].
         unit: The tracer's unit of power [W].
     """
-    flux = unit * out.flux.numpy().sum(axis=1, dtype=np.float64)
     specular = fate != Fate.DIRECT
     # Counted at the light, not added up from where it went: so the account can show that something is missing.
-    account.sent += unit * float(out.emitted.numpy()[specular & first].sum(dtype=np.float64))
+    account.sent += unit * _total(out.emitted, specular & first)
     retried = int(out.retried.numpy().sum(dtype=np.int64))
     if retried:
         account.counts["hits at the second try"] = account.counts.get("hits at the second try", 0) + retried
-    account.deposited += float(flux[fate == Fate.DEPOSITED].sum())
-    account.escaped += float(flux[fate == Fate.ESCAPED].sum())
-    account.absorbed += unit * float(out.absorbed.numpy()[specular].sum(dtype=np.float64))
-    for cause, value in (
-        ("branch below cutoff", unit * out.culled.numpy()[specular].sum(dtype=np.float64)),
-        ("too many bounces", flux[fate == Fate.DEPTH].sum()),
-        ("not finite", flux[fate == Fate.NONFINITE].sum()),
+    account.deposited += unit * _total(out.flux, fate == Fate.DEPOSITED)
+    account.escaped += unit * _total(out.flux, fate == Fate.ESCAPED)
+    account.absorbed += unit * _total(out.absorbed, specular)
+    for cause, array, rows in (
+        ("branch below cutoff", out.culled, specular),
+        ("too many bounces", out.flux, fate == Fate.DEPTH),
+        ("not finite", out.flux, fate == Fate.NONFINITE),
     ):
-        if value:
-            account.lost[cause] = account.lost.get(cause, 0.0) + float(value)
+        if value := unit * _total(array, rows):
+            account.lost[cause] = account.lost.get(cause, 0.0) + value
+
+
+def _total(array: wp.array, rows: np.ndarray) -> float:
+    """Sum of all channels of some rows of vectors, by mask."""
+    values = array.numpy()
+    return float((values if rows.all() else values[rows]).sum(dtype=np.float64))
 
 
 def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:

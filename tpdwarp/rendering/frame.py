@@ -20,7 +20,7 @@ from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
-from tpdwarp.photons.record import PhotonRecord, record_of
+from tpdwarp.photons.record import LandedPhotons, PhotonRecord
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
@@ -34,14 +34,19 @@ class Traced:
     """Photons of one shutter.
 
     Attributes:
-        photons: The photons that landed, in scene units.
+        landed: The photons that landed.
         energy: Where the flux went [W].
         seconds: Wall time by stage.
     """
 
-    photons: PhotonRecord
+    landed: LandedPhotons
     energy: EnergyAccount
     seconds: dict[str, float]
+
+    @property
+    def photons(self) -> PhotonRecord:
+        """The photons that landed, in scene units."""
+        return self.landed.record
 
 
 @dataclass
@@ -68,22 +73,22 @@ class FramePhotons:
         self.energy.add(part.energy)
         self._maps += [(photons, part.plan) for photons in part.maps]
 
-    def record(self, scenes: list[LoadedScene]) -> PhotonRecord:
-        return record_of(self._maps, scenes[0].geometry.paths)
+    def landed(self, scenes: list[LoadedScene]) -> LandedPhotons:
+        return LandedPhotons(self._maps, scenes[0].geometry.paths)
 
 
-def trace_frame(context: RenderContext, shutter: Shutter) -> Traced:
-    """Traces the photons of one shutter.
+def trace_frame(context: RenderContext, shutter: Shutter, clock: Clock | None = None) -> Traced:
+    """Traces the photons of one shutter; ``clock`` is as for :func:`render_frame`.
 
     Raises:
         InputError: The scene cannot be used there.
     """
-    clock = Clock()
+    clock = clock or Clock()
     scenes = context.segmentation.load(shutter, clock)
     photons = FramePhotons()
     for part in ESTIMATORS[context.settings.estimator]().parts(context.tracer, shutter, scenes, None, clock):
         photons.add(part)
-    return Traced(photons.record(scenes), photons.energy, clock.seconds)
+    return Traced(photons.landed(scenes), photons.energy, clock.seconds)
 
 
 def render_frame(
@@ -118,9 +123,11 @@ def render_frame(
         view = CameraView(part.scenes, settings, context.normalization, context.launcher, width, height, clock)
         part.energy.add(expose(film, part.light, view.look(), part.weight, clock))
         photons.add(part)
-        # Before photons are recorded in scene units: ten million footprints take more memory than their photons.
+        # Ten million footprints take more memory than their photons.
         del part
-    return Frame(photons.record(scenes), photons.energy, clock.seconds, film.channels(), camera)
+    with clock.stage("film"):
+        channels = film.channels()
+    return Frame(photons.landed(scenes), photons.energy, clock.seconds, channels, camera)
 
 
 def middle_camera(scenes: list[LoadedScene]) -> CameraAtShutter:

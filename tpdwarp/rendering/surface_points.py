@@ -231,7 +231,7 @@ def irradiance_at(
         light.irradiance *= norm.scale**2 * norm.power
         light.motion /= norm.scale
         light.irradiance[group.points.triangles < 0] = np.nan
-    return lights, Traced(photons.record(scenes), photons.energy, clock.seconds)
+    return lights, Traced(photons.landed(scenes), photons.energy, clock.seconds)
 
 
 def _add_light(

@@ -22,13 +22,17 @@ def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: 
     varies linearly, as that of the centre alone is, and scattered positions' is not. Mirrored and ordered at random, it
     differs from pixel to pixel.
     """
+    t = np.arange(samples) - 0.5 * (samples - 1)
+    lattice = np.stack([t / samples, (GOLDEN * t + 0.5) % 1.0 - 0.5], axis=1)
+    signs = 1.0 - 2.0 * (np.arange(4)[:, None] >> np.array([0, 1]) & 1)
+    # One row for each of the eight ways to mirror it.
+    offsets = np.concatenate([signs[:, None] * lattice, signs[:, None] * lattice[:, ::-1]])
     order = (sample + (_uniform(pixels, seed) * samples).astype(np.int64)) % samples
-    t = order - 0.5 * (samples - 1)
-    offsets = np.stack([t / samples, (GOLDEN * t + 0.5) % 1.0 - 0.5], axis=1)
     mirrored = (_uniform(pixels, seed + 1) * 8).astype(np.int64)
-    offsets = np.where((mirrored & 4)[:, None] > 0, offsets[:, ::-1], offsets)
-    signs = 1.0 - 2.0 * (mirrored[:, None] >> np.array([0, 1]) & 1)
-    return np.stack([pixels % width, pixels // width], axis=1) + 0.5 + signs * offsets
+    films = offsets[mirrored, order]
+    films[:, 0] += pixels % width + 0.5
+    films[:, 1] += pixels // width + 0.5
+    return films
 
 
 def part_count(samples: int) -> int:
