@@ -30,7 +30,7 @@ def no_photons():
     vectors, numbers = np.zeros((0, 3)), np.zeros(0, np.int32)
     return PhotonRecord(numbers, *[vectors] * 6, np.zeros((0, 2)), numbers, numbers, ())
 
-def render_frame(context, shutter, width, height):
+def render_frame(context, shutter, width, height, **_):
     if shutter.frame > 1:
         print("busy", flush=True)
         time.sleep(60)

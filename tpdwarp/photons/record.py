@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
@@ -28,6 +28,8 @@ class PhotonRecord:
         bounces: Specular interactions of the path, shape [n] int32.
         receivers: Index into ``receiver_paths``, shape [n] int32.
         receiver_paths: Prim paths of the meshes.
+        lights: Index into ``light_paths``, shape [n] int32; no rows where that is not known.
+        light_paths: Prim paths of the lights.
     """
 
     ids: np.ndarray
@@ -41,9 +43,17 @@ class PhotonRecord:
     bounces: np.ndarray
     receivers: np.ndarray
     receiver_paths: tuple[str, ...]
+    lights: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    light_paths: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def rows(self, chosen: np.ndarray) -> PhotonRecord:
+        """Some of the photons, by index or mask."""
+        arrays = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
+        columns = [name for name in arrays if len(getattr(self, name)) == len(self)]
+        return replace(self, **{name: getattr(self, name)[chosen] for name in columns})
 
 
 def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]) -> PhotonRecord:
@@ -60,6 +70,7 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
     norm = maps[0][1].normalization
     ids = sum(plan.id_count for photons, plan in maps if photons.part == 0)
     first = own = 0
+    lights: dict[str, int] = {}
     rows: dict[str, list[np.ndarray]] = {}
     for photons, plan in maps:
         if photons.part == 0:
@@ -77,7 +88,11 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
             "emission": photons.emission.astype(np.float64),
             "bounces": photons.bounces,
             "receivers": photons.receiver,
+            "lights": np.array([lights.setdefault(path, len(lights)) for path in photons.light_paths], np.int32)[
+                photons.light
+            ],
         }
         for name, value in values.items():
             rows.setdefault(name, []).append(value)
-    return PhotonRecord(**{name: joined(parts) for name, parts in rows.items()}, receiver_paths=paths)
+    columns = {name: joined(parts) for name, parts in rows.items()}
+    return PhotonRecord(**columns, receiver_paths=paths, light_paths=tuple(lights))
