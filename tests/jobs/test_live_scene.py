@@ -220,6 +220,27 @@ def test_settings_of_the_wrong_kind_are_refused_in_pythons_words(small, changes,
         tpdwarp.Scene(small, **changes)
 
 
+@pytest.mark.parametrize("out", [None, 5, b"f.exr"])
+def test_what_names_no_file_is_refused(small, out):
+    for write in (tpdwarp.render, tpdwarp.bake):
+        with pytest.raises(InputError, match="a file must be named by"):
+            write(small, out, frames=FRAME, photons=64, threads=1)
+
+
+def test_textures_take_what_notebooks_have(small, tmp_path):
+    options = {"resolution": np.int64(8), "gutter": np.int32(1), "frames": np.array([FRAME]), "photons": 64}
+    for receiver in (Sdf.Path("/World/Floor"), [Sdf.Path("/World/Floor")], np.array(["/World/Floor"])):
+        assert tpdwarp.bake(small, tmp_path / "t.exr", receiver=receiver, **options, threads=1).written == (FRAME,)
+    with pytest.raises(InputError, match="resolution must be a whole number"):
+        tpdwarp.bake(small, tmp_path / "t.exr", resolution=2.5, threads=1)
+
+
+def test_a_frame_is_short_in_a_notebook(small):
+    frame = tpdwarp.render_frame(small, FRAME, **SMALL, aovs=["irradiance"])
+    assert repr(frame).startswith("tpdwarp.RenderedFrame(frame 2, 24 × 16, R G B A irradiance, ")
+    assert repr(frame.photons).startswith(f"PhotonRecord({len(frame.photons)} photons: ids, positions")
+
+
 def test_settings_take_what_notebooks_have(small):
     crop = np.array([0, 0, 0.5, 1])
     settings = tpdwarp.Settings(aovs="caustic, Z", photons=np.int32(64), crop=crop, mask=["/World"])

@@ -90,10 +90,10 @@ def test_a_group_is_what_its_lights_leave_alone(lit):
     stage.SetEditTarget(stage.GetSessionLayer())
     stage.GetPrimAtPath("/World/Lamp").SetActive(False)
     alone = tpdwarp.render_frame(stage, FRAME, **SMALL, aovs=["caustic"]).channels
-    inside = rgb(alone, "caustic")[..., 0] > 0.9 * rgb(alone, "caustic").max()
-    assert inside.sum() > 20
-    # Under a flat pane light is even, however many photons carry it.
-    np.testing.assert_allclose(rgb(apart, "caustic_sun")[inside], rgb(alone, "caustic")[inside], rtol=1e-3)
+    # Under the middle of a flat pane light is even, however many photons carry it.
+    middle = (slice(6, 10), slice(10, 14))
+    assert rgb(alone, "caustic")[middle].min() > 0.9 * rgb(alone, "caustic").max() > 0.0
+    np.testing.assert_allclose(rgb(apart, "caustic_sun")[middle], rgb(alone, "caustic")[middle], rtol=1e-3)
 
 
 def test_a_light_that_is_off_has_its_channels_all_the_same(lit):
@@ -131,4 +131,5 @@ def test_textures_hold_groups(lit, tmp_path):
     whole = np.stack([channels[c] for c in "RGB"], axis=-1)
     parts = rgb(channels, "irradiance_Sun") + rgb(channels, "irradiance_practicals")
     assert whole.any()
-    np.testing.assert_allclose(parts, whole, rtol=2**-10)
+    # The whole is stored in half precision, groups in single.
+    np.testing.assert_allclose(parts, whole, rtol=2**-11, atol=2**-25)

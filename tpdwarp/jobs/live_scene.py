@@ -29,7 +29,7 @@ _READ_WITH = {"bounces", *(field.name for group in (StageSettings, MachineSettin
 }
 
 
-@dataclass
+@dataclass(repr=False)
 class RenderedFrame(one_frame.Frame):
     """A frame in memory; notebooks show its beauty.
 
@@ -38,6 +38,11 @@ class RenderedFrame(one_frame.Frame):
     """
 
     frame: float = math.nan
+
+    def __repr__(self) -> str:
+        height, width = self.channels["R"].shape
+        names = " ".join(dict.fromkeys(name.partition(".")[0] for name in self.channels))
+        return f"tpdwarp.RenderedFrame(frame {self.frame:g}, {width} × {height}, {names}, {len(self.photons)} photons)"
 
     @property
     def beauty(self) -> np.ndarray:

@@ -13,7 +13,7 @@ from tpdwarp.photons.photon_map import PhotonMap, joined
 PART_IDS = 1 << 56
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PhotonRecord:
     """Photons deposited over one shutter, one row each, in scene units.
 
@@ -48,6 +48,10 @@ class PhotonRecord:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def __repr__(self) -> str:
+        columns = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
+        return f"PhotonRecord({len(self)} photons: {', '.join(columns)})"
 
     def rows(self, chosen: np.ndarray) -> PhotonRecord:
         """Some of the photons, by index or mask."""

@@ -557,8 +557,8 @@ def test_thinned_layers_hold_no_more_paths_than_photons(tmp_path: Path, scene: P
     record = photons()
     with writer(tmp_path / "a.usdc", scene, curves=5) as layer:
         layer.add_frame(2, record, 1.0, paths(record, 40))
-    curves = prim(Usd.Stage.Open(str(tmp_path / "a.usdc")), "Paths")
-    assert curves.ComputeUniformDataSize(2) == 5
+    stage = Usd.Stage.Open(str(tmp_path / "a.usdc"))
+    assert prim(stage, "Paths").ComputeUniformDataSize(2) == 5
 
 
 def test_outlines_of_many_photons_have_fewer_corners(tmp_path: Path, scene: Path) -> None:
