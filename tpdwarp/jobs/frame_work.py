@@ -24,7 +24,7 @@ from tpdwarp.rendering.frame import render_frame, trace_frame
 from tpdwarp.scene.description import Shutter
 
 # Paths of photons in a frame of a debug layer: more of them hide each other. Chosen, not derived.
-MOST_PATHS = 2000
+MOST_PATHS = 1000
 
 
 class RenderWork:

@@ -306,7 +306,8 @@ def test_colours_show_what_their_variant_says(tmp_path: Path, scene: Path) -> No
     stage = write(tmp_path / "a.usdc", scene, {2: record})
     colours = stage.GetPrimAtPath("/TPD").GetVariantSet("colour")
     assert colours.GetVariantSelection() == "speed"
-    for name, values in (("bounces", record.bounces), ("receiver", record.receivers), ("light", record.lights)):
+    # Receivers and lights are told apart from the second step of their ramp on.
+    for name, values in (("bounces", record.bounces), ("receiver", record.receivers + 1), ("light", record.lights + 1)):
         colours.SetVariantSelection(name)
         for of in PRIMS:
             # A step of the table, times the ramp's slope of at most 4 a stop.

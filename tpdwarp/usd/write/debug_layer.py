@@ -314,8 +314,9 @@ class DebugLayerWriter:
             "speed": np.linalg.norm(record.dxdt, axis=-1).astype(np.float32),
             "flux": record.flux.sum(axis=-1).astype(np.float32),
             "bounces": record.bounces.astype(np.float32),
-            "receiver": receivers.astype(np.float32),
-            "light": lights.astype(np.float32),
+            # The first of them has a colour that is seen on dark floors, too.
+            "receiver": receivers.astype(np.float32) + 1.0,
+            "light": lights.astype(np.float32) + 1.0,
         }
 
     def close(self) -> None:
