@@ -34,6 +34,10 @@ class IrradianceField(Protocol):
         """Irradiance at ``queries``."""
         ...
 
+    def of_photons(self, maps: list[PhotonMap]) -> IrradianceField:
+        """The same estimate from other photons."""
+        ...
+
 
 @dataclass
 class Part:

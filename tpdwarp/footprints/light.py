@@ -44,6 +44,7 @@ class FootprintLight:
         launcher: Launcher,
     ) -> None:
         self._form, self._launcher, self.moves = form, launcher, moves
+        self._smoothing, self._pixel = smoothing, pixel
         # Kernels of the paper are evaluated as it says.
         split = split_light(maps, smoothing, pixel, launcher) if form.smooth else SplitLight(maps)
 
@@ -66,6 +67,10 @@ class FootprintLight:
         """How far a query may move within its window and stand for all of it: through a run."""
         sizes = [footprints.run_size for footprints in (self._fine, *self._background) if footprints.count]
         return min(sizes, default=0.0) / (1.0 + float(LARGEST_DEVIATION))
+
+    def of_photons(self, maps: list[PhotonMap]) -> FootprintLight:
+        """The light of other photons, evaluated as this one is."""
+        return FootprintLight(maps, self._form, self._smoothing, self._pixel, self.moves, self._launcher)
 
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``."""

@@ -119,6 +119,7 @@ class CameraView:
         width, height: Pixels.
         clock: Where the time goes.
         pixels: The pixels looked at, those close together in the image close together; None for all.
+        numbers: By what number each of them is called in what is seen; None for its place in ``pixels``.
     """
 
     def __init__(
@@ -131,6 +132,7 @@ class CameraView:
         height: int,
         clock: Clock,
         pixels: np.ndarray | None = None,
+        numbers: np.ndarray | None = None,
     ) -> None:
         self._scenes, self._settings, self._size, self._clock = scenes, settings, (width, height), clock
         self._normalization, self._launcher = normalization, launcher
@@ -139,7 +141,7 @@ class CameraView:
         self._smooth = any(s.requirements.smooth_receivers for s in scenes)
         self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
         self._pixels = block_order(width, height) if pixels is None else pixels
-        self._numbers = self._pixels if pixels is None else np.arange(len(pixels))
+        self._numbers = self._pixels if pixels is None else np.arange(len(pixels)) if numbers is None else numbers
         middle = scenes[len(scenes) // 2].scene.camera
         self._pixel = pixel_size(camera_of(middle, width, height, normalization), settings.samples)
         # Photon mapping does not average over pixels.

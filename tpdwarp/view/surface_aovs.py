@@ -17,7 +17,7 @@ from tpdwarp.view.camera import Camera
 from tpdwarp.view.lights import LightArrays, lit_from
 
 # Which AOVs take this module's kernel.
-SURFACE_AOVS = ("albedo", "shadow", "vector", "id")
+SURFACE_AOVS = ("albedo", "shadow", "vector", "id", "cryptomatte")
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Dielectric surfaces that a shadow ray goes through. Chosen, not derived: a stack of sixteen panes.
 MOST_CROSSED = wp.constant(32)

@@ -14,7 +14,7 @@ from tpdwarp.scene.description import LightAtShutter, LightKind, Shaping, Shutte
 from tpdwarp.usd.read.coordinate_frames import frame_over
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_at, raw_at, value_at
+from tpdwarp.usd.read.values import number_at, raw_at, text_at, value_at
 
 # Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
 AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
@@ -25,6 +25,18 @@ AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
 }
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+# Where lights name their groups for other renderers: ours, then RenderMan's, Karma's and Arnold's.
+GROUP_ATTRIBUTES = (
+    "tpdwarp:lightGroup",
+    "primvars:ri:attributes:identifier:lpegroup",
+    "inputs:ri:light:lightGroup",
+    "ri:light:lightGroup",
+    "inputs:karma:light:lpetag",
+    "karma:light:lpetag",
+    "primvars:arnold:aov",
+    "inputs:arnold:aov",
+)
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
@@ -67,6 +79,13 @@ class Light:
     def kind_name(self) -> str:
         """What it is rendered as."""
         return self.kind.name.lower()
+
+    @property
+    def group(self) -> str:
+        """The light group that it names for this or another renderer; empty for none."""
+        attributes = (self.prim.GetAttribute(name) for name in GROUP_ATTRIBUTES)
+        named = (str(text_at(found, EARLIEST) or "") for found in attributes if found and found.HasAuthoredValue())
+        return next((name for name in named if name and name != "default"), "")
 
     def visible(self, frame: float) -> bool:
         return UsdGeom.Imageable(self.prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
