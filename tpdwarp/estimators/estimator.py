@@ -23,8 +23,8 @@ class IrradianceField(Protocol):
     """Irradiance from photons at any point.
 
     Attributes:
-        longest_way: How far a query may move within its window [tracer's units] to stand for all of it; beyond, it
-            stands for a part.
+        longest_way: How far a query may move within its window [tracer's units] and be looked up at once; beyond, it is
+            looked up in pieces of its way.
     """
 
     @property
