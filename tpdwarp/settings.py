@@ -113,7 +113,7 @@ class _Group:
     def _check_counts(self, *names: str) -> None:
         for name in names:
             value = getattr(self, name)
-            if value is None or (name, value) == ("segments", "auto"):
+            if value is None or (name in ("segments", "light_splits") and value == "auto"):
                 continue
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 _refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")
@@ -193,6 +193,8 @@ class LightSettings(_Group):
     Attributes:
         photons: Photons emitted towards specular geometry, a frame.
         segments: Parts of the shutter that are traced apart, each with its share of the photons; ``auto`` chooses.
+        light_splits: Parts that a light with extent is cut into, each traced from its middle with its share of the
+            photons; ``auto`` chooses.
         bounces: Specular interactions followed along a path; None for as many as light takes (up to 64).
         branch_cutoff: Part of the emitted flux below which reflected branches of photons are given up, and counted.
         target_error: Wanted relative RMSE of caustics; chooses photons and segments.
@@ -207,13 +209,15 @@ class LightSettings(_Group):
         path: Trajectory of a B-spline footprint of ``tpd``: ``straight`` along D_t x, or ``curved`` as it changes.
         smoothing: Footprint size in lattice cells.
         time_filter: Shutter response of Eq. 9, for ``swept``.
-        accumulation_times: Instants that ``accumulation`` averages, or from which random times are taken.
+        accumulation_times: Instants, and places on lights with extent, that ``accumulation`` averages, or instants from
+            which random times are taken.
         tdpm_neighbours: Photons in an estimate of ``tdpm``.
         tdpm_between: In-between frames of ``tdpm``; else times are random.
     """
 
     photons: int = 65536
     segments: int | str = "auto"
+    light_splits: int | str = "auto"
     bounces: int | None = None
     branch_cutoff: float = 2.0e-3
     target_error: float | None = None
@@ -231,9 +235,11 @@ class LightSettings(_Group):
     tdpm_between: int | None = None
 
     def _check(self) -> None:
-        if isinstance(self.segments, str) and self.segments != "auto":
-            _refuse("segments", f"must be a whole number above 0 or auto, not {self.segments!r}")
-        self._check_counts("photons", "segments", "bounces", "accumulation_times", "tdpm_neighbours")
+        for name in ("segments", "light_splits"):
+            value = getattr(self, name)
+            if isinstance(value, str) and value != "auto":
+                _refuse(name, f"must be a whole number above 0 or auto, not {value!r}")
+        self._check_counts("photons", "segments", "light_splits", "bounces", "accumulation_times", "tdpm_neighbours")
         if self.target_error is not None:
             if not 1e-4 <= self.target_error <= 1:
                 _refuse("target_error", f"must lie in 0.0001 … 1, not {self.target_error}")

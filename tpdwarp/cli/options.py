@@ -27,8 +27,8 @@ def complexity(text: str) -> float:
     return COMPLEXITIES[text] if text in COMPLEXITIES else float(text)
 
 
-def segments(text: str) -> int | str:
-    """A number of segments, or auto."""
+def count_or_auto(text: str) -> int | str:
+    """A number, or auto."""
     return text if text == "auto" else int(text)
 
 
@@ -78,7 +78,8 @@ EXPOSURE = (
 METHOD = (
     SettingOption("motion", ("--motion",)),
     SettingOption("photons", ("--photons",), int, "N"),
-    SettingOption("segments", ("--segments",), segments, "K|auto"),
+    SettingOption("segments", ("--segments",), count_or_auto, "K|auto"),
+    SettingOption("light_splits", ("--light-splits",), count_or_auto, "N|auto"),
     SettingOption("bounces", ("--bounces",), int, "N"),
     SettingOption("branch_cutoff", ("--branch-cutoff",), float, "PART"),
     SettingOption("target_error", ("--target-error",), float, "X"),

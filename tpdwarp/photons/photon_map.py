@@ -57,6 +57,8 @@ class PhotonMap:
         light_paths: Prim paths of the lights.
         vertices: Where the path begins, meets surfaces and ends, as many as its bounces and two, shape [n,
             ``MOST_VERTICES``, 3]; no rows where they are not recorded.
+        dxda, dxdb: D_a x and D_b x by the place on the light, shape [n, 3]; no rows where no light has an extent.
+        image: What they span (:class:`tpdwarp.photons.light_columns.LightImage`), shape [n] int32; rows as they have.
         trajectory: How it curves, and how the footprint changes along it; None where it is straight.
         time: Middle of the photons' part of the shutter, −½ … ½.
         duration: Length of that part.
@@ -81,6 +83,9 @@ class PhotonMap:
     light: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int16))
     light_paths: tuple[str, ...] = ()
     vertices: np.ndarray = field(default_factory=lambda: np.zeros((0, MOST_VERTICES, 3), np.float32))
+    dxda: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    dxdb: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    image: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     trajectory: TrajectoryColumns | None = None
     time: float = 0.0
     duration: float = 1.0

@@ -31,6 +31,8 @@ class PhotonRecord:
         receiver_paths: Prim paths of the meshes.
         lights: Index into ``light_paths``, shape [n] int32; no rows where that is not known.
         light_paths: Prim paths of the lights.
+        dxda, dxdb: Positional differentials by the place on the light, shape [n, 3]; no rows where no light has an
+            extent.
     """
 
     ids: np.ndarray
@@ -46,6 +48,8 @@ class PhotonRecord:
     receiver_paths: tuple[str, ...]
     lights: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     light_paths: tuple[str, ...] = ()
+    dxda: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    dxdb: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -116,6 +120,8 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
             "lights": np.array([lights.setdefault(path, len(lights)) for path in photons.light_paths], np.int32)[
                 photons.light
             ],
+            "dxda": norm.world_vectors(photons.dxda),
+            "dxdb": norm.world_vectors(photons.dxdb),
         }
         for name, value in values.items():
             rows.setdefault(name, []).append(value)

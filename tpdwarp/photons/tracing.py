@@ -21,6 +21,7 @@ from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
+from tpdwarp.photons.light_columns import LightColumns, columns_at, scatter_columns, transfer_columns
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
@@ -84,6 +85,9 @@ class PhotonArrays:
     path: wp.array(dtype=wp.uint32)
     share: wp.array(dtype=wp.float32)
     incidence: wp.array(dtype=wp.vec3)
+    dxda: wp.array(dtype=wp.vec3)
+    dxdb: wp.array(dtype=wp.vec3)
+    image: wp.array(dtype=wp.int32)
     fate: wp.array(dtype=wp.int32)
     reported: wp.array(dtype=wp.int32)
     retried: wp.array(dtype=wp.int32)
@@ -103,6 +107,7 @@ class TracingVariant:
     partial: bool = False
     tinted: bool = False
     recording: bool = False
+    extended: bool = False
 
 
 @wp.func
@@ -130,7 +135,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
     smooth_receivers, nested = variant.smooth_receivers, variant.nested
-    partial, tints, recording = variant.partial, variant.tinted, variant.recording
+    partial, tints, recording, extended = variant.partial, variant.tinted, variant.recording, variant.extended
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -180,6 +185,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         decision = int(0)
         retried = int(0)
         path = wp.uint32(1)
+        columns = LightColumns()
         start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
         beam.magnitude = patch.magnitude
         if wp.static(recording):
@@ -217,6 +223,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 decision += part.decided
                 if not part.reflected:
                     beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                    if wp.static(extended):
+                        columns = transfer_columns(columns, beam.w, hit)
                     start = 0.0
                     continue
 
@@ -231,6 +239,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     if crossing.nothing:
                         inside = beyond
                         beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                        if wp.static(extended):
+                            columns = transfer_columns(columns, beam.w, hit)
                         start = 0.0
                         continue
             if tags.shape[0] > 0:
@@ -238,6 +248,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             beam = transfer_to(beam, hit, wp.static(moves))
             if wp.static(recording):
                 vertices[i * VERTICES + wp.min(count + 1, VERTICES - 1)] = beam.x
+            if wp.static(extended):
+                columns = transfer_columns(columns, beam.w, hit)
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
             if wp.static(partial):
@@ -275,6 +287,13 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
                     beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
                     out.shift[i] = shift
+
+            # ---- The light's extent, seen from the first specular surface (beyond the paper)
+            if wp.static(extended):
+                if count == 0:
+                    columns = columns_at(patch, beam)
+                    off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
+                    beam.w = wp.normalize(beam.w + off)
 
             # ---- Reflection or refraction
             dielectric = wp.static(refraction)
@@ -316,6 +335,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(nested):
                 if not reflected:
                     inside = beyond
+            if wp.static(extended):
+                columns = scatter_columns(surfaces, columns, beam.w, hit, at, reflected, wp.static(moves))
             beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
             path = prolonged(path, int(reflected))
             start = 0.0
@@ -323,12 +344,18 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
 
         if fate == FATE_DEPOSITED:
             size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
+            if wp.static(extended):
+                size += wp.length_sq(columns.dxda) + wp.length_sq(columns.dxdb)
             if not wp.isfinite(size):
                 fate = FATE_NONFINITE
         out.position[i] = beam.x
         out.dxdu[i] = beam.dxdu
         out.dxdv[i] = beam.dxdv
         out.dxdt[i] = beam.dxdt
+        if wp.static(extended):
+            out.dxda[i] = columns.dxda
+            out.dxdb[i] = columns.dxdb
+            out.image[i] = columns.image
         if wp.static(partial):
             out.emitted[i] = entering
         else:
@@ -349,7 +376,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
 
 _COLUMNS = (
     "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver", "bounces",
-    "path", "share", "incidence",
+    "path", "share", "incidence", "dxda", "dxdb", "image",
 )  # fmt: skip
 
 
@@ -369,6 +396,7 @@ def trace_photons(
     tags: np.ndarray | None = None,
     textures: TextureArrays | None = None,
     recording: bool = False,
+    place: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[PhotonMap, EnergyAccount]:
     """Traces the lattice photons of ``plan`` through ``geometry``.
 
@@ -382,6 +410,8 @@ def trace_photons(
             branch alone.
         textures: What the surfaces have of textures and of parts that are not there, where there are any.
         recording: Whether the vertices of paths are wanted.
+        place: Where on lights with extent photons come from, through the same points of the first specular surface, by
+            the light's coordinates (a, b).
 
     Returns:
         The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
@@ -391,15 +421,17 @@ def trace_photons(
     needs = requirements
     variant = TracingVariant(
         needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers, needs.nested,
-        needs.partial, needs.tinted, recording,
+        needs.partial, needs.tinted, recording, bool(needs.extended_lights),
     )  # fmt: skip
     kernel = tracing_kernel(variant)
     left_out = () if needs.smooth_receivers else ("incidence",)
+    left_out += () if variant.extended else ("dxda", "dxdb", "image")
     columns = [name for name in _COLUMNS if name not in left_out]
     lights = tuple(light.path for light in scene.lights)
     device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     for lattice, patch in plan.patches(scene):
         patch.power = weight * patch.power
+        patch.light_place = wp.vec2(*place)
         offsets = np.zeros((0, 2), np.float32)
         if chosen:
             cells, offsets = _placed(chosen(lattice, patch), patch)

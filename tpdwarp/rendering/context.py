@@ -10,6 +10,7 @@ from tpdwarp.rendering.light_groups import LightGroups
 from tpdwarp.scene.description import SceneSource
 from tpdwarp.scene.device.loading import SceneLoader
 from tpdwarp.settings import Settings
+from tpdwarp.trajectories.light_splits import best_split_count
 from tpdwarp.trajectories.segments import Segmentation
 
 
@@ -29,7 +30,7 @@ class RenderContext:
         self.source, self.settings = source, settings
         self.loader = loader or SceneLoader(source, Launcher(settings.device, settings.threads), settings.bounces)
         self.launcher, self.normalization = self.loader.launcher, self.loader.normalization
-        self.tracer = PhotonTracer(self.loader, settings)
+        self.tracer = PhotonTracer(self.loader, settings, best_split_count)
         self.segmentation = Segmentation(self.tracer)
         self.light_groups = LightGroups.of(settings.light_groups, source)
 

@@ -19,6 +19,7 @@ from tpdwarp.scene.description import DomeAtShutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
+from tpdwarp.view.area_lights import AreaLightArrays, area_light_arrays
 from tpdwarp.view.camera import Camera, camera_of, pixel_size
 from tpdwarp.view.domes import DomeArrays, dome_arrays
 from tpdwarp.view.lights import LightArrays, light_arrays
@@ -275,10 +276,10 @@ class CameraView:
         segment = min(int(time), count - 1)
         loaded = self._scenes[segment]
         with self._clock.stage("view"):
-            camera, lights = self._camera_and_lights(loaded)
+            camera, *lights = self._camera_and_lights(loaded)
             surfaces = loaded.geometry.at(time - segment - 0.5, self._launcher)
         passes = visible_points(
-            surfaces, lights, camera, films, items, replace(loaded.requirements, smooth_receivers=self._smooth),
+            surfaces, *lights, camera, films, items, replace(loaded.requirements, smooth_receivers=self._smooth),
             self._launcher,
             moves=self._moves, into=seen, segments=count,
             scales_radiance=self._settings.refracted_radiance == "scaled",
@@ -302,11 +303,10 @@ class CameraView:
             self._domes = domes, dome_arrays(domes, self._normalization, self._launcher)
         return self._domes[1]
 
-    def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays]:
-        return (
-            camera_of(loaded.scene.camera, *self._size, self._normalization),
-            light_arrays(loaded.scene.lights, self._normalization, self._launcher),
-        )
+    def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays, AreaLightArrays]:
+        lights = loaded.scene.lights, self._normalization, self._launcher
+        camera = camera_of(loaded.scene.camera, *self._size, self._normalization)
+        return camera, light_arrays(*lights), area_light_arrays(*lights)
 
     def _merged(
         self, queries: QueryArrays, weights: wp.array, begins: np.ndarray, spots: np.ndarray | None

@@ -420,12 +420,14 @@ class StageScene:
         return lights
 
     def _described_light(self, light: Light) -> dict[str, Any]:
+        extent = light.extent_in_words(self.start)
         return {
             "path": light.path,
             "kind": light.kind_name,
             "power": list(light.power(self.start)),
             "unit": UNITS[light.kind_name],
             "moves": light.varies,
+            **({"extent": extent} if extent else {}),
         }
 
     def _place(self, label: str, prim: Usd.Prim, placement: Placement) -> PlacedMesh:
