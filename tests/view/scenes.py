@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import (
@@ -102,7 +103,9 @@ def see(
     surfaces = geometry.at(time, ONE_THREAD)
     camera = camera_of(scene.camera, width, height, norm)
     lights = [make(scene.lights, norm, ONE_THREAD) for make in (light_arrays, area_light_arrays)]
-    passes = visible_points(surfaces, *lights, camera, np.asarray(films, float), needs, ONE_THREAD, moves=moves)
+    positions = ONE_THREAD.array(np.asarray(films, np.float32), wp.vec2)
+    items = np.arange(len(films), dtype=np.int32)
+    passes = visible_points(surfaces, *lights, camera, positions, items, needs, ONE_THREAD, moves=moves)
     found = []
     for batch in passes:
         queries, arrays = batch.queries, batch.arrays

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import SplitLight, split_light
 from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
 from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, irradiance_of
-from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, rows_of
 from tpdwarp.footprints.rasters import Rasters
 from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.footprints.ways import piece_counts, piece_of, rows_at
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.photon_map import PhotonMap
 
@@ -45,6 +45,7 @@ class FootprintLight:
         launcher: Launcher,
     ) -> None:
         self._form, self._launcher, self.moves = form, launcher, moves
+        self._smoothing, self._pixel = smoothing, pixel
         # Kernels of the paper are evaluated as it says.
         split = split_light(maps, smoothing, pixel, launcher) if form.smooth else SplitLight(maps)
 
@@ -64,12 +65,38 @@ class FootprintLight:
 
     @property
     def longest_way(self) -> float:
-        """How far a query may move within its window and stand for all of it: through a run."""
+        """How far a query may move within its window and be looked up at once: through a run."""
         sizes = [footprints.run_size for footprints in (self._fine, *self._background) if footprints.count]
         return min(sizes, default=0.0) / (1.0 + float(LARGEST_DEVIATION))
 
+    def of_photons(self, maps: list[PhotonMap]) -> FootprintLight:
+        """The light of other photons, evaluated as this one is."""
+        return FootprintLight(maps, self._form, self._smoothing, self._pixel, self.moves, self._launcher)
+
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
-        """Irradiance at ``queries``."""
+        """Irradiance at ``queries``, in pieces of their way where that is long."""
+        counts = piece_counts(queries, lookup, self.longest_way)
+        if counts.max(initial=1) == 1:
+            return self._at_once(queries, lookup)
+        found = Irradiance(np.zeros((len(counts), 3), np.float32))
+        if lookup.with_motion:
+            found.motion, found.weight = np.zeros((len(counts), 3), np.float32), np.zeros(len(counts), np.float32)
+            found.photons = np.zeros(len(counts), np.int32)
+        for count in np.unique(counts):
+            rows = np.flatnonzero(counts == count)
+            for number in range(count):
+                piece = piece_of(lookup, number, count)
+                there = rows_at(queries, rows, piece.time - lookup.time, self._launcher)
+                more = self._at_once(there, piece)
+                found.irradiance[rows] += more.irradiance / np.float32(count)
+                if lookup.with_motion:
+                    found.motion[rows] += more.motion / np.float32(count)
+                    found.weight[rows] += more.weight / np.float32(count)
+                    # Those that overlap at a time, as for queries that stand.
+                    found.photons[rows] = np.maximum(found.photons[rows], more.photons)
+        return found
+
+    def _at_once(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         sums = gathered(self._fine, queries, self._form, self._launcher, lookup)
         if self._rasters is None:
             return irradiance_of(sums, lookup.with_motion)
@@ -83,7 +110,7 @@ class FootprintLight:
         looked_at = np.arange(queries.position.shape[0]) if lookup.with_motion else rows
         if not len(looked_at):
             return
-        some = _rows_of(queries, looked_at, self._launcher)
+        some = rows_of(queries, looked_at, self._launcher)
         for footprints in self._background:
             more = irradiance_of(gathered(footprints, some, self._form, self._launcher, lookup), lookup.with_motion)
             found.irradiance[rows] += more.irradiance[np.searchsorted(looked_at, rows)]
@@ -102,16 +129,3 @@ def _square(side: float) -> PixelSize:
     size = PixelSize()
     size.base = side
     return size
-
-
-def _rows_of(queries: QueryArrays, rows: np.ndarray, launcher: Launcher) -> QueryArrays:
-    """Some of the queries."""
-    out = QueryArrays()
-    names = ["position", "normal"]
-    names += ["motion"] if queries.motion.shape[0] else []
-    names += ["shading_normal"] if has_shading_normals(queries) else []
-    for name in ("position", "normal", "motion", "shading_normal"):
-        values = getattr(queries, name).numpy()[rows] if name in names else np.zeros((0, 3), np.float32)
-        setattr(out, name, launcher.array(values, wp.vec3))
-    out.receiver = launcher.array(queries.receiver.numpy()[rows], wp.int32)
-    return out

@@ -375,12 +375,13 @@ def pixel_axes(pixel: PixelOnPlane, in_pixels: wp.mat22, distance: float) -> Axe
 
 
 @wp.func
-def axes_of(a: float, b: float, c: float, d: float, pixel: PixelOnPlane, distance: float) -> Axes:
-    """Axes of a B-spline footprint with the columns (a, c) and (b, d) in its tangent frame.
+def axes_of(
+    j: SingularValues, a: float, b: float, c: float, d: float, pixel: PixelOnPlane, distance: float
+) -> Axes:
+    """Axes of a B-spline footprint with the columns (a, c) and (b, d) in its tangent frame, whose J is ``j``.
 
     Beyond the paper: which of the three cases of this module it is, by its singular values in pixels.
     """
-    j = singular_values(a, b, c, d)
     area = pixel.p[0] * pixel.q[1] - pixel.p[1] * pixel.q[0]
     if area != 0.0:
         p_row = wp.vec2(pixel.q[1], -pixel.q[0]) / area
@@ -457,6 +458,7 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
         c = wp.dot(frame.e2, dxdu[i]) * smoothing
         d = wp.dot(frame.e2, dxdv[i]) * smoothing
         on_plane = pixel_on_plane(pixel, x, n, frame)
+        j = singular_values(a, b, c, d)
         axes = Axes()
         if wp.static(extended):
             light = LightOnPlane()
@@ -465,9 +467,9 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             light.image = images.image[i]
             axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, wp.length(x))
         elif wp.static(radial is None):
-            axes = axes_of(a, b, c, d, on_plane, wp.length(x))
+            axes = axes_of(j, a, b, c, d, on_plane, wp.length(x))
         else:
-            axes = own_axes(singular_values(a, b, c, d), on_plane, 1.0, wp.static(variance), wp.length(x))
+            axes = own_axes(j, on_plane, 1.0, wp.static(variance), wp.length(x))
 
         # ---- The metric M: rows of J⁻¹, and its determinant
         first = axes.first[0] * frame.e1 + axes.first[1] * frame.e2
@@ -511,7 +513,6 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             normal_extent += 0.125 * wp.length(acceleration) + wp.length(jerk) / 48.0
             # How singular values change up to either end of the shutter, by their own size. What they were widened by
             # stays; what axes turn by does, too: to follow that costs time and gains nothing.
-            j = singular_values(a, b, c, d)
             jc = wp.cos(j.right)
             js = wp.sin(j.right)
             rate1 = (0.5 * smoothing) * (jc * dxdut[i] + js * dxdvt[i])

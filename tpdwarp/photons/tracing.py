@@ -22,7 +22,7 @@ from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.light_columns import LightColumns, columns_at, scatter_columns, transfer_columns
-from tpdwarp.photons.photon_map import PhotonMap, joined
+from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, occluded
@@ -38,6 +38,7 @@ SMALLEST_BRANCH = LightSettings.branch_cutoff
 # Light is followed through so many interactions however little is left, then as long as that is above the cutoff.
 # Chosen, not derived.
 FIRST_INTERACTIONS = wp.constant(8)
+VERTICES = wp.constant(MOST_VERTICES)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Rays end there, in the tracer's units, in which the scene is of unit size. From so far away a rounding of a direction
@@ -105,6 +106,7 @@ class TracingVariant:
     nested: bool = False
     partial: bool = False
     tinted: bool = False
+    recording: bool = False
     extended: bool = False
 
 
@@ -133,7 +135,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
     smooth_receivers, nested = variant.smooth_receivers, variant.nested
-    partial, tints, extended = variant.partial, variant.tinted, variant.extended
+    partial, tints, recording, extended = variant.partial, variant.tinted, variant.recording, variant.extended
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -152,6 +154,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         seed: int,
         # Out
         out: PhotonArrays,
+        vertices: wp.array(dtype=wp.vec3),
     ):
         i = base + wp.tid()
 
@@ -185,6 +188,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         columns = LightColumns()
         start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
         beam.magnitude = patch.magnitude
+        if wp.static(recording):
+            vertices[i * VERTICES] = along(beam.x, beam.w, start)
         # Outside the cone of a light there is nothing to follow.
         dark = wp.max(emitted) <= 0.0
         if wp.static(nested):
@@ -241,6 +246,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if tags.shape[0] > 0:
                 path = prolonged(path, tags[hit.triangle])
             beam = transfer_to(beam, hit, wp.static(moves))
+            if wp.static(recording):
+                vertices[i * VERTICES + wp.min(count + 1, VERTICES - 1)] = beam.x
             if wp.static(extended):
                 columns = transfer_columns(columns, beam.w, hit)
             material = surfaces.material_of[hit.triangle]
@@ -388,6 +395,7 @@ def trace_photons(
     chosen: Callable[[Lattice, Patch], ChosenCells] | None = None,
     tags: np.ndarray | None = None,
     textures: TextureArrays | None = None,
+    recording: bool = False,
     place: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[PhotonMap, EnergyAccount]:
     """Traces the lattice photons of ``plan`` through ``geometry``.
@@ -401,6 +409,7 @@ def trace_photons(
         tags: A number for each triangle, by which paths differ, shape [m] int32; without, they differ by how they
             branch alone.
         textures: What the surfaces have of textures and of parts that are not there, where there are any.
+        recording: Whether the vertices of paths are wanted.
         place: Where on lights with extent photons come from, through the same points of the first specular surface, by
             the light's coordinates (a, b).
 
@@ -412,12 +421,13 @@ def trace_photons(
     needs = requirements
     variant = TracingVariant(
         needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers, needs.nested,
-        needs.partial, needs.tinted, bool(needs.extended_lights),
+        needs.partial, needs.tinted, recording, bool(needs.extended_lights),
     )  # fmt: skip
     kernel = tracing_kernel(variant)
     left_out = () if needs.smooth_receivers else ("incidence",)
     left_out += () if variant.extended else ("dxda", "dxdb", "image")
     columns = [name for name in _COLUMNS if name not in left_out]
+    lights = tuple(light.path for light in scene.lights)
     device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     for lattice, patch in plan.patches(scene):
         patch.power = weight * patch.power
@@ -434,23 +444,31 @@ def trace_photons(
             out = launcher.rows(PhotonArrays, len(cells), but=left_out)
             paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), device_offsets, device_tags]
             inputs = [geometry.surfaces, textures or TextureArrays(), patch, *paths]
-            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
+            vertices = launcher.zeros(len(cells) * MOST_VERTICES if recording else 0, wp.vec3)
+            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out, vertices])
             fate, reported = out.fate.numpy(), out.reported.numpy()
             # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
             first = np.ones(len(cells), bool) if needs.partial else masks == 0
             _tally(account, out, fate, first, plan.normalization.power)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
             if len(keep):
-                rows = {name: getattr(out, name).numpy()[keep] for name in columns}
+                # Where all of them have landed nothing is copied.
+                landing = slice(None) if len(keep) == len(cells) else keep
+                rows = {name: getattr(out, name).numpy()[landing] for name in columns}
                 rows["ids"] = _ids(cells[keep], patch, masks[keep], lattice, plan.id_count)
+                if recording:
+                    rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
+                rows["light"] = np.full(len(keep), lights.index(lattice.light), np.int16)
                 landed.append(rows)
             cells, masks = reported_paths(cells, masks, reported)
             # Before the next pass makes its own.
-            del out, inputs, paths, fate, reported
+            del out, inputs, paths, fate, reported, vertices
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return PhotonMap.empty(), account
-    return PhotonMap(**{name: joined([rows[name] for rows in landed]) for name in ("ids", *columns)}), account
+    columns += ["ids", "light", *(["vertices"] if recording else [])]
+    rows = {name: joined([found[name] for found in landed]) for name in columns}
+    return PhotonMap(**rows, light_paths=lights), account
 
 
 def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, first: np.ndarray, unit: float) -> None:
@@ -460,23 +478,28 @@ def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, first: n
         first: Paths whose emitted flux no other has counted, shape [n].
         unit: The tracer's unit of power [W].
     """
-    flux = unit * out.flux.numpy().sum(axis=1, dtype=np.float64)
     specular = fate != Fate.DIRECT
     # Counted at the light, not added up from where it went: so the account can show that something is missing.
-    account.sent += unit * float(out.emitted.numpy()[specular & first].sum(dtype=np.float64))
+    account.sent += unit * _total(out.emitted, specular & first)
     retried = int(out.retried.numpy().sum(dtype=np.int64))
     if retried:
         account.counts["hits at the second try"] = account.counts.get("hits at the second try", 0) + retried
-    account.deposited += float(flux[fate == Fate.DEPOSITED].sum())
-    account.escaped += float(flux[fate == Fate.ESCAPED].sum())
-    account.absorbed += unit * float(out.absorbed.numpy()[specular].sum(dtype=np.float64))
-    for cause, value in (
-        ("branch below cutoff", unit * out.culled.numpy()[specular].sum(dtype=np.float64)),
-        ("too many bounces", flux[fate == Fate.DEPTH].sum()),
-        ("not finite", flux[fate == Fate.NONFINITE].sum()),
+    account.deposited += unit * _total(out.flux, fate == Fate.DEPOSITED)
+    account.escaped += unit * _total(out.flux, fate == Fate.ESCAPED)
+    account.absorbed += unit * _total(out.absorbed, specular)
+    for cause, array, rows in (
+        ("branch below cutoff", out.culled, specular),
+        ("too many bounces", out.flux, fate == Fate.DEPTH),
+        ("not finite", out.flux, fate == Fate.NONFINITE),
     ):
-        if value:
-            account.lost[cause] = account.lost.get(cause, 0.0) + float(value)
+        if value := unit * _total(array, rows):
+            account.lost[cause] = account.lost.get(cause, 0.0) + value
+
+
+def _total(array: wp.array, rows: np.ndarray) -> float:
+    """Sum of all channels of some rows of vectors, by mask."""
+    values = array.numpy()
+    return float((values if rows.all() else values[rows]).sum(dtype=np.float64))
 
 
 def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ from copy import copy
 
 from tpdwarp.device import Launcher
 from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.rendering.light_groups import LightGroups
 from tpdwarp.scene.description import SceneSource
 from tpdwarp.scene.device.loading import SceneLoader
 from tpdwarp.settings import Settings
@@ -31,6 +32,7 @@ class RenderContext:
         self.launcher, self.normalization = self.loader.launcher, self.loader.normalization
         self.tracer = PhotonTracer(self.loader, settings, best_split_count)
         self.segmentation = Segmentation(self.tracer)
+        self.light_groups = LightGroups.of(settings.light_groups, source)
 
     def with_settings(self, settings: Settings) -> RenderContext:
         """The same animation with other photons, segments or AOVs; stills are not read again."""
@@ -38,4 +40,5 @@ class RenderContext:
         other.settings = settings
         other.tracer = self.tracer.with_settings(settings)
         other.segmentation = Segmentation(other.tracer)
+        other.light_groups = LightGroups.of(settings.light_groups, self.source)
         return other

@@ -8,7 +8,7 @@ before the scene is recentred). A *motion* is a displacement over the whole shut
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Protocol
@@ -359,6 +359,10 @@ class SceneSource(Protocol):
 
     def motion_breaks(self, shutter: Shutter) -> Sequence[float]:
         """Times within ``shutter`` at which motion may change abruptly."""
+        ...
+
+    def light_groups(self) -> Mapping[str, str]:
+        """The group that each light which may send photons names itself, by its path; empty where it names none."""
         ...
 
 

@@ -19,7 +19,7 @@ from tpdwarp.view.camera import Camera
 from tpdwarp.view.lights import LightArrays, lit_from
 
 # Which AOVs take this module's kernel.
-SURFACE_AOVS = ("albedo", "shadow", "vector", "id")
+SURFACE_AOVS = ("albedo", "shadow", "vector", "id", "cryptomatte")
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Dielectric surfaces that a shadow ray goes through. Chosen, not derived: a stack of sixteen panes.
 MOST_CROSSED = wp.constant(32)
@@ -115,10 +115,11 @@ def _kernel(shadow: bool, vector: bool, moves: bool, smooth: bool, extended: boo
         triangles: wp.array(dtype=wp.int32),
         first_triangles: wp.array(dtype=wp.int32),
         first_positions: wp.array(dtype=wp.vec3),
+        rows: wp.array(dtype=wp.int32),
         segments: float,
         out: SurfaceArrays,
     ):
-        i = base + wp.tid()
+        i = rows[base + wp.tid()]
         first = first_triangles[i]
         out.object[i] = -1
         if first >= 0:
@@ -177,31 +178,38 @@ class SurfaceExtras:
     objects: np.ndarray
 
 
-def surface_extras(
+def find_surfaces(
     surfaces: Surfaces,
     lights: LightArrays,
     area_lights: AreaLightArrays,
     camera: Camera,
     queries: QueryArrays,
     seen: object,
+    rows: wp.array,
     aovs: tuple[str, ...],
     launcher: Launcher,
     moves: bool,
     segments: int,
-) -> SurfaceExtras:
+    out: SurfaceArrays,
+) -> None:
     """Looks again at what camera paths saw.
 
     Args:
         queries: Where they ended.
         seen: The :class:`tpdwarp.view.visibility.VisibleArrays` of the paths, with their triangles.
+        rows: Which of them to look at, int32.
         aovs: What is wanted.
         moves: Whether triangles have motions.
         segments: Segments of the shutter; scene and camera are those of one of them.
+        out: Takes what is found, in the same rows.
     """
-    count = queries.receiver.shape[0]
-    out = launcher.rows(SurfaceArrays, count)
     extended = area_lights.power.shape[0] > 0
     kernel = _kernel("shadow" in aovs, "vector" in aovs, moves, has_shading_normals(queries), extended)
-    arrays = [seen.triangle, seen.first_triangle, seen.first_position]
-    launcher(kernel, count, [surfaces, lights, area_lights, camera, queries, *arrays, float(segments), out])
-    return SurfaceExtras(seen.albedo.numpy(), out.shaded.numpy(), out.vector.numpy(), out.object.numpy())
+    arrays = [seen.triangle, seen.first_triangle, seen.first_position, rows]
+    inputs = [surfaces, lights, area_lights, camera, queries, *arrays, float(segments), out]
+    launcher(kernel, rows.shape[0], inputs)
+
+
+def surface_extras(albedo: wp.array, found: SurfaceArrays) -> SurfaceExtras:
+    """What was found, on the host, with the albedo where paths ended."""
+    return SurfaceExtras(albedo.numpy(), found.shaded.numpy(), found.vector.numpy(), found.object.numpy())

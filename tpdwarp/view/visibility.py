@@ -29,7 +29,7 @@ from tpdwarp.view.area_lights import AreaLightArrays, area_irradiance, passing_s
 from tpdwarp.view.camera import Camera, camera_ray, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, lit_from
-from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceExtras, surface_extras
+from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
 SMALLEST_THROUGHPUT = ViewSettings.view_cutoff
@@ -177,6 +177,7 @@ def visible_kernel(
         films: wp.array(dtype=wp.vec2),
         items: wp.array(dtype=wp.int32),
         masks: wp.array(dtype=wp.int32),
+        rows: wp.array(dtype=wp.int32),
         bounces: int,
         smallest_throughput: float,
         segments: float,
@@ -186,10 +187,11 @@ def visible_kernel(
         queries: QueryArrays,
         out: VisibleArrays,
     ):
-        i = base + wp.tid()
+        tid = base + wp.tid()
+        i = rows[tid]
 
         # ---- The camera's ray
-        item = items[i]
+        item = items[tid]
         stream = wp.rand_init(7919, item)
         beam = camera_ray(camera, films[item], surfaces.time)
         if wp.static(lens):
@@ -206,7 +208,7 @@ def visible_kernel(
         if wp.static(nested):
             inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
         throughput = wp.vec3(1.0, 1.0, 1.0)
-        mask = masks[i]
+        mask = masks[tid]
         first_open = first_open_decision(mask)
         reported = int(0)
         flags = int(0)
@@ -392,13 +394,39 @@ def visible_kernel(
 
 @dataclass
 class VisiblePoints:
-    """Camera paths of one pass: ``items`` index the film positions they start from; queries where they ended."""
+    """Camera paths of one pass, one row each: ``items`` index the film positions they start from.
+
+    Attributes:
+        items: Shape [n].
+        queries: Where they ended; the receiver is −1 where that is no diffuse surface.
+        arrays: What they carry.
+        first: Whether they are the first paths of their film positions.
+        surfaces: What AOVs ask for besides; None where none do.
+    """
 
     items: np.ndarray
     queries: QueryArrays
     arrays: VisibleArrays
     first: bool
-    extras: SurfaceExtras | None = None
+    surfaces: SurfaceArrays | None = None
+
+    @property
+    def extras(self) -> SurfaceExtras | None:
+        """What AOVs ask for besides, on the host."""
+        return None if self.surfaces is None else surface_extras(self.arrays.albedo, self.surfaces)
+
+    @classmethod
+    def empty(
+        cls, items: np.ndarray, smooth_receivers: bool, aovs: tuple[str, ...], first: bool, launcher: Launcher
+    ) -> VisiblePoints:
+        """Rows for the paths of ``items``, which are still to be followed."""
+        named = bool(set(aovs) & set(SURFACE_AOVS))
+        left_out = () if smooth_receivers else ("shading_normal",)
+        unnamed = () if named else ("albedo", "triangle", "first_triangle")
+        queries = launcher.rows(QueryArrays, len(items), but=left_out)
+        arrays = launcher.rows(VisibleArrays, len(items), but=unnamed)
+        surfaces = launcher.rows(SurfaceArrays, len(items)) if named else None
+        return cls(items, queries, arrays, first, surfaces)
 
 
 def visible_points(
@@ -406,11 +434,13 @@ def visible_points(
     lights: LightArrays,
     area_lights: AreaLightArrays,
     camera: Camera,
-    films: np.ndarray,
+    films: wp.array,
+    items: np.ndarray,
     requirements: Requirements,
     launcher: Launcher,
     *,
     moves: bool,
+    into: VisiblePoints | None = None,
     segments: int = 1,
     scales_radiance: bool = True,
     textures: TextureArrays | None = None,
@@ -419,10 +449,13 @@ def visible_points(
     smallest_throughput: float = SMALLEST_THROUGHPUT,
     aovs: tuple[str, ...] = (),
 ) -> Iterator[VisiblePoints]:
-    """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
+    """Follows camera rays; one batch a pass, refracted paths first.
 
     Args:
+        films: Film positions [pixels], vec2.
+        items: Which of them to look through, shape [n] int32.
         moves: Whether queries carry their motion.
+        into: Takes the first paths, which are not given back then: it has a row for each of ``films``.
         segments: Segments of the shutter; scene and camera are those of one of them.
         scales_radiance: Whether radiance changes by η² = (η_i/η_t)² where it is refracted, as it does (a beam of it is
             narrower inside); without, as hosts that leave it out have it. Through closed glass it cancels.
@@ -432,9 +465,7 @@ def visible_points(
         smallest_throughput: Reflected branches that carry less are not followed.
         aovs: Channel groups wanted beside the beauty.
     """
-    items = np.arange(len(films), dtype=np.int32)
-    masks = np.zeros(len(films), np.int32)
-    device_films = launcher.array(films.astype(np.float32), wp.vec2)
+    masks = np.zeros(len(items), np.int32)
     needs = requirements
     kernel = visible_kernel(
         moves,
@@ -444,27 +475,28 @@ def visible_points(
         textured=needs.textures,
         nested=needs.nested,
         domed=needs.domes,
-        named=bool(asked := set(aovs) & set(SURFACE_AOVS)),
+        named=bool(set(aovs) & set(SURFACE_AOVS)),
         partial=needs.partial,
         tinted=needs.tinted,
         lens=needs.lens,
         emission=needs.emission,
         extended=bool(needs.extended_lights),
     )
-    left_out = () if needs.smooth_receivers else ("shading_normal",)
-    unnamed = () if asked else ("albedo", "triangle", "first_triangle")
     first = True
     while len(items):
-        queries = launcher.rows(QueryArrays, len(items), but=left_out)
-        out = launcher.rows(VisibleArrays, len(items), but=unnamed)
-        paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
+        here = first and into is not None
+        out = into if here else VisiblePoints.empty(items, needs.smooth_receivers, aovs, first, launcher)
+        rows = items if here else np.arange(len(items), dtype=np.int32)
+        device_rows = launcher.array(rows, wp.int32)
+        paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32), device_rows]
         lit = [surfaces, lights, area_lights, camera]
-        scene = [*lit, textures or TextureArrays(), domes or DomeArrays(), device_films]
+        scene = [*lit, textures or TextureArrays(), domes or DomeArrays(), films]
         limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
-        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, queries, out])
-        extras = None
-        if asked:
-            extras = surface_extras(*lit, queries, out, aovs, launcher, moves, segments)
-        yield VisiblePoints(items, queries, out, first, extras)
-        items, masks = reported_paths(items, masks, out.reported.numpy())
+        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, out.queries, out.arrays])
+        if out.surfaces is not None:
+            found = out.queries, out.arrays, device_rows
+            find_surfaces(*lit, *found, aovs, launcher, moves, segments, out.surfaces)
+        if not here:
+            yield out
+        items, masks = reported_paths(items, masks, out.arrays.reported.numpy()[rows])
         first = False

@@ -22,7 +22,7 @@ from tpdwarp.scene.description import (
 from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_at, raw_at, value_at
+from tpdwarp.usd.read.values import number_at, raw_at, text_at, value_at
 
 # Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
 AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
@@ -41,6 +41,18 @@ PROFILES: dict[type, tuple[EmissionProfile, float]] = {
 }
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+# Where lights name their groups for other renderers: ours, then RenderMan's, Karma's and Arnold's.
+GROUP_ATTRIBUTES = (
+    "tpdwarp:lightGroup",
+    "primvars:ri:attributes:identifier:lpegroup",
+    "inputs:ri:light:lightGroup",
+    "ri:light:lightGroup",
+    "inputs:karma:light:lpetag",
+    "karma:light:lpetag",
+    "primvars:arnold:aov",
+    "inputs:arnold:aov",
+)
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
@@ -84,6 +96,13 @@ class Light:
     def kind_name(self) -> str:
         """What it is rendered as."""
         return self.kind.name.lower()
+
+    @property
+    def group(self) -> str:
+        """The light group that it names for this or another renderer; empty for none."""
+        attributes = (self.prim.GetAttribute(name) for name in GROUP_ATTRIBUTES)
+        named = (str(text_at(found, EARLIEST) or "") for found in attributes if found and found.HasAuthoredValue())
+        return next((name for name in named if name and name != "default"), "")
 
     def extent_in_words(self, frame: float) -> str:
         """What it is in its own space, if it has an extent; else empty."""
