@@ -63,14 +63,14 @@ class FakeRenderer:
         monkeypatch.setattr(frame_work, "render_frame", self.render)
         monkeypatch.setattr(frame_work, "trace_frame", self.trace)
 
-    def render(self, context, shutter, width, height, clock=None):
+    def render(self, context, shutter, width, height, clock, paths, region):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.rendered.append(shutter.frame)
         grey = {name: np.full((height, width), 0.5, np.float32) for name in "RGBA"}
         return Frame(SomeLanded(), self.energy, {"trace": 0.5}, grey, context.source.at(shutter).camera)
 
-    def trace(self, context, shutter, clock=None):
+    def trace(self, context, shutter, clock, paths):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.traced.append(shutter.frame)
@@ -238,13 +238,13 @@ def test_two_renders_into_one_folder_share_the_frames(stage, tmp_path, monkeypat
     fake = FakeRenderer(monkeypatch)
     real, first = fake.render, []
 
-    def render_and_begin_another(context, shutter, width, height, clock=None):
+    def render_and_begin_another(context, shutter, width, height, **more):
         if not first:
             first.append(threading.Thread(target=tpdwarp.render, args=(stage, tmp_path / "a.##.exr"), kwargs=SMALL))
             first[0].start()
             while len(fake.rendered) < 2:
                 time.sleep(0.01)
-        return real(context, shutter, width, height)
+        return real(context, shutter, width, height, **more)
 
     monkeypatch.setattr(frame_work, "render_frame", render_and_begin_another)
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
@@ -266,10 +266,10 @@ def test_a_debug_layer_that_cannot_be_written_fails_the_frame_but_costs_no_image
     FakeRenderer(monkeypatch)
     store = PhotonParts.store
 
-    def refuse_2(self, frame, photons, statistics):
+    def refuse_2(self, frame, photons, statistics, paths):
         if frame == 2:
             raise FrameError("2.npz: No space left on device")
-        store(self, frame, photons, statistics)
+        store(self, frame, photons, statistics, paths)
 
     monkeypatch.setattr(PhotonParts, "store", refuse_2)
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", debug_layer=tmp_path / "a.usdc", **SMALL)

@@ -23,8 +23,8 @@ class IrradianceField(Protocol):
     """Irradiance from photons at any point.
 
     Attributes:
-        longest_way: How far a query may move within its window [tracer's units] to stand for all of it; beyond, it
-            stands for a part.
+        longest_way: How far a query may move within its window [tracer's units] and be looked up at once; beyond, it is
+            looked up in pieces of its way.
     """
 
     @property
@@ -32,6 +32,10 @@ class IrradianceField(Protocol):
 
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``."""
+        ...
+
+    def of_photons(self, maps: list[PhotonMap]) -> IrradianceField:
+        """The same estimate from other photons."""
         ...
 
 
@@ -95,7 +99,8 @@ def light_of(
     if pixel is None:
         return None
     with clock.stage("footprints"):
-        form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
+        extended = any(len(photons.image) for photons in maps)
+        form = GatherForm(settings.kernel, settings.footprint, settings.time_filter, extended)
         light = FootprintLight(maps, form, settings.smoothing, pixel, moves, tracer.launcher)
     limits = {"footprints clamped": light.clamped, "footprints that grow too fast": light.growth_limited}
     energy.add(EnergyAccount(counts={name: count for name, count in limits.items() if count}))

@@ -12,6 +12,7 @@ from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, 
 from tpdwarp.footprints.rasters import Rasters
 from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.footprints.ways import piece_counts, piece_of, rows_at
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.photon_map import PhotonMap
 
@@ -44,6 +45,7 @@ class FootprintLight:
         launcher: Launcher,
     ) -> None:
         self._form, self._launcher, self.moves = form, launcher, moves
+        self._smoothing, self._pixel = smoothing, pixel
         # Kernels of the paper are evaluated as it says.
         split = split_light(maps, smoothing, pixel, launcher) if form.smooth else SplitLight(maps)
 
@@ -63,12 +65,38 @@ class FootprintLight:
 
     @property
     def longest_way(self) -> float:
-        """How far a query may move within its window and stand for all of it: through a run."""
+        """How far a query may move within its window and be looked up at once: through a run."""
         sizes = [footprints.run_size for footprints in (self._fine, *self._background) if footprints.count]
         return min(sizes, default=0.0) / (1.0 + float(LARGEST_DEVIATION))
 
+    def of_photons(self, maps: list[PhotonMap]) -> FootprintLight:
+        """The light of other photons, evaluated as this one is."""
+        return FootprintLight(maps, self._form, self._smoothing, self._pixel, self.moves, self._launcher)
+
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
-        """Irradiance at ``queries``."""
+        """Irradiance at ``queries``, in pieces of their way where that is long."""
+        counts = piece_counts(queries, lookup, self.longest_way)
+        if counts.max(initial=1) == 1:
+            return self._at_once(queries, lookup)
+        found = Irradiance(np.zeros((len(counts), 3), np.float32))
+        if lookup.with_motion:
+            found.motion, found.weight = np.zeros((len(counts), 3), np.float32), np.zeros(len(counts), np.float32)
+            found.photons = np.zeros(len(counts), np.int32)
+        for count in np.unique(counts):
+            rows = np.flatnonzero(counts == count)
+            for number in range(count):
+                piece = piece_of(lookup, number, count)
+                there = rows_at(queries, rows, piece.time - lookup.time, self._launcher)
+                more = self._at_once(there, piece)
+                found.irradiance[rows] += more.irradiance / np.float32(count)
+                if lookup.with_motion:
+                    found.motion[rows] += more.motion / np.float32(count)
+                    found.weight[rows] += more.weight / np.float32(count)
+                    # Those that overlap at a time, as for queries that stand.
+                    found.photons[rows] = np.maximum(found.photons[rows], more.photons)
+        return found
+
+    def _at_once(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         sums = gathered(self._fine, queries, self._form, self._launcher, lookup)
         if self._rasters is None:
             return irradiance_of(sums, lookup.with_motion)

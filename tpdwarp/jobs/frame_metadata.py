@@ -18,6 +18,7 @@ from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
 from tpdwarp.version import VERSION
+from tpdwarp.view.cryptomatte import metadata_of as cryptomatte_metadata
 from tpdwarp.view.object_ids import object_ids
 
 
@@ -68,6 +69,8 @@ def frame_metadata(
     if "id" in settings.aovs:
         numbers = object_ids(made.landed.receiver_paths)
         metadata["tpdwarp:ids"] = json.dumps({str(number): path for path, number in numbers.items()})
+    if "cryptomatte" in settings.aovs:
+        metadata |= cryptomatte_metadata(made.photons.receiver_paths)
     if target is not None:
         metadata |= {"tpdwarp:targetError": target.wanted, "tpdwarp:expectedError": target.expected}
     if not math.isnan(frame):

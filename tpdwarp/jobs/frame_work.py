@@ -25,6 +25,9 @@ from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame, trace_frame
 from tpdwarp.scene.description import Shutter
 
+# Paths of photons in a frame of a debug layer: more of them hide each other. Chosen, not derived.
+MOST_PATHS = 1000
+
 
 class RenderWork:
     """Renders one frame after the other to image files.
@@ -54,8 +57,8 @@ class RenderWork:
         self._plan, self._names, self._layer = plan, names, layer
         self._skips, self._begun, self._shown = skip_existing, begun, shown or Progress()
         self.existing = ExistingFrames(plan.fingerprint)
-        self._size = plan.source.resolution()
-        self._claims, self._context = Claims(), LazyContext(plan, math.prod(self._size))
+        self._region = plan.source.region()
+        self._claims, self._context = Claims(), LazyContext(plan, math.prod(self._region.size))
         self._watch = EnergyWatch(plan.source)
         self._dark = DarkWatch(plan.source.file)
 
@@ -77,9 +80,11 @@ class RenderWork:
             clock = Clock(begins=self._shown.stage)
             with plan.files.unchanged(plan.strict):
                 if kept is not None:
-                    made = trace_frame(self._context(shutter), shutter, clock)
+                    made = trace_frame(self._context(shutter), shutter, clock, MOST_PATHS)
                 else:
-                    made = render_frame(self._context(shutter), shutter, *self._size, clock)
+                    region, paths = self._region, 0 if self._layer is None else MOST_PATHS
+                    size = region.width, region.height
+                    made = render_frame(self._context(shutter), shutter, *size, clock, paths=paths, region=region)
                     self._dark(frame, made.channels)
             self._watch(frame, shutter, made.energy)
             refusal: FrameError | OSError | None = None
@@ -88,7 +93,7 @@ class RenderWork:
                 # cannot be kept makes the frame fail, but costs no image.
                 try:
                     statistics = statistics_text(len(made.landed), made.energy, made.seconds)
-                    self._layer.add(frame, made.photons, statistics)
+                    self._layer.add(frame, made.photons, statistics, made.paths)
                 except (FrameError, OSError) as error:
                     refusal = error
             if kept is None:
@@ -99,7 +104,7 @@ class RenderWork:
                 if not path.lower().endswith(".exr") and (settings.view or settings.view_exposure):
                     channels = picture_of(channels, settings.view, settings.view_exposure)
                 with clock.stage("write"):
-                    write_frame(path, channels, metadata, settings.exr_type or None)
+                    write_frame(path, channels, metadata, settings.exr_type or None, self._region)
         if refusal is not None:
             raise refusal
         status = "written" if kept is None else "skipped"
@@ -134,10 +139,10 @@ class TraceWork:
         if kept is not None:
             return skipped(frame, "", kept)
         with plan.files.unchanged(plan.strict):
-            traced = trace_frame(self._context(shutter), shutter, Clock(begins=self._shown.stage))
+            traced = trace_frame(self._context(shutter), shutter, Clock(begins=self._shown.stage), MOST_PATHS)
         self._watch(frame, shutter, traced.energy)
         statistics = statistics_text(len(traced.landed), traced.energy, traced.seconds)
-        self._layer.add(frame, traced.photons, statistics)
+        self._layer.add(frame, traced.photons, statistics, traced.paths)
         return FrameOutcome(frame, "traced", "", "", len(traced.landed), traced.energy, dict(traced.seconds))
 
 

@@ -19,6 +19,7 @@ from tpdwarp.scene.description import DomeAtShutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
+from tpdwarp.view.area_lights import AreaLightArrays, area_light_arrays
 from tpdwarp.view.camera import Camera, camera_of, pixel_size
 from tpdwarp.view.domes import DomeArrays, dome_arrays
 from tpdwarp.view.lights import LightArrays, light_arrays
@@ -119,6 +120,7 @@ class CameraView:
         width, height: Pixels.
         clock: Where the time goes.
         pixels: The pixels looked at, those close together in the image close together; None for all.
+        numbers: By what number each of them is called in what is seen; None for its place in ``pixels``.
     """
 
     def __init__(
@@ -131,6 +133,7 @@ class CameraView:
         height: int,
         clock: Clock,
         pixels: np.ndarray | None = None,
+        numbers: np.ndarray | None = None,
     ) -> None:
         self._scenes, self._settings, self._size, self._clock = scenes, settings, (width, height), clock
         self._normalization, self._launcher = normalization, launcher
@@ -139,7 +142,7 @@ class CameraView:
         self._smooth = any(s.requirements.smooth_receivers for s in scenes)
         self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
         self._pixels = block_order(width, height) if pixels is None else pixels
-        self._numbers = self._pixels if pixels is None else np.arange(len(pixels))
+        self._numbers = self._pixels if pixels is None else np.arange(len(pixels)) if numbers is None else numbers
         middle = scenes[len(scenes) // 2].scene.camera
         self._pixel = pixel_size(camera_of(middle, width, height, normalization), settings.samples)
         # Photon mapping does not average over pixels.
@@ -273,10 +276,10 @@ class CameraView:
         segment = min(int(time), count - 1)
         loaded = self._scenes[segment]
         with self._clock.stage("view"):
-            camera, lights = self._camera_and_lights(loaded)
+            camera, *lights = self._camera_and_lights(loaded)
             surfaces = loaded.geometry.at(time - segment - 0.5, self._launcher)
         passes = visible_points(
-            surfaces, lights, camera, films, items, replace(loaded.requirements, smooth_receivers=self._smooth),
+            surfaces, *lights, camera, films, items, replace(loaded.requirements, smooth_receivers=self._smooth),
             self._launcher,
             moves=self._moves, into=seen, segments=count,
             scales_radiance=self._settings.refracted_radiance == "scaled",
@@ -300,11 +303,10 @@ class CameraView:
             self._domes = domes, dome_arrays(domes, self._normalization, self._launcher)
         return self._domes[1]
 
-    def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays]:
-        return (
-            camera_of(loaded.scene.camera, *self._size, self._normalization),
-            light_arrays(loaded.scene.lights, self._normalization, self._launcher),
-        )
+    def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays, AreaLightArrays]:
+        lights = loaded.scene.lights, self._normalization, self._launcher
+        camera = camera_of(loaded.scene.camera, *self._size, self._normalization)
+        return camera, light_arrays(*lights), area_light_arrays(*lights)
 
     def _merged(
         self, queries: QueryArrays, weights: wp.array, begins: np.ndarray, spots: np.ndarray | None

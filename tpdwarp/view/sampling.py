@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from tpdwarp.io.image_region import ImageRegion
+
 # The golden ratio: steps by it, modulo one, are spread evenly however many there are.
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 # Times of the shutter at which the view is taken at least; the scene's BVH is refitted for each. Chosen, not derived.
@@ -57,6 +59,14 @@ def block_order(width: int, height: int) -> np.ndarray:
     y, x = np.divmod(np.arange(width * height), width)
     inner = [place % BLOCK // INNER_BLOCK for place in (x, y)]
     return np.lexsort((x % INNER_BLOCK, y % INNER_BLOCK, *inner, x // BLOCK, y // BLOCK))
+
+
+def region_order(region: ImageRegion) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels of a part of an image, in the order of the whole: their numbers in the image, and in the part."""
+    pixels = block_order(region.width, region.height)
+    y, x = np.divmod(pixels, region.width)
+    inside = (x >= region.first) & (x < region.end) & (y >= region.above) & (y < region.below)
+    return pixels[inside], ((y - region.above) * region.size[0] + x - region.first)[inside]
 
 
 def pixel_grid(width: int, height: int, most: int, seed: int) -> np.ndarray:

@@ -25,6 +25,7 @@ from tpdwarp.scene.device.presence import presence_at, share_that_passes
 from tpdwarp.scene.device.textures import TextureArrays, absorbed_within, on_plane, textured_color
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
+from tpdwarp.view.area_lights import AreaLightArrays, area_irradiance, passing_share, visible_share
 from tpdwarp.view.camera import Camera, camera_ray, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, lit_from
@@ -41,6 +42,8 @@ DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Random numbers that choose places on the lens are others than those that keep rays off edges.
 OF_LENS = wp.constant(104729)
+# And so are those that choose places on lights, the same ones in every frame.
+OF_LIGHTS = wp.constant(15485863)
 TURN = wp.constant(6.283185307179586)
 
 
@@ -121,6 +124,15 @@ def partly_hidden_irradiance(
 
 
 @wp.func
+def place_for(film: wp.vec2) -> wp.vec2:
+    """Where on lights a camera sample looks: its place in the pixel, moved by a random step that the pixel has."""
+    column = wp.floor(film[0])
+    row = wp.floor(film[1])
+    chance = wp.rand_init(int(OF_LIGHTS), int(column) * 65537 + int(row))
+    return wp.vec2(film[0] - column + wp.randf(chance), film[1] - row + wp.randf(chance))
+
+
+@wp.func
 def query_motion(motion: wp.vec3) -> wp.vec3:
     """How a pixel's view moves over the receiver, no faster than ``FASTEST_QUERY``; at rest where that is unknown."""
     speed = wp.length(motion)
@@ -145,9 +157,11 @@ def visible_kernel(
     tinted: bool = False,
     lens: bool = False,
     emission: bool = False,
+    extended: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
+    from_areas = area_irradiance(passing_share if partial else visible_share)
 
     @wp.kernel(module="unique", enable_backward=False)
     def see(
@@ -155,6 +169,7 @@ def visible_kernel(
         # Scene
         surfaces: Surfaces,
         lights: LightArrays,
+        area_lights: AreaLightArrays,
         camera: Camera,
         textures: TextureArrays,
         domes: DomeArrays,
@@ -301,6 +316,10 @@ def visible_kernel(
                     )
                 else:
                     irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
+                if wp.static(extended):
+                    irradiance += from_areas(
+                        surfaces, textures, area_lights, beam.x, n, n_g, hit.offset * n_g, place_for(films[item])
+                    )
                 if wp.static(domed):
                     # Neighbours in the image choose other parts of the dome.
                     scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
@@ -413,6 +432,7 @@ class VisiblePoints:
 def visible_points(
     surfaces: Surfaces,
     lights: LightArrays,
+    area_lights: AreaLightArrays,
     camera: Camera,
     films: wp.array,
     items: np.ndarray,
@@ -460,6 +480,7 @@ def visible_points(
         tinted=needs.tinted,
         lens=needs.lens,
         emission=needs.emission,
+        extended=bool(needs.extended_lights),
     )
     first = True
     while len(items):
@@ -468,14 +489,13 @@ def visible_points(
         rows = items if here else np.arange(len(items), dtype=np.int32)
         device_rows = launcher.array(rows, wp.int32)
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32), device_rows]
-        scene = [surfaces, lights, camera, textures or TextureArrays(), domes or DomeArrays(), films]
+        lit = [surfaces, lights, area_lights, camera]
+        scene = [*lit, textures or TextureArrays(), domes or DomeArrays(), films]
         limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
         launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, out.queries, out.arrays])
         if out.surfaces is not None:
-            find_surfaces(
-                surfaces, lights, camera, out.queries, out.arrays, device_rows, aovs, launcher, moves, segments,
-                out.surfaces,
-            )  # fmt: skip
+            found = out.queries, out.arrays, device_rows
+            find_surfaces(*lit, *found, aovs, launcher, moves, segments, out.surfaces)
         if not here:
             yield out
         items, masks = reported_paths(items, masks, out.arrays.reported.numpy()[rows])
