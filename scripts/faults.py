@@ -21,11 +21,33 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from scripts.fault_injection.cases import CASES, Bench
+from scripts.fault_injection import baselines, cases, inner
+from scripts.fault_injection.bench import Bench
 from scripts.fault_injection.kills import kill_at_random
 from scripts.fault_injection.program import ROOT, pixels, render, run
 from scripts.fault_injection.soak import soak
 from scripts.fault_injection.table import Row, table_lines
+
+CASES = (
+    cases.outputs_over_inputs,
+    cases.damaged_frames,
+    cases.stale_frames,
+    cases.closed_streams,
+    cases.names,
+    cases.stage_written_over,
+    cases.folder_gone,
+    cases.full_disk,
+    cases.two_at_once,
+    cases.pipes,
+    cases.strangers,
+    cases.address_space,
+    cases.kernel_caches,
+    inner.failing_launches,
+    inner.broken_points,
+    inner.cold_caches,
+    baselines.updates,
+    baselines.study_cache,
+)
 
 
 def main() -> int:

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the scenes in usd_scenes/. Without arguments, exactly those that are in the repository.
 
-    scripts/make_scenes.py                                all four
+    scripts/make_scenes.py                                all of them
     scripts/make_scenes.py wave --wavelength 0.65 --out out/scenes
 """
 
@@ -21,6 +21,7 @@ from tpdwarp.errors import FrameError, InputError
 from usd_scenes.authoring.cylinder import write_cylinder
 from usd_scenes.authoring.mirror import write_mirror
 from usd_scenes.authoring.sea import write_sea
+from usd_scenes.authoring.tumbler import write_tumbler
 from usd_scenes.authoring.wave import write_wave
 
 SCENES: dict[str, Callable[..., None]] = {
@@ -28,13 +29,14 @@ SCENES: dict[str, Callable[..., None]] = {
     "cylinder": write_cylinder,
     "mirror": write_mirror,
     "sea": write_sea,
+    "tumbler": write_tumbler,
 }
 SHIPPED = Path(__file__).resolve().parent.parent / "usd_scenes"
 HELP = {
     "amplitude": "height of the (longest) wave, scene units",
     "wavelength": "of the (longest) wave, scene units",
     "radius": "scene units",
-    "speed": "scene units a frame (waves) or degrees a frame",
+    "speed": "scene units a frame (waves) or degrees a frame (solids)",
     "frames": "how many, from 1",
     "resolution": "vertices along x, or round the axis",
 }

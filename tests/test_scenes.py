@@ -15,7 +15,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdValidation
 ROOT = Path(__file__).resolve().parent.parent
 SHIPPED = ROOT / "usd_scenes"
 MAKE_SCENES = ROOT / "scripts" / "make_scenes.py"
-NAMES = ("wave", "cylinder", "mirror", "sea")
+NAMES = ("wave", "cylinder", "mirror", "sea", "tumbler")
 FRAMES = range(1, 26)
 # Positions are below 4 units, so that rounding to float32 moves them by less than this.
 FLOAT_ROUNDING = 4 * 2.0**-24
@@ -93,7 +93,7 @@ def test_scene_declares_units_frames_and_a_blurring_camera(name: str) -> None:
 def test_every_mesh_is_polygonal_bound_and_covered_by_its_extent(name: str) -> None:
     stage = shipped(name)
     meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
-    assert len(meshes) == 2
+    assert len(meshes) == (5 if name == "tumbler" else 2)
     for mesh in meshes:
         assert mesh.GetSubdivisionSchemeAttr().Get() == UsdGeom.Tokens.none
         material, _ = UsdShade.MaterialBindingAPI(mesh.GetPrim()).ComputeBoundMaterial()
@@ -224,10 +224,10 @@ def test_cylinder_turns_five_degrees_a_frame_about_the_vertical_through_one_end(
     np.testing.assert_allclose(np.diff(angles), 5.0, atol=1e-5)
 
 
-def test_cylinder_is_closed_faces_outward_and_has_the_volume_of_its_prism() -> None:
-    stage = shipped("cylinder")
-    mesh = UsdGeom.Mesh.Get(stage, "/World/Cylinder")
-    points, normals = mesh_values(stage, "/World/Cylinder", 1)
+def volume_of(stage: Usd.Stage, path: str) -> float:
+    """Volume of a mesh, which is closed, whose faces and normals are outward."""
+    mesh = UsdGeom.Mesh.Get(stage, path)
+    points, normals = mesh_values(stage, path, 1)
     indices, counts = (np.array(a.Get()) for a in (mesh.GetFaceVertexIndicesAttr(), mesh.GetFaceVertexCountsAttr()))
     corners = np.split(np.arange(len(indices)), np.cumsum(counts)[:-1])
     edges, volume = set(), 0.0
@@ -241,10 +241,43 @@ def test_cylinder_is_closed_faces_outward_and_has_the_volume_of_its_prism() -> N
         volume += np.sum(areas @ fan[0]) / 3
         assert np.all(normals[face] @ areas.sum(axis=0) > 0)
     assert all((end, start) in edges for start, end in edges)
-    sides = 128
+    return volume
+
+
+def test_cylinder_is_closed_faces_outward_and_has_the_volume_of_its_prism() -> None:
+    volume, sides = volume_of(shipped("cylinder"), "/World/Cylinder"), 128
     prism = 0.5 * sides * np.sin(2 * np.pi / sides) * 0.15**2 * 2.0
     # Every radius and length is off by a float's rounding at most: twice the radius, once the length, and the sums.
     assert volume == pytest.approx(prism, rel=8 * 2.0**-24)
+
+
+def test_the_bodies_of_the_tumbler_are_closed_and_have_the_volumes_of_frusta_and_cubes() -> None:
+    stage, sides = shipped("tumbler"), 96
+
+    def frustum(low: float, high: float, height: float) -> float:
+        return sides / 2 * np.sin(2 * np.pi / sides) * height * (low**2 + low * high + high**2) / 3
+
+    # Outside less inside, base and all.
+    glass = frustum(0.32, 0.38, 0.93) - frustum(0.31, 0.35, 0.85)
+    expected = {"Glass": glass, "Water": frustum(0.32, 0.348, 0.61), "IceA": 0.17**3, "IceB": 0.17**3}
+    for name, volume in expected.items():
+        assert volume_of(stage, f"/World/{name}") == pytest.approx(volume, rel=1e-5)
+
+
+def test_the_ice_of_the_tumbler_turns_six_degrees_a_frame_within_the_water() -> None:
+    stage = shipped("tumbler")
+    water, _ = mesh_values(stage, "/World/Water", 1)
+    for name, side in (("IceA", 1), ("IceB", -1)):
+        mesh = UsdGeom.Mesh.Get(stage, f"/World/{name}")
+        corners, _ = mesh_values(stage, f"/World/{name}", 1)
+        place = {time: mesh.ComputeLocalToWorldTransform(time) for time in FRAMES}
+        ahead = np.array([place[time].TransformDir(Gf.Vec3d(1, 0, 0)) for time in FRAMES])
+        angles = np.degrees(np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0])))
+        np.testing.assert_allclose(np.diff(angles), side * 6.0, atol=1e-9)
+        seen = np.array([[place[time].Transform(Gf.Vec3d(*corner)) for corner in corners] for time in FRAMES])
+        # It swims: partly above the water, none of it in the glass.
+        assert np.all(seen[..., 2].max(axis=1) > water[:, 2].max()) and seen[..., 2].min() > 0.1
+        assert np.hypot(seen[..., 0], seen[..., 1]).max() < 0.31
 
 
 def test_mirror_ring_reflects_inward_and_stands_still() -> None:

@@ -47,6 +47,9 @@ class Source:
     def motion_breaks(self, shutter: Shutter) -> list[float]:
         return []
 
+    def light_groups(self) -> dict[str, str]:
+        return {light.path: "" for light in self.at(self.reference_shutters()[0]).lights}
+
 
 def turned(rotation) -> np.ndarray:
     """Rows are the x, y, z axes turned by a rotation vector (Rodrigues)."""

@@ -3,6 +3,7 @@
 
     .venv/bin/python scripts/benchmarks/run.py                 # all of them
     .venv/bin/python scripts/benchmarks/run.py frame_time      # one
+    .venv/bin/python scripts/benchmarks/run.py speed --only wave --only torus      # some rows of one
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pathlib import Path
 FOLDER = Path(__file__).resolve().parent
 CASES = (
     "frame_time", "accuracy", "presets", "comparison", "target_error", "rounding", "check_frames", "solids", "house",
-    "speed", "gpu", "memory", "farm",
+    "speed", "efficiency", "extent", "gpu", "memory", "farm",
 )  # fmt: skip
 
 
@@ -24,6 +25,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Runs tpdwarp's benchmarks.")
     parser.add_argument("case", nargs="*", help=f"which of {', '.join(CASES)}; all by default")
     parser.add_argument("--json", type=Path, help="also write the results to this file")
+    parser.add_argument("--only", action="append", metavar="ROW", help="only this row of speed or efficiency")
     options = parser.parse_args()
     for case in options.case:
         if case not in CASES:
@@ -32,9 +34,10 @@ def main() -> int:
     results = {}
     for case in options.case or CASES:
         print(f"== {case}", flush=True)
-        results[case] = importlib.import_module(case).run()
-    if options.json:
-        options.json.write_text(json.dumps(results, indent=2) + "\n")
+        run = importlib.import_module(case).run
+        results[case] = run(options.only) if options.only else run()
+        if options.json:
+            options.json.write_text(json.dumps(results, indent=2) + "\n")
     return 0
 
 

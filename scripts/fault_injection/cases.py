@@ -7,13 +7,12 @@ import resource
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import warp as wp
 
+from scripts.fault_injection.bench import Bench, how_ended
 from scripts.fault_injection.program import (
     FRAMES,
     LONGEST_LINE,
@@ -37,35 +36,6 @@ SKIP = "--skip-existing-frames"
 REFUSED_SECONDS = 5.0
 
 
-@dataclass(frozen=True)
-class Bench:
-    """What faults are injected into.
-
-    Attributes:
-        scene: A stage as a crate.
-        folder: Where to work; each fault has a folder of its own in it.
-        reference: Frames of a render that was left alone.
-    """
-
-    scene: Path
-    folder: Path
-    reference: Mapping[str, dict[str, np.ndarray]]
-
-    def new(self, name: str) -> Path:
-        """An empty folder."""
-        folder = self.folder / name
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-        return folder
-
-    def rendered(self, name: str) -> Path:
-        """A folder with the frames of the reference, as the program wrote them."""
-        folder = self.new(name)
-        for path in (self.folder / "reference").glob("*.exr"):
-            shutil.copy2(path, folder)
-        return folder
-
-
 def stale_frames(bench: Bench) -> Iterator[Row]:
     """Frames of other settings or of another stage are not kept."""
     for change in (["--photons", "2048"], ["--seed", "5"], ["--exposure", "0.25"], ["-w", "24"], ["--aov", "Z"]):
@@ -76,7 +46,11 @@ def stale_frames(bench: Bench) -> Iterator[Row]:
         missing = lost(out, pixels(fresh))
         said = "of other settings" in ended.err
         yield Row(
-            f"resumed with {' '.join(change)}", "all rendered anew, and why", _did(ended), missing, not missing and said
+            f"resumed with {' '.join(change)}",
+            "all rendered anew, and why",
+            how_ended(ended),
+            missing,
+            not missing and said,
         )
     out = bench.rendered("stale")
     scene = bench.new("stage") / "scene.usda"
@@ -85,7 +59,7 @@ def stale_frames(bench: Bench) -> Iterator[Row]:
     )
     ended = run(render(scene, out / "a.####.exr", SKIP))
     said = "of another stage" in ended.err
-    yield Row("resumed with another stage", "all rendered anew, and why", _did(ended), 0, said and ended.code == 0)
+    yield Row("resumed with another stage", "all rendered anew, and why", how_ended(ended), 0, said and ended.code == 0)
 
 
 def damaged_frames(bench: Bench) -> Iterator[Row]:
@@ -100,7 +74,7 @@ def damaged_frames(bench: Bench) -> Iterator[Row]:
     yield Row(
         "frames cut, of one byte, text, HTML, empty",
         "5 rendered anew, the others kept",
-        _did(ended),
+        how_ended(ended),
         missing,
         said and not missing,
     )
@@ -112,7 +86,9 @@ def closed_streams(bench: Bench) -> Iterator[Row]:
         out = bench.new("closed")
         ended = run(render(bench.scene, out / "a.####.exr"), prefix=("bash", "-c", f'exec "$@" {closed}', "bash"))
         missing = lost(out, bench.reference)
-        yield Row(f"started with {closed}", "renders, silently", _did(ended), missing, not missing and not ended.err)
+        yield Row(
+            f"started with {closed}", "renders, silently", how_ended(ended), missing, not missing and not ended.err
+        )
 
 
 def outputs_over_inputs(bench: Bench) -> Iterator[Row]:
@@ -136,7 +112,11 @@ def outputs_over_inputs(bench: Bench) -> Iterator[Row]:
         ended = run(arguments)
         good = ended.code == 2 and ended.one_line and sub.read_bytes() == before
         yield Row(
-            f"{arguments[0]} … {' '.join(_short(a) for a in arguments[-2:])}", "exit 2, one line", _did(ended), 0, good
+            f"{arguments[0]} … {' '.join(_short(a) for a in arguments[-2:])}",
+            "exit 2, one line",
+            how_ended(ended),
+            0,
+            good,
         )
     precious = folder / "precious.txt"
     precious.write_text("precious")
@@ -144,7 +124,11 @@ def outputs_over_inputs(bench: Bench) -> Iterator[Row]:
     ended = run(render(bench.scene, frames))
     good = precious.read_text() == "precious" and not lost(folder, bench.reference)
     yield Row(
-        "a link planted in place of a frame", "what it names stays", _did(ended), lost(folder, bench.reference), good
+        "a link planted in place of a frame",
+        "what it names stays",
+        how_ended(ended),
+        lost(folder, bench.reference),
+        good,
     )
 
 
@@ -179,7 +163,7 @@ def folder_gone(bench: Bench) -> Iterator[Row]:
     wrong = sum(not same(planes, bench.reference[name]) for name, planes in kept.items())
     shutil.rmtree(bench.folder / "moved")
     good = ended.code == 1 and len(kept) >= 2 and not wrong and "frames failed" in ended.err
-    yield Row("the output folder is moved away", "exit 1, failed frames listed", _did(ended), wrong, good)
+    yield Row("the output folder is moved away", "exit 1, failed frames listed", how_ended(ended), wrong, good)
 
 
 def full_disk(bench: Bench) -> Iterator[Row]:
@@ -197,7 +181,7 @@ def full_disk(bench: Bench) -> Iterator[Row]:
     wrong = sum(not same(planes, bench.reference[name]) for name, planes in kept.items())
     shutil.rmtree(f"{out}.kept", ignore_errors=True)
     good = ended.code == 1 and not wrong and "frames failed" in ended.err
-    yield Row("a disk that is full after two frames", "exit 1, whole frames, listed", _did(ended), wrong, good)
+    yield Row("a disk that is full after two frames", "exit 1, whole frames, listed", how_ended(ended), wrong, good)
 
 
 def names(bench: Bench) -> Iterator[Row]:
@@ -208,12 +192,14 @@ def names(bench: Bench) -> Iterator[Row]:
     raw = any(character in ended.out + ended.err for character in "\x1b\u202e")
     lines = sum(line.startswith("frame 9 (9:9)") for line in ended.out.splitlines())
     good = ended.code == 0 and not raw and not lines
-    yield Row("a name with escapes, a mark, a line break", "escaped", f"{_did(ended)}, {lines} forged lines", 0, good)
+    yield Row(
+        "a name with escapes, a mark, a line break", "escaped", f"{how_ended(ended)}, {lines} forged lines", 0, good
+    )
     plain = {"PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "LC_ALL": "C"}
     ended = run(render(bench.scene, out / "größe" / "a.####.exr"), changes=plain)
     made = len(list((out / "größe").glob("*.exr"))) if (out / "größe").exists() else 0
     good = (ended.code == 0 and made == FRAMES) or (ended.code == 2 and ended.one_line)
-    yield Row("a name beyond ASCII, UTF-8 off", "written, or one line", _did(ended), 0, good)
+    yield Row("a name beyond ASCII, UTF-8 off", "written, or one line", how_ended(ended), 0, good)
 
 
 def two_at_once(bench: Bench) -> Iterator[Row]:
@@ -242,7 +228,7 @@ def kernel_caches(bench: Bench) -> Iterator[Row]:
             changes={"WARP_CACHE_PATH": str(cache), "TMPDIR": str(temporary), **changes},
         )
         missing = lost(out, bench.reference)
-        did = f"{_did(ended)}, {time.monotonic() - started:.0f} s"
+        did = f"{how_ended(ended)}, {time.monotonic() - started:.0f} s"
         return Row(name, must, did, missing, ended.code == 0 and not missing)
 
     (bench.folder / "file").write_text("")
@@ -292,7 +278,7 @@ def strangers(bench: Bench) -> Iterator[Row]:
     ended = run(["check", *frames])
     took = time.monotonic() - started
     good = ended.code == 2 and "GB of memory" in ended.out + ended.err and took < REFUSED_SECONDS
-    did = f"{_did(ended)}, {took:.1f} s"
+    did = f"{how_ended(ended)}, {took:.1f} s"
     yield Row("an image of more pixels than memory, check", "exit 2, within 5 s", did, 0, good)
 
 
@@ -312,35 +298,15 @@ def _refused(bench: Bench, name: str, arguments: list[object], **options) -> Row
     now = resource.getrusage(resource.RUSAGE_CHILDREN)
     work = now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
     good = ended.code == 2 and ended.one_line and min(took, work) < REFUSED_SECONDS
-    return Row(name, "exit 2, one line, within 5 s", f"{took:.1f} s ({work:.1f} s of work), {_did(ended)}", 0, good)
-
-
-CASES: tuple[Callable[[Bench], Iterator[Row]], ...] = (
-    outputs_over_inputs,
-    damaged_frames,
-    stale_frames,
-    closed_streams,
-    names,
-    stage_written_over,
-    folder_gone,
-    full_disk,
-    two_at_once,
-    pipes,
-    strangers,
-    address_space,
-    kernel_caches,
-)
+    return Row(
+        name, "exit 2, one line, within 5 s", f"{took:.1f} s ({work:.1f} s of work), {how_ended(ended)}", 0, good
+    )
 
 
 def _wait_for(path: Path) -> None:
     deadline = time.monotonic() + 120
     while not path.exists() and time.monotonic() < deadline:
         time.sleep(0.005)
-
-
-def _did(ended) -> str:
-    said = ended.err.strip().splitlines()
-    return f"code {ended.code}" + (f": {said[-1]}" if said else "")
 
 
 def _short(argument: object) -> str:

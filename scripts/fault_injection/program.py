@@ -57,17 +57,23 @@ LONGEST_LINE = 600
 HANGS = -1
 
 
-def start(arguments: list[object], changes: Mapping[str, str | None] | None = None, prefix: tuple[str, ...] = ()):
+def start(
+    arguments: list[object],
+    changes: Mapping[str, str | None] | None = None,
+    prefix: tuple[str, ...] = (),
+    program: tuple[str, ...] = ("-m", "tpdwarp"),
+) -> subprocess.Popen[bytes]:
     """Starts ``tpdwarp`` with ``arguments``, behind a command line that it is handed to.
 
     Args:
         arguments: Its arguments.
         changes: Changes of the environment; None removes a variable.
         prefix: Command line in front, for instance of ``unshare``.
+        program: What Python runs.
     """
     environment = {**os.environ, "PYTHONPATH": str(ROOT), **(changes or {})}
     return subprocess.Popen(
-        [*prefix, sys.executable, "-m", "tpdwarp", *map(str, arguments)],
+        [*prefix, sys.executable, *program, *map(str, arguments)],
         env={name: value for name, value in environment.items() if value is not None},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,

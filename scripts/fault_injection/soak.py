@@ -47,9 +47,7 @@ def soak(folder: Path, frames: int, seed: int, tell: Callable[[str], None]) -> l
     ]
 
 
-def _farm(
-    out: Path, frames: int, draw: random.Random | None, tell: Callable[[str], None]
-) -> tuple[float, float, int]:
+def _farm(out: Path, frames: int, draw: random.Random | None, tell: Callable[[str], None]) -> tuple[float, float, int]:
     """Seconds, growth of the client's memory, and how many workers were killed."""
     out.mkdir()
     scene = ROOT / "usd_scenes" / "wave.usdc"

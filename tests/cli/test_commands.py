@@ -103,10 +103,12 @@ def test_info_prints_text_or_json(stage, capsys):
 
 def test_info_says_what_it_warns_of_once_and_power_with_its_unit(tmp_path, capsys):
     camera_less = write_stage(tmp_path / "a.usda", camera=False)
-    (tmp_path / "b.usda").write_text((tmp_path / "a.usda").read_text().replace("angle = 0", "angle = 1"))
+    text = (tmp_path / "a.usda").read_text()
+    (tmp_path / "b.usda").write_text(text.replace("inputs:angle = 0", "inputs:specular = 0.5"))
     assert main(["info", str(tmp_path / "b.usda")]) == 0
     stdout, stderr = capsys.readouterr()
-    assert stderr == "" and "inputs:angle" in stdout and ", unit W/m2, moves no" in stdout
+    assert stderr == "" and "inputs:specular" in stdout
+    assert ", unit W/m2, moves no, extent a disc of 0.53 degrees" in stdout
     assert main(["info", camera_less]) == 0
 
 

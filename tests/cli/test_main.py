@@ -24,18 +24,14 @@ from tpdwarp.jobs import frame_work
 from tpdwarp.cli import main
 from tpdwarp.rendering.frame import Frame
 from tpdwarp.photons.energy import EnergyAccount
-from tpdwarp.photons.record import PhotonRecord
+from tpdwarp.photons.record import LandedPhotons
 
-def no_photons():
-    vectors, numbers = np.zeros((0, 3)), np.zeros(0, np.int32)
-    return PhotonRecord(numbers, *[vectors] * 6, np.zeros((0, 2)), numbers, numbers, ())
-
-def render_frame(context, shutter, width, height):
+def render_frame(context, shutter, width, height, **_):
     if shutter.frame > 1:
         print("busy", flush=True)
         time.sleep(60)
     grey = {name: np.ones((height, width), np.float32) for name in "RGBA"}
-    return Frame(no_photons(), EnergyAccount(sent=1.0), {}, grey, context.source.at(shutter).camera)
+    return Frame(LandedPhotons([], ()), EnergyAccount(sent=1.0), {}, grey, context.source.at(shutter).camera)
 
 frame_work.render_frame = render_frame
 # Shells start what runs in the background with it ignored.

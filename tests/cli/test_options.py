@@ -47,6 +47,10 @@ def test_only_what_is_given_is_changed():
         (["--complexity", "high"], {"complexity": 1.2}),
         (["--complexity", "1.1"], {"complexity": 1.1}),
         (["--aov", "Z,caustic"], {"aovs": ("Z", "caustic")}),
+        (["--crop", "0", "0", ".5", "1"], {"crop": (0.0, 0.0, 0.5, 1.0)}),
+        (["--light-groups"], {"light_groups": ("auto",)}),
+        (["--light-groups", "key=Key*,rest=/World/*"], {"light_groups": ("key=Key*", "rest=/World/*")}),
+        (["--light-groups", "--seed", "3"], {"light_groups": ("auto",), "seed": 3}),
         (["--exposure", "0.5"], {"exposure": 0.5}),
         (["--shutter", "-0.25", ".25"], {"shutter": (-0.25, 0.25)}),
         (["--segments", "2", "--motion", "cubic"], {"segments": 2, "motion": "cubic"}),
@@ -56,6 +60,13 @@ def test_only_what_is_given_is_changed():
 )
 def test_options_become_settings(arguments, settings):
     assert given(*arguments) == settings
+
+
+def test_light_groups_without_a_value_leave_the_stage_alone():
+    options = build_parser(("render",)).parse_args(["render", "--light-groups", "my.usda", "out.exr"])
+    assert (options.scene, options.out, options.light_groups) == ("my.usda", "out.exr", ["auto"])
+    options = build_parser(("render",)).parse_args(["render", "--light-groups", "a=b", "my.usda", "out.exr"])
+    assert (options.scene, options.out, options.light_groups) == ("my.usda", "out.exr", ["a=b"])
 
 
 def test_options_have_the_kinds_that_settings_take():

@@ -21,7 +21,7 @@ UP = (0.0, 0.0, 1.0)
 
 def photon_map(
     positions, dxdu, dxdv, dxdt=(0, 0, 0), normals=UP, flux=1.0, receiver=0, receiver_motion=(0, 0, 0),
-    time=0.0, duration=1.0, trajectory=None, gain=0.0,
+    time=0.0, duration=1.0, trajectory=None, gain=0.0, share=1.0,
 ) -> PhotonMap:  # fmt: skip
     """Photons at ``positions`` [n, 3]; every other argument is one value for all or one a photon.
 
@@ -49,7 +49,7 @@ def photon_map(
         receiver=rows(receiver, np.int32, 0),
         bounces=whole,
         path=rows(0, np.uint32, 0),
-        share=rows(1, width=0),
+        share=rows(share, width=0),
         trajectory=None if trajectory is None else TrajectoryColumns(*map(rows, trajectory), rows(gain, width=0)),
         time=time,
         duration=duration,

@@ -22,7 +22,9 @@ def sheet(cell: float, irradiance: float, half: float = 0.5, **columns):
     """Photons on a lattice over a square of the plane z = 0, which make it as bright as that."""
     x = np.arange(-half + 0.5 * cell, half, cell)
     at = np.stack([a.ravel() for a in np.meshgrid(x, x, [0.0])], axis=1)
-    return photon_map(at, (cell, 0, 0), (0, cell, 0), flux=irradiance * cell**2, **columns)
+    # As inner reflections, those that are faint have left most of their light elsewhere.
+    share = min(1.0, irradiance)
+    return photon_map(at, (cell, 0, 0), (0, cell, 0), flux=irradiance * cell**2, **{"share": share, **columns})
 
 
 def light_of(*maps, moves: bool = False) -> FootprintLight:
@@ -39,7 +41,7 @@ def scattered(reach: float, count: int = 2000) -> np.ndarray:
 
 @pytest.mark.parametrize(("part", "is_background"), [(0.9 * FAINT, True), (1.1 * FAINT, False)])
 def test_what_is_less_than_a_part_of_other_light_is_background(part, is_background):
-    maps = [sheet(FINE, 1.0, half=1.0), sheet(COARSE, part, half=0.3)]
+    maps = [sheet(FINE, 1.0, half=1.0), sheet(COARSE, part, half=0.3, share=0.05)]
     split = split_light(maps, 1.0, pixel(HALF_PIXEL), ONE_THREAD)
     assert sum(len(photons) for photons in split.fine) == len(maps[0]) + (0 if is_background else len(maps[1]))
     assert bool(split.coarse) == is_background
@@ -51,6 +53,24 @@ def test_there_is_no_background_where_rasters_gain_nothing_or_are_wrong(what):
     dim = sheet(COARSE, DIM, half=0.2 if what == "few photons" else 0.5, receiver_motion=motion)
     size = pixel(0.05 if what == "pixels as large as squares" else HALF_PIXEL)
     assert not split_light([sheet(FINE, 1.0), dim], 1.0, size, ONE_THREAD).coarse
+
+
+def test_paths_that_do_not_branch_make_no_background():
+    maps = [sheet(FINE, 1.0, half=1.0), sheet(COARSE, DIM, half=0.3, share=1.0)]
+    assert not split_light(maps, 1.0, pixel(HALF_PIXEL), ONE_THREAD).coarse
+
+
+@pytest.mark.parametrize("aspect", [1.0, 4.0, 16.0])
+@pytest.mark.parametrize("way", [0.0, 0.5])
+def test_four_squares_lie_across_the_narrow_side_of_footprints_and_64_in_them(aspect, way):
+    """Footprints of three cells along either side, long along x, that go along y or nowhere."""
+    dim = sheet(COARSE, DIM, half=0.3)
+    dim.dxdu[:, 0], dim.dxdv[:, 1], dim.dxdt[:, 1] = aspect * COARSE, COARSE / aspect, way
+    sides = split_light([sheet(FINE, 1.0, half=1.0), dim], 1.0, pixel(1e-4), ONE_THREAD).coarse
+    (side,) = sides
+    sides = np.array([3 * COARSE / aspect + way, 3 * COARSE * aspect])
+    largest = min(sides.min() / 4, np.sqrt(sides.prod()) / 8)
+    assert largest / 2 < side <= largest
 
 
 def test_a_lattice_of_background_photons_stays_uniform():

@@ -61,9 +61,9 @@ def traced(monkeypatch):
     seen = {"rendered": [], "traced": []}
     for done, name in (("rendered", "render_frame"), ("traced", "trace_frame")):
 
-        def seeing(context, shutter, *size, noted, real):
+        def seeing(context, shutter, *size, noted, real, **more):
             noted.append(shutter.frame)
-            return real(context, shutter, *size)
+            return real(context, shutter, *size, **more)
 
         monkeypatch.setattr(frame_work, name, partial(seeing, noted=seen[done], real=getattr(frame_work, name)))
     return seen
@@ -79,10 +79,10 @@ def test_a_layer_in_two_runs_is_that_of_one(stage, tmp_path, curves, monkeypatch
 
     store = PhotonParts.store
 
-    def killed_at_3(self, frame, photons, statistics):
+    def killed_at_3(self, frame, photons, statistics, paths):
         if frame == 3:
             raise Killed
-        store(self, frame, photons, statistics)
+        store(self, frame, photons, statistics, paths)
 
     two = {"debug_layer": tmp_path / "two.usdc", "skip_existing": True, **options}
     with monkeypatch.context() as patched:
@@ -110,7 +110,7 @@ def test_photons_alone_go_on_where_they_were_stopped_with_their_statistics(stage
     layer = tmp_path / "a.usdc"
     add_frame = DebugLayerWriter.add_frame
 
-    def no_room(self, time, record, smoothing):
+    def no_room(self, time, record, smoothing, paths):
         raise FrameError("no room")
 
     monkeypatch.setattr(DebugLayerWriter, "add_frame", no_room)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -163,3 +164,97 @@ def test_where_there_is_no_diffuse_surface_there_is_no_irradiance(small):
 def test_arrays_that_do_not_fit_are_refused(small, points, normals, options, why):
     with pytest.raises(InputError, match=why):
         tpdwarp.irradiance(small, FRAME, points, normals, **options)
+
+
+def test_a_closed_scene_says_so_and_may_be_closed_again(small):
+    with tpdwarp.Scene(small, **SMALL) as scene:
+        assert scene.render_frame(FRAME).frame == FRAME
+    scene.close()
+    assert repr(scene) == "tpdwarp.Scene(closed)"
+    for use in (
+        lambda: scene.frames,
+        lambda: scene.render_frame(FRAME),
+        lambda: scene.trace_photons(FRAME, photons=64),
+        lambda: scene.irradiance(FRAME, [[0, 0, 0]], [[0, 0, 1]], bounces=2),
+    ):
+        with pytest.raises(InputError, match="the scene is closed"):
+            use()
+
+
+@pytest.mark.parametrize("frame", [np.int64(2), np.float32(2.0), Usd.TimeCode(2)])
+def test_frames_are_numbers_of_any_kind(small, frame):
+    assert len(tpdwarp.trace_photons(small, frame, photons=64, threads=1)) > 0
+    assert tpdwarp.render_frame(small, frame, **SMALL).frame == 2.0
+
+
+@pytest.mark.parametrize("frame", ["2", None, [1, 2], True, math.inf, math.nan, Usd.TimeCode.Default()])
+def test_what_is_no_frame_is_refused_in_pythons_words(small, frame):
+    with pytest.raises(InputError, match="is no time code"):
+        tpdwarp.render_frame(small, frame, **SMALL)
+
+
+def test_the_default_time_is_traced_by_its_own_name(small):
+    assert len(tpdwarp.trace_photons(small, Usd.TimeCode.Default(), photons=64, threads=1)) >= 0
+
+
+@pytest.mark.parametrize("scene", [5, None, b"x.usda", ["x.usda"]])
+def test_what_is_no_scene_is_refused(scene):
+    with pytest.raises(InputError, match=r"must be a file, an Sdf\.Layer or a Usd\.Stage"):
+        tpdwarp.render_frame(scene, FRAME)
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"exposure": "1"}, "exposure must be a number, not '1'"),
+        ({"shutter": 1.0}, "shutter must be 2 numbers"),
+        ({"aovs": 3}, "aovs must be a list of names"),
+        ({"camera": 3}, "camera must be a text"),
+        ({"photons": 2.5}, "photons must be a whole number"),
+        ({"seed": "x"}, "seed must lie in"),
+        ({"fotons": 3}, "unknown setting 'fotons'"),
+    ],
+)
+def test_settings_of_the_wrong_kind_are_refused_in_pythons_words(small, changes, why):
+    with pytest.raises(InputError, match=why):
+        tpdwarp.Scene(small, **changes)
+
+
+@pytest.mark.parametrize("out", [None, 5, b"f.exr"])
+def test_what_names_no_file_is_refused(small, out):
+    for write in (tpdwarp.render, tpdwarp.bake):
+        with pytest.raises(InputError, match="a file must be named by"):
+            write(small, out, frames=FRAME, photons=64, threads=1)
+
+
+def test_textures_take_what_notebooks_have(small, tmp_path):
+    options = {"resolution": np.int64(8), "gutter": np.int32(1), "frames": np.array([FRAME]), "photons": 64}
+    for receiver in (Sdf.Path("/World/Floor"), [Sdf.Path("/World/Floor")], np.array(["/World/Floor"])):
+        assert tpdwarp.bake(small, tmp_path / "t.exr", receiver=receiver, **options, threads=1).written == (FRAME,)
+    with pytest.raises(InputError, match="resolution must be a whole number"):
+        tpdwarp.bake(small, tmp_path / "t.exr", resolution=2.5, threads=1)
+
+
+def test_a_frame_is_short_in_a_notebook(small):
+    frame = tpdwarp.render_frame(small, FRAME, **SMALL, aovs=["irradiance"])
+    assert repr(frame).startswith("tpdwarp.RenderedFrame(frame 2, 24 × 16, R G B A irradiance, ")
+    assert repr(frame.photons).startswith(f"PhotonRecord({len(frame.photons)} photons: ids, positions")
+
+
+def test_settings_take_what_notebooks_have(small):
+    crop = np.array([0, 0, 0.5, 1])
+    settings = tpdwarp.Settings(aovs="caustic, Z", photons=np.int32(64), crop=crop, mask=["/World"])
+    assert settings.aovs == ("caustic", "Z") and settings.mask == ("/World",)
+    assert type(settings.photons) is int and settings.crop == (0.0, 0.0, 0.5, 1.0)
+    assert tpdwarp.Scene(small, camera=Sdf.Path("/World/Camera")).settings.camera == "/World/Camera"
+    with pytest.raises(InputError, match=r"settings must be a tpdwarp\.Settings"):
+        tpdwarp.Scene(small, {"photons": 3})
+
+
+@pytest.mark.parametrize(
+    ("points", "why"),
+    [([["a", "b", "c"]], "are no numbers"), ([[0, 0], [0, 0, 1]], "are no numbers"), ([0, 0, 0], "shape"), (None, "")],
+)
+def test_points_that_are_none_are_refused(small, points, why):
+    with pytest.raises(InputError, match=f"points: .*{why}"):
+        tpdwarp.irradiance(small, FRAME, points, [[0, 0, 1]], photons=64, threads=1)

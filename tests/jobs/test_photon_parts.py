@@ -7,9 +7,10 @@ import pytest
 
 from tpdwarp.jobs.fingerprint import Fingerprint
 from tpdwarp.jobs.photon_parts import PhotonParts
+from tpdwarp.photons.paths import PhotonPaths
 from tpdwarp.photons.record import PhotonRecord
+from tpdwarp.photons.thinning import thinning_ranks
 from tpdwarp.settings import Settings
-from tpdwarp.usd.write.debug_layer import thinning_ranks
 
 STATISTICS = '{"photons": 5, "energy": {"sent": 2.0}, "seconds": {"trace": 0.5}}'
 
@@ -29,13 +30,22 @@ def parts(tmp_path, curves=None, **changes):
 def test_photons_come_back_bit_by_bit(tmp_path):
     stored = photons(5)
     parts(tmp_path).store(2.0, stored, STATISTICS)
-    loaded = parts(tmp_path).load(2.0)
+    loaded = parts(tmp_path).load(2.0).photons
     for field in dataclasses.fields(PhotonRecord):
         before, after = getattr(stored, field.name), getattr(loaded, field.name)
         np.testing.assert_array_equal(before, after)
         assert getattr(before, "dtype", None) == getattr(after, "dtype", None)
     kept = parts(tmp_path).kept(2.0)
     assert (kept.photons, kept.energy.sent, kept.seconds) == (5, 2.0, {"trace": 0.5})
+
+
+def test_paths_come_back_with_their_photons(tmp_path):
+    points, counts = np.random.default_rng(2).normal(size=(7, 3)), np.array([3, 4], np.int32)
+    parts(tmp_path).store(2.0, photons(5), STATISTICS, PhotonPaths(photons(2, seed=3), counts, points))
+    paths = parts(tmp_path).load(2.0).paths
+    np.testing.assert_array_equal(paths.points, points)
+    np.testing.assert_array_equal(paths.counts, counts)
+    np.testing.assert_array_equal(paths.photons.positions, photons(2, seed=3).positions)
 
 
 def test_photons_of_another_sequence_do_not_count(tmp_path):
@@ -69,6 +79,6 @@ def test_archives_with_a_flipped_bit_or_of_something_else_do_not_count(tmp_path)
 
 def test_no_more_photons_are_kept_than_the_layer_may_need(tmp_path):
     parts(tmp_path, curves=10).store(2.0, photons(1000), STATISTICS)
-    kept = parts(tmp_path, curves=10).load(2.0)
+    kept = parts(tmp_path, curves=10).load(2.0).photons
     ranks = thinning_ranks(photons(1000))
     assert sorted(kept.ids) == sorted(np.argsort(ranks)[:11])

@@ -128,6 +128,28 @@ def test_messages_stand_on_lines_of_their_own_above_the_bar():
     assert lines[1].startswith("[") and lines[2:] == [""]
 
 
+def test_the_bar_says_where_a_frame_stands_by_how_long_the_one_before_took(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr("tpdwarp.jobs.progress.time.monotonic", lambda: now[0])
+    stream = io.StringIO()
+    bar = BarProgress(stream, interval=0.5)
+    bar.start(2)
+
+    def shown(seconds: float, stage: str) -> str:
+        now[0] += seconds
+        bar.stage(stage)
+        return screen(stream.getvalue())[0]
+
+    bar.begin(1)
+    assert "trace" not in shown(0.1, "trace")
+    # How long a first frame takes nobody knows.
+    assert "frame 1 gather, " in shown(1.0, "gather")
+    bar.end(WRITTEN)
+    bar.begin(2)
+    share = 1.0 / WRITTEN.total_seconds
+    assert f"frame 2 view {min(99, int(100 * share))}%" in shown(1.0, "view")
+
+
 def test_a_narrow_terminal_gets_a_short_line(monkeypatch):
     monkeypatch.setenv("COLUMNS", "30")
     stream = io.StringIO()

@@ -43,6 +43,17 @@ def some_photons(count=4):
     )
 
 
+class SomeLanded:
+    """Stands in for photons that have landed."""
+
+    def __init__(self):
+        self.record = some_photons()
+        self.receiver_paths = self.record.receiver_paths
+
+    def __len__(self):
+        return len(self.record)
+
+
 class FakeRenderer:
     """Stands in for the renderer: grey frames, and an exception at frames of choice."""
 
@@ -52,18 +63,18 @@ class FakeRenderer:
         monkeypatch.setattr(frame_work, "render_frame", self.render)
         monkeypatch.setattr(frame_work, "trace_frame", self.trace)
 
-    def render(self, context, shutter, width, height):
+    def render(self, context, shutter, width, height, clock, paths, region):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.rendered.append(shutter.frame)
         grey = {name: np.full((height, width), 0.5, np.float32) for name in "RGBA"}
-        return Frame(some_photons(), self.energy, {"trace": 0.5}, grey, context.source.at(shutter).camera)
+        return Frame(SomeLanded(), self.energy, {"trace": 0.5}, grey, context.source.at(shutter).camera)
 
-    def trace(self, context, shutter):
+    def trace(self, context, shutter, clock, paths):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.traced.append(shutter.frame)
-        return Frame(some_photons(), self.energy, {"trace": 0.5}, {}, None)
+        return Frame(SomeLanded(), self.energy, {"trace": 0.5}, {}, None)
 
 
 @pytest.fixture
@@ -227,13 +238,13 @@ def test_two_renders_into_one_folder_share_the_frames(stage, tmp_path, monkeypat
     fake = FakeRenderer(monkeypatch)
     real, first = fake.render, []
 
-    def render_and_begin_another(context, shutter, width, height):
+    def render_and_begin_another(context, shutter, width, height, **more):
         if not first:
             first.append(threading.Thread(target=tpdwarp.render, args=(stage, tmp_path / "a.##.exr"), kwargs=SMALL))
             first[0].start()
             while len(fake.rendered) < 2:
                 time.sleep(0.01)
-        return real(context, shutter, width, height)
+        return real(context, shutter, width, height, **more)
 
     monkeypatch.setattr(frame_work, "render_frame", render_and_begin_another)
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)
@@ -255,10 +266,10 @@ def test_a_debug_layer_that_cannot_be_written_fails_the_frame_but_costs_no_image
     FakeRenderer(monkeypatch)
     store = PhotonParts.store
 
-    def refuse_2(self, frame, photons, statistics):
+    def refuse_2(self, frame, photons, statistics, paths):
         if frame == 2:
             raise FrameError("2.npz: No space left on device")
-        store(self, frame, photons, statistics)
+        store(self, frame, photons, statistics, paths)
 
     monkeypatch.setattr(PhotonParts, "store", refuse_2)
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", debug_layer=tmp_path / "a.usdc", **SMALL)

@@ -75,11 +75,7 @@ class Traced:
 
     def pick(self, chosen: np.ndarray) -> PhotonRecord:
         """The photons of a mask or of indices."""
-        rows = {
-            name: value[chosen] if isinstance(value, np.ndarray) else value
-            for name, value in vars(self.photons).items()
-        }
-        return PhotonRecord(**rows)
+        return self.photons.rows(chosen)
 
 
 def traced(

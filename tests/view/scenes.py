@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import (
@@ -18,6 +19,7 @@ from tpdwarp.scene.description import (
 from tpdwarp.scene.device.geometry import geometry_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
+from tpdwarp.view.area_lights import area_light_arrays
 from tpdwarp.view.camera import camera_of
 from tpdwarp.view.lights import light_arrays
 from tpdwarp.view.visibility import visible_points
@@ -100,8 +102,10 @@ def see(
     geometry = geometry_of(scene, norm, ONE_THREAD, with_motions=moves)
     surfaces = geometry.at(time, ONE_THREAD)
     camera = camera_of(scene.camera, width, height, norm)
-    lights = light_arrays(scene.lights, norm, ONE_THREAD)
-    passes = visible_points(surfaces, lights, camera, np.asarray(films, float), needs, ONE_THREAD, moves=moves)
+    lights = [make(scene.lights, norm, ONE_THREAD) for make in (light_arrays, area_light_arrays)]
+    positions = ONE_THREAD.array(np.asarray(films, np.float32), wp.vec2)
+    items = np.arange(len(films), dtype=np.int32)
+    passes = visible_points(surfaces, *lights, camera, positions, items, needs, ONE_THREAD, moves=moves)
     found = []
     for batch in passes:
         queries, arrays = batch.queries, batch.arrays

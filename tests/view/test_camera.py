@@ -9,10 +9,11 @@ import pytest
 import warp as wp
 
 from tests.view.scenes import turned, view_rays
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.beam import Beam
 from tpdwarp.scene.description import CameraAtShutter
 from tpdwarp.scene.normalization import Normalization
-from tpdwarp.view.camera import Camera, camera_of, camera_ray, in_pixels, pixel_size
+from tpdwarp.view.camera import Camera, camera_of, camera_ray, in_sides, pixel_size
 
 WIDTH, HEIGHT = 40, 20
 NORMALIZATION = Normalization((1.0, -2.0, 0.5), 0.25, 0.8)
@@ -29,6 +30,21 @@ def camera(orthographic: bool, moving: bool = True) -> CameraAtShutter:
     return CameraAtShutter(
         "/cam", orthographic, np.array([2.0, 1.0, 3.0]), axes, window, position_motion=travel, axes_motion=spin
     )
+
+
+@wp.kernel(module="unique", enable_backward=False)
+def measure_sides(
+    size: PixelSize, x: wp.array(dtype=wp.vec3), displacement: wp.array(dtype=wp.vec3), out: wp.array(dtype=wp.vec2)
+):
+    i = wp.tid()
+    out[i] = in_sides(size, x[i], displacement[i])
+
+
+def sides_of(size: PixelSize, x: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+    given = [wp.array(values[None].astype(np.float32), dtype=wp.vec3, device="cpu") for values in (x, displacement)]
+    out = wp.zeros(1, dtype=wp.vec2, device="cpu")
+    wp.launch(measure_sides, 1, inputs=[size, *given, out], device="cpu")
+    return out.numpy()[0]
 
 
 @wp.kernel(module="unique", enable_backward=False)
@@ -95,14 +111,12 @@ def test_queries_stand_for_a_pixel_or_with_many_samples_for_a_part_of_it(distanc
         seen = origins + along[:, None] * directions
         # The way between the middles of pixels side by side, on a plane that faces the camera and on an oblique one.
         step = part * (seen[1] - seen[0]) * scale
-        facing = np.tile(description.axes[2], (2, 1))
-        tilted = facing + 0.7 * description.axes[0]
-        tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+        tilted = description.axes[2] + 0.7 * description.axes[0]
         at = NORMALIZATION.points(seen).astype(float)
-        np.testing.assert_allclose(in_pixels(size, at, facing, np.tile(step, (2, 1)))[0], [1, 0], atol=1e-4)
-        hits = origins + ((seen[0] - origins) @ tilted[0] / (directions @ tilted[0]))[:, None] * directions
+        np.testing.assert_allclose(sides_of(size, at[0], step), [1, 0], atol=1e-4)
+        hits = origins + ((seen[0] - origins) @ tilted / (directions @ tilted))[:, None] * directions
         slid = part * (hits[1] - hits[0]) * scale
-        found = in_pixels(size, at[:1], tilted[:1], slid[None])[0]
+        found = sides_of(size, at[0], slid)
         # Pixels farther off are larger, by their distance to first order.
         np.testing.assert_allclose(found, [1, 0], atol=2.0 / WIDTH)
 

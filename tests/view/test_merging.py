@@ -4,71 +4,76 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import warp as wp
 
-from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, quad, steady
+from tests.view.scenes import ONE_THREAD, SUN, WATER, bumpy, floor, looking_down, quad, steady
 from tpdwarp.clock import Clock
+from tpdwarp.footprints.irradiance import QueryArrays
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.view.merging import LARGEST_DISTANCE, SMALLEST_COSINE, merged
+from tpdwarp.view.merging import LARGEST_DISTANCE, SMALLEST_COSINE, merge
 from tpdwarp.view.queries import CameraView, QueryBatch
 
 STILL = Shutter(0, 0, 0)
 SIDE = 0.1
 
 
-def points(spots, positions, receivers=0, normals=(0, 0, 1), first=1) -> dict[str, np.ndarray]:
-    """Visible points; weights count from one, so that what is put together shows."""
+def looked_up(spots, positions, receivers=0, normals=(0, 0, 1), parts=None) -> list[dict]:
+    """What is left of visible points, one row each; weights count from one, so that what is put together shows."""
     count = len(spots)
-    return {
-        "spot": np.array(spots),
-        "receiver": np.broadcast_to(np.asarray(receivers, np.int32), count).copy(),
-        "position": np.array(positions, np.float32),
-        "normal": np.broadcast_to(np.asarray(normals, np.float32), (count, 3)).copy(),
-        "weight": np.repeat(np.arange(1.0, count + 1)[:, None], 3, axis=1),
-        "first": np.broadcast_to(np.asarray(first), count).copy(),
-        "pixel": np.array(spots) * 10,
-    }
+    order = np.argsort(spots, kind="stable")
+    rows = ONE_THREAD.rows(QueryArrays, count, but=("shading_normal", "motion"))
+    rows.position = ONE_THREAD.array(np.array(positions, np.float32)[order], wp.vec3)
+    rows.normal = ONE_THREAD.array(np.broadcast_to(np.float32(normals), (count, 3))[order], wp.vec3)
+    rows.receiver = ONE_THREAD.array(np.broadcast_to(np.int32(receivers), count)[order], wp.int32)
+    weights = ONE_THREAD.array(np.repeat(np.arange(1.0, count + 1)[order, None], 3, axis=1), wp.vec3)
+    begins = np.searchsorted(np.array(spots)[order], np.arange(max(spots) + 2)).astype(np.int32)
+    size = PixelSize()
+    size.right, size.up, size.back, size.orthographic = (SIDE, 0, 0), (0, SIDE, 0), (0, 0, 1), 1
+    lying = None if parts is None else np.array(parts, np.int32)[order]
+    counts = merge(rows, weights, begins, lying, size, ONE_THREAD)
+    assert counts.sum() == count
+    kept = np.flatnonzero(counts)
+    np.testing.assert_array_equal(kept, np.flatnonzero(rows.receiver.numpy() >= 0))
+    weight = weights.numpy()[kept, 0]
+    assert weight.sum() == count * (count + 1) / 2
+    found = [np.array(spots)[order], rows.position.numpy(), rows.normal.numpy(), rows.receiver.numpy(), counts]
+    names = ("spot", "position", "normal", "receiver", "count")
+    columns = {name: values[kept] for name, values in zip(names, found, strict=True)}
+    return [{name: values[k] for name, values in columns.items()} | {"weight": weight[k]} for k in range(len(kept))]
 
 
-def looked_up(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    found = merged(columns, lambda positions, normals, apart: apart[:, :2] / SIDE)
-    assert found.keys() == columns.keys()
-    np.testing.assert_allclose(found["weight"].sum(), columns["weight"].sum())
-    assert found["first"].sum() == columns["first"].sum()
-    np.testing.assert_array_equal(found["pixel"], found["spot"] * 10)
-    return found
+def test_points_of_a_pixel_are_their_mean_and_others_stay_apart():
+    found = looked_up([1, 0, 1, 0, 2], [(2, 0, 0), (1, 0, 0), (2.05, 0, 0), (1, 0.1, 0), (2, 0, 0)])
+    assert [row["spot"] for row in found] == [0, 1, 2]
+    means = [row["position"] for row in found]
+    np.testing.assert_allclose(means, [(1, 0.05, 0), (2.025, 0, 0), (2, 0, 0)], rtol=1e-6)
+    assert [(row["weight"], row["count"]) for row in found] == [(6, 2), (4, 2), (5, 1)]
 
 
-def test_points_of_a_spot_are_their_mean_and_others_stay_apart():
-    found = looked_up(points([1, 0, 1, 0, 2], [(2, 0, 0), (1, 0, 0), (2.1, 0, 0), (1, 0.1, 0), (2, 0, 0)]))
-    np.testing.assert_array_equal(found["spot"], [0, 1, 2])
-    np.testing.assert_allclose(found["position"], [(1, 0.05, 0), (2.05, 0, 0), (2, 0, 0)], rtol=1e-6)
-    np.testing.assert_array_equal(found["weight"][:, 0], [6, 4, 5])
-    np.testing.assert_array_equal(found["first"], [2, 2, 1])
-
-
-def test_neither_other_objects_nor_later_paths_are_put_together_with_what_lies_beside_them():
-    found = looked_up(points([0] * 5, np.zeros((5, 3)), [3, 4, 3, 4, 3], first=[1, 1, 1, 1, 0]))
-    rows = sorted(zip(found["receiver"], found["first"], found["weight"][:, 0], strict=True))
-    assert rows == [(3, 0, 5), (3, 2, 4), (4, 2, 6)]
+def test_other_objects_and_other_parts_of_a_pixel_are_not_put_together_with_what_lies_beside_them():
+    for names in ({"receivers": [3, 4, 3, 4, 3]}, {"parts": [3, 4, 3, 4, 3]}):
+        found = looked_up([0] * 5, np.zeros((5, 3)), **names)
+        assert sorted((row["weight"], row["count"]) for row in found) == [(6, 2), (9, 3)]
 
 
 @pytest.mark.parametrize("part", [0.9, 1.1])
 def test_points_farther_apart_than_what_they_stand_for_are_looked_up_each(part):
-    reach = part * LARGEST_DISTANCE * SIDE
-    found = looked_up(points([0, 0, 0, 1], [(reach, 0, 0), (-reach, 0, 0), (0, 0, 0), (9, 9, 9)]))
-    assert len(found["spot"]) == (2 if part < 1 else 4)
+    reach = part * float(LARGEST_DISTANCE) * SIDE
+    found = looked_up([0, 0, 0, 1], [(reach, 0, 0), (-reach, 0, 0), (0, 0, 0), (9, 9, 9)])
+    assert len(found) == (2 if part < 1 else 4)
 
 
 @pytest.mark.parametrize("part", [0.9, 1.1])
 def test_points_that_face_other_ways_are_looked_up_each(part):
-    angle = part * np.arccos(SMALLEST_COSINE)
+    angle = part * np.arccos(float(SMALLEST_COSINE))
     normals = [(np.sin(side * angle), 0, np.cos(angle)) for side in (-1, 1)]
-    found = looked_up(points([0, 0], np.zeros((2, 3)), normals=normals))
-    assert len(found["spot"]) == (1 if part < 1 else 2)
-    np.testing.assert_allclose(np.linalg.norm(found["normal"], axis=1), 1, rtol=1e-6)
+    found = looked_up([0, 0], np.zeros((2, 3)), normals=normals)
+    assert len(found) == (1 if part < 1 else 2)
+    np.testing.assert_allclose([np.linalg.norm(row["normal"]) for row in found], 1, rtol=1e-6)
 
 
 def irradiance(meshes, size=32, **settings) -> np.ndarray:

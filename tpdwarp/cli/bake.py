@@ -29,6 +29,7 @@ _PICTURE_ONLY = (
     "camera",
     "image_width",
     "resolution",
+    "crop",
     "samples",
     "aovs",
     "exr_type",

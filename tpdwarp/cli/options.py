@@ -27,8 +27,8 @@ def complexity(text: str) -> float:
     return COMPLEXITIES[text] if text in COMPLEXITIES else float(text)
 
 
-def segments(text: str) -> int | str:
-    """A number of segments, or auto."""
+def count_or_auto(text: str) -> int | str:
+    """A number, or auto."""
     return text if text == "auto" else int(text)
 
 
@@ -42,6 +42,7 @@ class SettingOption:
         kind: What the text of the value becomes.
         metavar: How help names the value; one a value where there are several.
         also: What help adds to the field's documentation.
+        alone: What the option means without a value; None where it needs one.
     """
 
     field: str
@@ -49,12 +50,14 @@ class SettingOption:
     kind: Callable[[str], Any] = str
     metavar: str | tuple[str, ...] | None = None
     also: str = ""
+    alone: tuple[str, ...] | None = None
 
 
 PICTURE = (
     SettingOption("camera", ("-cam", "--camera"), metavar="CAMERA"),
     SettingOption("image_width", ("-w", "--imageWidth"), int, "PIXELS"),
     SettingOption("resolution", ("--resolution",), int, ("W", "H")),
+    SettingOption("crop", ("--crop",), float, ("X0", "Y0", "X1", "Y1")),
     SettingOption("render_settings", ("-rs", "--renderSettingsPrimPath"), metavar="PATH"),
     SettingOption("purposes", ("--purposes",), names, "NAME,..."),
     SettingOption("mask", ("--mask",), names, "PATH,..."),
@@ -64,6 +67,7 @@ PICTURE = (
     SettingOption("refracted_radiance", ("--refracted-radiance",)),
     SettingOption("aovs", ("--aov",), names, "NAME,...", also=", ".join(AOVS)),
     SettingOption("exr_type", ("--exr-type",), metavar="half|float"),
+    SettingOption("light_groups", ("--light-groups",), names, "NAME=PATTERN,...", "auto if alone", ("auto",)),
     SettingOption("view", ("--view",), metavar="AOV"),
     SettingOption("view_exposure", ("--view-exposure",), float, "STOPS"),
 )
@@ -74,7 +78,8 @@ EXPOSURE = (
 METHOD = (
     SettingOption("motion", ("--motion",)),
     SettingOption("photons", ("--photons",), int, "N"),
-    SettingOption("segments", ("--segments",), segments, "K|auto"),
+    SettingOption("segments", ("--segments",), count_or_auto, "K|auto"),
+    SettingOption("light_splits", ("--light-splits",), count_or_auto, "N|auto"),
     SettingOption("bounces", ("--bounces",), int, "N"),
     SettingOption("branch_cutoff", ("--branch-cutoff",), float, "PART"),
     SettingOption("target_error", ("--target-error",), float, "X"),
@@ -110,7 +115,8 @@ def declare_settings(group: argparse._ActionsContainer, options: Iterable[Settin
             type=option.kind,
             # Lists given more than once add up.
             action="extend" if option.kind is names else "store",
-            nargs=len(metavar) if isinstance(metavar, tuple) else None,
+            nargs=len(metavar) if isinstance(metavar, tuple) else None if option.alone is None else "?",
+            const=option.alone,
             metavar=metavar,
             default=argparse.SUPPRESS,
             help=_help(option).replace("%", "%%"),

@@ -74,11 +74,16 @@ class _Root(Parser):
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """``-f -5:-1`` as ``--frames=-5:-1``: argparse takes ``-5:-1`` for an option, though no option has a digit."""
+    """``-f -5:-1`` as ``--frames=-5:-1``: argparse takes ``-5:-1`` for an option, though no option has a digit.
+
+    So is ``--light-groups SCENE`` told from ``--light-groups NAME=PATTERN``.
+    """
     joined: list[str] = []
     for argument in arguments:
         if joined and joined[-1] in _FRAME_OPTIONS and re.match(r"-\.?[0-9]", argument):
             joined[-1] = f"--frames={argument}"
+        elif joined and joined[-1] == "--light-groups" and not re.match("auto|-|.*=", argument):
+            joined[-1:] = ["--light-groups=auto", argument]
         else:
             joined.append(argument)
     return joined

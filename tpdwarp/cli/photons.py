@@ -22,7 +22,17 @@ EPILOG = (
     "Beside shot.debug.usdc appears shot.view.usda, which shows the photons in the scene.\n"
     "Exit code: 0 done, 1 a frame failed, 2 wrong usage or unusable input, 130 or 143 interrupted."
 )
-_PICTURE_ONLY = ("image_width", "resolution", "samples", "aovs", "exr_type", "view", "view_exposure")
+_PICTURE_ONLY = (
+    "image_width",
+    "resolution",
+    "crop",
+    "samples",
+    "aovs",
+    "light_groups",
+    "exr_type",
+    "view",
+    "view_exposure",
+)
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

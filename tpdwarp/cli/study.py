@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from tpdwarp.cli.options import MACHINE, METHOD, PICTURE, declare_settings, names, segments, settings_given
+from tpdwarp.cli.options import MACHINE, METHOD, PICTURE, count_or_auto, declare_settings, names, settings_given
 from tpdwarp.cli.outcome import DONE, FAILED
 from tpdwarp.cli.report import warnings_shown
 from tpdwarp.io.terminal import say
@@ -19,7 +19,7 @@ EPILOG = (
 )
 _KINDS = ("auto", "bar", "plain", "none")
 # What is measured is the caustic itself, whatever a file would hold.
-_PICTURE_ONLY = ("aovs", "exr_type", "view", "view_exposure")
+_PICTURE_ONLY = ("crop", "aovs", "light_groups", "exr_type", "view", "view_exposure")
 _SWEPT = ("photons", "segments", "kernel", "estimator", "tdpm_neighbours", "tdpm_between")
 
 
@@ -46,7 +46,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     for flag, kind, metavar, text in (
         ("--methods", str, "NAME,...", "Estimators. [tpd,pd,tdpm,distribution,accumulation]"),
         ("--photons", int, "N,...", "Photons a frame; for accumulation an instant. [1024,4096,16384,65536]"),
-        ("--segments", segments, "K,...", "Segments of tpd, or auto. [1,4]"),
+        ("--segments", count_or_auto, "K,...", "Segments of tpd, or auto. [1,4]"),
         ("--kernel", str, "NAME,...", "Kernels of all but tdpm. [bspline]"),
         ("--exposure", float, "FRAMES,...", "Exposures. [that of the camera]"),
         ("--tdpm-neighbours", int, "N,...", "Photons in an estimate of tdpm. [25,100]"),

@@ -34,6 +34,10 @@ class IrradianceField(Protocol):
         """Irradiance at ``queries``."""
         ...
 
+    def of_photons(self, maps: list[PhotonMap]) -> IrradianceField:
+        """The same estimate from other photons."""
+        ...
+
 
 @dataclass
 class Part:
@@ -95,7 +99,8 @@ def light_of(
     if pixel is None:
         return None
     with clock.stage("footprints"):
-        form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
+        extended = any(len(photons.image) for photons in maps)
+        form = GatherForm(settings.kernel, settings.footprint, settings.time_filter, extended)
         light = FootprintLight(maps, form, settings.smoothing, pixel, moves, tracer.launcher)
     limits = {"footprints clamped": light.clamped, "footprints that grow too fast": light.growth_limited}
     energy.add(EnergyAccount(counts={name: count for name, count in limits.items() if count}))

@@ -79,6 +79,10 @@ class NearestField:
         self._parts = [(len(m), m.time - 0.5 * m.duration, m.time + 0.5 * m.duration) for m in maps]
         self._trees: dict[tuple[int, float, float], _Nearby] = {}
 
+    def of_photons(self, maps: list[PhotonMap]) -> NearestField:
+        """The same estimate from other photons."""
+        return NearestField(maps, self._neighbours, self._threads)
+
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``, as :func:`tpdwarp.footprints.gather.gather` gives it; photons have no motion."""
         position, normal, receiver = (getattr(queries, name).numpy() for name in ("position", "normal", "receiver"))

@@ -54,6 +54,8 @@ class Temporal:
             ]
             energy.add(account)
         energy.counts["segments traced"] = count
+        if plan.splits > 1:
+            energy.counts["parts of each light with extent"] = plan.splits
         if plan.starved_lights:
             energy.counts[STARVED] = plan.starved_lights
         moves = any(seen.requirements.photon_motion for seen in scenes)

@@ -21,6 +21,12 @@ LOOPBACK = "127.0.0.1"
 CONNECT_SECONDS = 10.0
 # How long an orderly end may take; what is left then is killed.
 CLOSE_SECONDS = 1.0
+# Dask samples the stack of its workers a hundred times a second and has their allocator give every freed block back,
+# which costs frames of large arrays a quarter of their processor time; both are of use to graphs of many small tasks.
+FOR_FRAMES = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.nanny.pre-spawn-environ": {name: 1 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")},
+}
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,7 @@ def local_cluster(workers: int, memory: float, dashboard: str, tls: Tls | None) 
         The scheduler's address.
     """
     _hush()
+    dask.config.set(FOR_FRAMES)
     cluster = LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
@@ -76,6 +83,8 @@ def local_cluster(workers: int, memory: float, dashboard: str, tls: Tls | None) 
         silence_logs=logging.CRITICAL,
         security=None if tls is None else tls.security(),
     )
+    # It is closed below; the end of the program need not try again, and wait ten seconds for what was killed.
+    cluster.shutdown_on_close = False
     try:
         yield cluster.scheduler_address
     except BaseException:

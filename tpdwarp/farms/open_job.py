@@ -28,8 +28,8 @@ EXTENSIONS = ("TASK_CHUNKING",)
 ALWAYS = ("photons", "samples", "threads")
 # Options that are not called as their settings are.
 _FLAGS = {"aovs": "--aov", "image_width": "--imageWidth", "render_settings": "--renderSettingsPrimPath"}
-# Settings of two values, and what these are.
-_PAIRS = {"shutter": ("Open", "Close"), "resolution": ("Width", "Height")}
+# Settings of several values, and what these are.
+_SEVERAL = {"shutter": ("Open", "Close"), "resolution": ("Width", "Height"), "crop": ("X0", "Y0", "X1", "Y1")}
 # An interrupted render ends within two seconds; who asks again after that kills.
 NOTICE_SECONDS = 10
 LONGEST_NAME = 128
@@ -219,10 +219,10 @@ def _path(name: str, value: str, folder: str, flow: str, description: str) -> di
 
 
 def _parts(setting: str, value: Any) -> list[tuple[str, Any]]:
-    """Names and values of the parameters that a setting becomes: one, but for pairs."""
+    """Names and values of the parameters that a setting becomes: one, but for those of several values."""
     name = "".join(word.capitalize() for word in setting.split("_"))
-    if setting in _PAIRS:
-        return [(f"{name}{part}", value[k]) for k, part in enumerate(_PAIRS[setting])]
+    if setting in _SEVERAL:
+        return [(f"{name}{part}", value[k]) for k, part in enumerate(_SEVERAL[setting])]
     return [(name, ",".join(value) if isinstance(value, tuple) else value)]
 
 

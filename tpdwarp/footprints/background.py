@@ -32,6 +32,11 @@ FAINT_QUANTILE = 0.1
 # Squares that a background footprint covers at least: those of one at rest are at most 3/8 of a cell wide, and add
 # side²/6 to the cell²/4 by which a B-spline blurs: a tenth of it. One that moves is blurred by its motion besides.
 FEWEST_SQUARES = wp.constant(64.0)
+# Squares across the narrow side of what one sweeps over: with fewer, light beside a focus leaks out of the lines that
+# converge there. Chosen, not derived: a small lens on a floor 300 times as large showed .0080 for .0030 in a pixel
+# beside the focus without, .0043 with eight, which made the torus of scripts/benchmarks/solids.py take half as long
+# again.
+FEWEST_ACROSS = wp.constant(4.0)
 # Squares are powers of two in the tracer's units, and no finer than this, which bounds what numbers them.
 FINEST_SQUARE = wp.constant(2.0**-11)
 COARSEST_SQUARE = wp.constant(2.0**-3)
@@ -94,24 +99,34 @@ def measure_light(
 ):
     """How bright footprints are while they shine, and the largest squares that they cover enough of; 0 for none.
 
-    The area of a swept parallelogram is |a × b| + |a × c| + |b × c|.
+    The area of a swept parallelogram is |a × b| + |a × c| + |b × c|, and it is narrowest across one of the three.
     """
     i = base + wp.tid()
     u = CELLS * smoothing * dxdu[i]
     v = CELLS * smoothing * dxdv[i]
     area = wp.length(wp.cross(u, v))
     brightness[i] = (flux[i][0] + flux[i][1] + flux[i][2]) / wp.max(area, 1.0e-30)
-    swept = area + wp.length(wp.cross(u, dxdt[i])) + wp.length(wp.cross(v, dxdt[i]))
+    over_u = wp.length(wp.cross(u, dxdt[i]))
+    over_v = wp.length(wp.cross(v, dxdt[i]))
+    across = wp.min((area + over_u) / wp.max(wp.length(u), 1.0e-15), (area + over_v) / wp.max(wp.length(v), 1.0e-15))
+    if wp.length(dxdt[i]) > 1.0e-15:
+        across = wp.min(across, (over_u + over_v) / wp.length(dxdt[i]))
+    largest = wp.min(wp.sqrt((area + over_u + over_v) / FEWEST_SQUARES), across / FEWEST_ACROSS)
     on_plane = pixel_on_plane(pixel, position[i], normal[i], tangent_frame(normal[i]))
     pixel_area = wp.abs(on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0])
-    side = wp.pow(2.0, wp.floor(0.5 * wp.log2(wp.max(swept, 1.0e-30) / FEWEST_SQUARES)))
+    side = wp.pow(2.0, wp.floor(wp.log2(wp.max(largest, 1.0e-15))))
     squares[i] = 0.0
     if side >= FINEST_SQUARE and side * side >= FEWEST_PIXELS * FEWEST_PIXELS * pixel_area:
         squares[i] = wp.min(side, COARSEST_SQUARE)
 
 
 def split_light(maps: list[PhotonMap], smoothing: float, pixel: PixelSize, launcher: Launcher) -> SplitLight:
-    """Tells photons of the background from others."""
+    """Tells photons of the background from others.
+
+    Where no path branches off with so little of its light, there is no background, and nothing is measured.
+    """
+    if not any((photons.share < FAINT).any() for photons in maps):
+        return SplitLight(maps)
     measured = [_measured(photons, smoothing, pixel, launcher) for photons in maps]
     while_shining = [bright / photons.duration for photons, (bright, _) in zip(maps, measured, strict=True)]
     brightness = np.concatenate(while_shining)

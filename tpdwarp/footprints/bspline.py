@@ -27,6 +27,9 @@ GAUSS_OFFSET = wp.constant(0.5 / math.sqrt(3.0))
 # Panels of the rule over the shutter; of more, single precision (24 bits) would not resolve a sixteenth.
 MOST_PANELS = wp.constant(1.0e6)
 HALF_WIDTH = wp.constant(SUPPORT)
+# The radius of a soft disc in filter space, where a disc of that radius has a variance of one, and its area.
+DISC_RADIUS = wp.constant(2.0)
+DISC_AREA = wp.constant(4.0 * math.pi)
 
 
 @wp.func
@@ -83,6 +86,24 @@ def twice_averaged_bspline(x: float, width: float, second: float) -> float:
     return wp.max(outer - inner, 0.0) / (width * second)
 
 
+@wp.func
+def soft_disc(y: wp.vec2, softness: float) -> float:
+    """A disc of radius 2 whose edge fades over 2 (1 ± ``softness``), with ∫ = 1 (beyond the paper).
+
+    It is the image of a round light. The edge is a smoothstep, whose integral over the plane is π R² (1 + softness²/5).
+    """
+    radius = DISC_RADIUS
+    t = wp.clamp((wp.length(y) / radius - 1.0 + softness) / (2.0 * softness), 0.0, 1.0)
+    return (1.0 - t * t * (3.0 - 2.0 * t)) / (DISC_AREA * (1.0 + 0.2 * softness * softness))
+
+
+@wp.func
+def disc_widths(softness: float) -> wp.vec3:
+    """Filter widths that stand for a soft disc (beyond the paper): the last one is below zero, and the bounds hold."""
+    reach = 1.0 + 4.0 * softness
+    return wp.vec3(reach, reach + softness, -softness)
+
+
 @wp.struct
 class Trajectory:
     """How a footprint moves over the shutter, in its own filter space at mid shutter.
@@ -91,7 +112,8 @@ class Trajectory:
     are those of mid shutter times 1 + s jacobian_rate; its flux is that of mid shutter times 1 + s gain. Only the
     B-spline's trajectory curves, and only its axes and its flux grow.
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
-    stay. ``straight`` is set where it does not curve and its axes do not grow.
+    stay. Where the last is below zero it is a soft disc (:func:`disc_widths`). ``straight`` is set where it does not
+    curve and its axes do not grow.
     """
 
     velocity: wp.vec2
@@ -175,8 +197,10 @@ def trajectory_extent(trajectory: Trajectory, axis: int) -> float:
 
 
 @cache
-def bspline_weight(moves: bool, curved: bool) -> wp.Function:
+def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Function:
     """w(y, trajectory) of a B-spline footprint (beyond the paper); y is relative to where it stands at mid shutter.
+
+    ``extended`` says whether there may be soft discs, the images of lights with extent.
 
     Averages over a filter width cost twice what the B-spline does, so axes without one have functions of their own.
     """
@@ -185,10 +209,14 @@ def bspline_weight(moves: bool, curved: bool) -> wp.Function:
     v = _weight_along_trajectory(moves, curved, False, 1)
     both = _weight_along_trajectory(moves, curved, True, 1)
     thin = _weight_along_trajectory(moves, curved, True, 2)
+    disc = _weight_along_trajectory(moves, curved, True, 3)
 
     @wp.func
     def weight(y: wp.vec2, trajectory: Trajectory) -> float:
         width = trajectory.filter_width
+        if wp.static(extended):
+            if width[2] < 0.0:
+                return disc(y, trajectory)
         if width[2] > 0.0:
             return thin(y, trajectory)
         if width[0] > 0.0:
@@ -216,6 +244,8 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
         """b(y_u) b(y_v), each averaged over its boxes where it has any."""
         along_u = float(0.0)
         along_v = float(0.0)
+        if wp.static(boxes_v == 3):
+            return soft_disc(y, -width[2])
         if wp.static(boxes_v == 2):
             # Thin footprints may be long beside a pixel, and then have no box along them.
             along_u = quadratic_bspline(y[0])

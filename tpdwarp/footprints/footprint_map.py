@@ -9,7 +9,8 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import PieceArrays, pieces_of
-from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, footprint_kernel
+from tpdwarp.footprints.light_images import axes_in_light
+from tpdwarp.footprints.shaping import FootprintArrays, LightImageArrays, PixelSize, footprint_kernel
 from tpdwarp.photons.photon_map import PhotonMap, joined
 
 
@@ -83,8 +84,14 @@ def shape_footprints(
     )
     rates = [trajectory_column("dxdut"), trajectory_column("dxdvt")]
     columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux")]
-    shape = footprint_kernel(None if kernel == "bspline" else kernel, curved)
-    launcher(shape, count, [*columns, float(smoothing), pixel, out])
+    extended = all(len(m.image) == len(m) for m in maps)
+    images = LightImageArrays()
+    if extended:
+        images.dxda, images.dxdb = column("dxda"), column("dxdb")
+        images.image = launcher.array(joined([m.image for m in maps]), wp.int32)
+    radial = None if kernel == "bspline" else kernel
+    shape = footprint_kernel(radial, curved, axes_in_light(radial) if extended else None)
+    launcher(shape, count, [*columns, images, float(smoothing), pixel, out])
     pieces = pieces_of(out, launcher)
     size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
     clamped, limited = (int(flags.numpy().sum(dtype=np.int64)) for flags in (out.clamped, out.growth_limited))

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
+from tpdwarp.device import Launcher
+
 
 @wp.struct
 class QueryArrays:
@@ -27,6 +29,17 @@ class QueryArrays:
 def has_shading_normals(queries: QueryArrays) -> bool:
     """Whether queries have shading normals of their own."""
     return queries.shading_normal is not None and queries.shading_normal.shape[0] > 0
+
+
+def rows_of(queries: QueryArrays, rows: np.ndarray, launcher: Launcher) -> QueryArrays:
+    """Some of the queries, by index, shape [m]."""
+    out = QueryArrays()
+    for name in ("position", "normal", "motion", "shading_normal"):
+        array = getattr(queries, name)
+        given = array is not None and array.shape[0] > 0
+        setattr(out, name, launcher.array(array.numpy()[rows], wp.vec3) if given else launcher.zeros(0, wp.vec3))
+    out.receiver = launcher.array(queries.receiver.numpy()[rows], wp.int32)
+    return out
 
 
 @wp.struct

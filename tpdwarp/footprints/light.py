@@ -8,7 +8,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import SplitLight, split_light
 from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
 from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, irradiance_of
-from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays
+from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, rows_of
 from tpdwarp.footprints.rasters import Rasters
 from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
@@ -45,6 +45,7 @@ class FootprintLight:
         launcher: Launcher,
     ) -> None:
         self._form, self._launcher, self.moves = form, launcher, moves
+        self._smoothing, self._pixel = smoothing, pixel
         # Kernels of the paper are evaluated as it says.
         split = split_light(maps, smoothing, pixel, launcher) if form.smooth else SplitLight(maps)
 
@@ -67,6 +68,10 @@ class FootprintLight:
         """How far a query may move within its window and be looked up at once: through a run."""
         sizes = [footprints.run_size for footprints in (self._fine, *self._background) if footprints.count]
         return min(sizes, default=0.0) / (1.0 + float(LARGEST_DEVIATION))
+
+    def of_photons(self, maps: list[PhotonMap]) -> FootprintLight:
+        """The light of other photons, evaluated as this one is."""
+        return FootprintLight(maps, self._form, self._smoothing, self._pixel, self.moves, self._launcher)
 
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``, in pieces of their way where that is long."""
@@ -105,7 +110,7 @@ class FootprintLight:
         looked_at = np.arange(queries.position.shape[0]) if lookup.with_motion else rows
         if not len(looked_at):
             return
-        some = rows_at(queries, looked_at, 0.0, self._launcher)
+        some = rows_of(queries, looked_at, self._launcher)
         for footprints in self._background:
             more = irradiance_of(gathered(footprints, some, self._form, self._launcher, lookup), lookup.with_motion)
             found.irradiance[rows] += more.irradiance[np.searchsorted(looked_at, rows)]

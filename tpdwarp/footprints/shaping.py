@@ -118,6 +118,27 @@ class FootprintArrays:
 
 
 @wp.struct
+class LightImageArrays:
+    """Columns D_a x and D_b x of photons by the place on their light, and what they span: one row a photon.
+
+    There are no rows where no light has an extent (:class:`tpdwarp.photons.light_columns.LightImage`).
+    """
+
+    dxda: wp.array(dtype=wp.vec3)
+    dxdb: wp.array(dtype=wp.vec3)
+    image: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class LightOnPlane:
+    """What a photon's light spans on a receiver, in the coordinates of a tangent frame: D_a x and D_b x."""
+
+    a: wp.vec2
+    b: wp.vec2
+    image: int
+
+
+@wp.struct
 class TangentFrame:
     """Two unit vectors that span the tangent plane at a normal."""
 
@@ -300,16 +321,32 @@ def box_along_axes(axes: Axes, pixel: PixelOnPlane, part: float) -> wp.vec3:
 @wp.func
 def thin_axes(j: SingularValues, pixel: PixelOnPlane, distance: float) -> Axes:
     """Axes of a footprint that is longer than a pixel, but not as wide: its singular vectors (beyond the paper)."""
+    across = across_direction(j)
+    return thin_axes_between(j, pixel, wp.abs(wp.dot(pixel.p, across)), wp.abs(wp.dot(pixel.q, across)), distance)
+
+
+@wp.func
+def across_direction(j: SingularValues) -> wp.vec2:
+    """The unit vector across the longer axis of a footprint (Eq. 7)."""
+    along = direction(j.left)
+    return wp.vec2(-along[1], along[0])
+
+
+@wp.func
+def thin_axes_between(
+    j: SingularValues, pixel: PixelOnPlane, one: float, other: float, distance: float
+) -> Axes:
+    """As :func:`thin_axes` (beyond the paper), averaged across by two boxes of the given sides."""
     out = Axes()
     out.first = direction(j.left)
-    out.second = wp.vec2(-out.first[1], out.first[0])
+    out.second = across_direction(j)
     out.growing = 1.0
     across = wp.sqrt(square_along(pixel, out.second))
     out.t1 = j.s1
     out.t2 = wp.max(wp.abs(j.s2), FINEST_IN_PIXEL * across)
     out = limited(out, distance)
-    wide = wp.max(wp.abs(wp.dot(pixel.p, out.second)), wp.abs(wp.dot(pixel.q, out.second))) / out.t2
-    narrow = wp.min(wp.abs(wp.dot(pixel.p, out.second)), wp.abs(wp.dot(pixel.q, out.second))) / out.t2
+    wide = wp.max(one, other) / out.t2
+    narrow = wp.min(one, other) / out.t2
     if narrow < SMALLEST_FILTER_WIDTH:
         wide = wp.sqrt(wide * wide + narrow * narrow)
         narrow = 0.0
@@ -338,12 +375,13 @@ def pixel_axes(pixel: PixelOnPlane, in_pixels: wp.mat22, distance: float) -> Axe
 
 
 @wp.func
-def axes_of(a: float, b: float, c: float, d: float, pixel: PixelOnPlane, distance: float) -> Axes:
-    """Axes of a B-spline footprint with the columns (a, c) and (b, d) in its tangent frame.
+def axes_of(
+    j: SingularValues, a: float, b: float, c: float, d: float, pixel: PixelOnPlane, distance: float
+) -> Axes:
+    """Axes of a B-spline footprint with the columns (a, c) and (b, d) in its tangent frame, whose J is ``j``.
 
     Beyond the paper: which of the three cases of this module it is, by its singular values in pixels.
     """
-    j = singular_values(a, b, c, d)
     area = pixel.p[0] * pixel.q[1] - pixel.p[1] * pixel.q[0]
     if area != 0.0:
         p_row = wp.vec2(pixel.q[1], -pixel.q[0]) / area
@@ -378,13 +416,16 @@ def rows_times(row_u: wp.vec3, row_v: wp.vec3, d: wp.vec3) -> wp.vec2:
 
 
 @cache
-def footprint_kernel(radial: str | None, curved: bool) -> wp.Kernel:
+def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Function | None = None) -> wp.Kernel:
     """The kernel that shapes footprints (M, Φ |det M|, Eqs. 6 and 7), and bounds what they sweep over.
 
     Args:
         radial: A radial kernel of Table 1; None for the B-spline, whose trajectories may curve.
         curved: Whether they do.
+        axes_in_light: Where lights have an extent, the function that gives axes of footprints averaged over it
+            (``light_images``).
     """
+    extended = axes_in_light is not None
     # M = 2 J⁻¹ for a radial kernel, whose ellipse has the semi-axes ½ D_u x and ½ D_v x; J⁻¹ for the B-spline's cells.
     scale = 2.0 if radial else 1.0
     variance = VARIANCE[radial] if radial else 1.0
@@ -399,6 +440,7 @@ def footprint_kernel(radial: str | None, curved: bool) -> wp.Kernel:
         dxdvt: wp.array(dtype=wp.vec3),
         receiver_motion: wp.array(dtype=wp.vec3),
         flux: wp.array(dtype=wp.vec3),
+        images: LightImageArrays,
         smoothing: float,
         pixel: PixelSize,
         # In (center, normal, dxdt, acceleration, jerk) and out (all else)
@@ -416,11 +458,18 @@ def footprint_kernel(radial: str | None, curved: bool) -> wp.Kernel:
         c = wp.dot(frame.e2, dxdu[i]) * smoothing
         d = wp.dot(frame.e2, dxdv[i]) * smoothing
         on_plane = pixel_on_plane(pixel, x, n, frame)
+        j = singular_values(a, b, c, d)
         axes = Axes()
-        if wp.static(radial is None):
-            axes = axes_of(a, b, c, d, on_plane, wp.length(x))
+        if wp.static(extended):
+            light = LightOnPlane()
+            light.a = wp.vec2(wp.dot(frame.e1, images.dxda[i]), wp.dot(frame.e2, images.dxda[i]))
+            light.b = wp.vec2(wp.dot(frame.e1, images.dxdb[i]), wp.dot(frame.e2, images.dxdb[i]))
+            light.image = images.image[i]
+            axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, wp.length(x))
+        elif wp.static(radial is None):
+            axes = axes_of(j, a, b, c, d, on_plane, wp.length(x))
         else:
-            axes = own_axes(singular_values(a, b, c, d), on_plane, 1.0, wp.static(variance), wp.length(x))
+            axes = own_axes(j, on_plane, 1.0, wp.static(variance), wp.length(x))
 
         # ---- The metric M: rows of J⁻¹, and its determinant
         first = axes.first[0] * frame.e1 + axes.first[1] * frame.e2
@@ -464,7 +513,6 @@ def footprint_kernel(radial: str | None, curved: bool) -> wp.Kernel:
             normal_extent += 0.125 * wp.length(acceleration) + wp.length(jerk) / 48.0
             # How singular values change up to either end of the shutter, by their own size. What they were widened by
             # stays; what axes turn by does, too: to follow that costs time and gains nothing.
-            j = singular_values(a, b, c, d)
             jc = wp.cos(j.right)
             js = wp.sin(j.right)
             rate1 = (0.5 * smoothing) * (jc * dxdut[i] + js * dxdvt[i])

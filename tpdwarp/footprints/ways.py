@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.irradiance import Lookup, QueryArrays, has_shading_normals
+from tpdwarp.footprints.irradiance import Lookup, QueryArrays, rows_of
 
 # Pieces of a way at most: of a longer one, parts of each piece are looked at. Chosen, not derived.
 MOST_PIECES = 16
@@ -42,14 +42,8 @@ def piece_of(lookup: Lookup, number: int, count: int) -> Lookup:
 
 def rows_at(queries: QueryArrays, rows: np.ndarray, later: float, launcher: Launcher) -> QueryArrays:
     """Some of the queries, where they stand a part ``later`` of the shutter after their own time."""
-    out = QueryArrays()
-    names = ["position", "normal"]
-    names += ["motion"] if queries.motion.shape[0] else []
-    names += ["shading_normal"] if has_shading_normals(queries) else []
-    columns = {name: getattr(queries, name).numpy()[rows] for name in names}
+    out = rows_of(queries, rows, launcher)
     if later:
-        columns["position"] = columns["position"] + np.float32(later) * columns["motion"]
-    for name in ("position", "normal", "motion", "shading_normal"):
-        setattr(out, name, launcher.array(columns.get(name, np.zeros((0, 3), np.float32)), wp.vec3))
-    out.receiver = launcher.array(queries.receiver.numpy()[rows], wp.int32)
+        moved = out.position.numpy() + np.float32(later) * out.motion.numpy()
+        out.position = launcher.array(moved, wp.vec3)
     return out

@@ -14,11 +14,15 @@ from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
 
 @dataclass(frozen=True)
 class GatherForm:
-    """How footprints are evaluated: kernel of Table 1 or B-spline, shutter or swept, time filter of Eq. 9."""
+    """How footprints are evaluated: kernel of Table 1 or B-spline, shutter or swept, time filter of Eq. 9.
+
+    ``extended`` says whether they may be images of lights with extent.
+    """
 
     kernel: str = "bspline"
     form: str = "shutter"
     time_filter: str = "none"
+    extended: bool = False
 
     @property
     def smooth(self) -> bool:
@@ -35,7 +39,7 @@ class GatherForm:
 def footprint_weight(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
     """w(y, trajectory) of Eq. 8, with y relative to where the footprint stands in the middle of its trajectory."""
     if form.smooth:
-        return bspline_weight(moves, curved)
+        return bspline_weight(moves, curved, form.extended)
     support = wp.constant(SUPPORT)
     still = static_weight(form.kernel)
     if not moves:

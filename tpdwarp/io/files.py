@@ -24,6 +24,18 @@ _TEMPORARY = re.compile(r"\..*\.([0-9a-f]{8})-([0-9a-f]+)-[0-9a-f]{8}\.tmp(\.\w+
 ABANDONED_SECONDS = 86400.0
 
 
+def file_name(path: str | os.PathLike[str]) -> str:
+    """A path as a text.
+
+    Raises:
+        InputError: It is no path, or one of bytes.
+    """
+    name = os.fspath(path) if isinstance(path, str | os.PathLike) else path
+    if not isinstance(name, str):
+        raise InputError(f"a file must be named by a text or a path, not {path!r}")
+    return name
+
+
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Makes the folder of ``path`` where it is missing, and tries whether a file can be made there.
 

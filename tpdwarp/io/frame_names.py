@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 
 from tpdwarp.errors import InputError
+from tpdwarp.io.files import file_name
 
 _PLACEHOLDER = re.compile(r"#+(?:\.#+)?")
 _MOST_DECIMALS = 9
@@ -28,11 +29,11 @@ class FrameNames:
         template: The path, with one placeholder or none.
 
     Raises:
-        InputError: There is more than one placeholder.
+        InputError: There is more than one placeholder, or no name at all.
     """
 
     def __init__(self, template: str | os.PathLike[str]) -> None:
-        self.template = os.fspath(template)
+        self.template = file_name(template)
         self._folder, name = os.path.split(self.template)
         found = list(_PLACEHOLDER.finditer(name))
         if len(found) > 1:

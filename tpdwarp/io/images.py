@@ -17,6 +17,7 @@ import OpenImageIO as oiio
 
 from tpdwarp.errors import FrameError, InputError, shortened
 from tpdwarp.io.files import complete_or_absent
+from tpdwarp.io.image_region import ImageRegion
 from tpdwarp.io.memory import memory_allowed
 
 DISPLAY_BITS = {".png": "uint8", ".jpg": "uint8", ".jpeg": "uint8", ".tif": "uint16", ".tiff": "uint16"}
@@ -24,6 +25,8 @@ EXTENSIONS = (".exr", *DISPLAY_BITS)
 
 # Colours go out as half. What is measured, or used as a coordinate, does not fit: it needs the range or the digits.
 FLOAT_LAYERS = ("Z", "N", "P", "motion", "irradiance", "photons", "vector", "id")
+# Holds hashes, which are 32 bits of a float whatever was asked for.
+HASH_LAYER = "CryptoObject"
 HALF_MAXIMUM = float(np.finfo(np.float16).max)
 
 # Their writers hide a failed write (PNG) or end the process at one (JPEG).
@@ -73,6 +76,7 @@ def write_frame(
     channels: Mapping[str, np.ndarray],
     metadata: Mapping[str, Any],
     depth: str | None = None,
+    region: ImageRegion | None = None,
 ) -> None:
     """Writes one frame; it appears under its name only when complete.
 
@@ -88,6 +92,7 @@ def write_frame(
             colours multiplied by alpha.
         metadata: Attributes by their EXR names; see :func:`set_attribute` for the types.
         depth: ``half`` or ``float`` for all channels of an EXR; None for each as above.
+        region: The part of an image that the pixels are, which an EXR's data window says; None for all of it.
 
     Raises:
         InputError: The extension is unknown.
@@ -98,7 +103,7 @@ def write_frame(
     beauty = [name for name in "RGBA" if name in channels]
     if Path(path).suffix.lower() == ".exr":
         names = beauty + [name for name in channels if name not in beauty]
-        depths = [depth or ("float" if name.split(".")[0] in FLOAT_LAYERS else "half") for name in names]
+        depths = [_depth(name, depth) for name in names]
         pixels = np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
         for index, own in enumerate(depths):
             if own == "half":
@@ -109,6 +114,8 @@ def write_frame(
         spec.channelformats = tuple(oiio.TypeDesc(own) for own in depths)
         spec.attribute("compression", "zip")
         spec.attribute("oiio:ColorSpace", "lin_rec709")
+        if region is not None:
+            spec.x, spec.y, spec.full_width, spec.full_height = region.first, region.above, region.width, region.height
     else:
         extension = Path(path).suffix.lower()
         names = [name for name in beauty if name != "A" or extension not in (".jpg", ".jpeg")]
@@ -130,6 +137,13 @@ def write_frame(
             write_surely(temporary, path, spec, pixels)
         else:
             write_pixels(temporary, path, spec, pixels)
+
+
+def _depth(channel: str, wanted: str | None) -> str:
+    """The type of an EXR's channel; that of ``irradiance_key.R``, of a light group, is that of ``irradiance``."""
+    if channel.startswith(HASH_LAYER):
+        return "float"
+    return wanted or ("float" if channel.partition(".")[0].partition("_")[0] in FLOAT_LAYERS else "half")
 
 
 def write_pixels(temporary: str, path: str | os.PathLike[str], spec: oiio.ImageSpec, pixels: np.ndarray) -> None:

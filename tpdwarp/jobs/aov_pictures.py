@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from tpdwarp.view.cryptomatte import LAYER, RANKS
 from tpdwarp.view.film import BACKGROUND_DEPTH
 
 
@@ -35,6 +36,8 @@ def picture_of(channels: Mapping[str, np.ndarray], aov: str, stops: float) -> di
     elif aov == "Z":
         depth = channels["Z"]
         shown = [np.where(depth < BACKGROUND_DEPTH, 1.0 / (1.0 + gain * np.maximum(depth, 0.0)), 0.0)] * 3
+    elif aov == "cryptomatte":
+        shown = _matte_colors(channels, gain)
     elif aov == "id":
         numbers, where = np.unique(channels["id"], return_inverse=True)
         colors = np.array([_color_of(int(number)) for number in numbers], np.float32)[where.ravel()]
@@ -42,6 +45,18 @@ def picture_of(channels: Mapping[str, np.ndarray], aov: str, stops: float) -> di
     else:
         shown = [channels[aov] * gain] * 3
     return {name: np.asarray(value, np.float32) for name, value in zip("RGBA", (*shown, alpha), strict=True)}
+
+
+def _matte_colors(channels: Mapping[str, np.ndarray], gain: np.float32) -> list[np.ndarray]:
+    shown = [np.zeros(channels["A"].shape, np.float32) for _ in "RGB"]
+    for layer in range(RANKS // 2):
+        for hashed, covered in ("rg", "ba"):
+            bits = channels[f"{LAYER}{layer:02d}.{hashed}"].view(np.uint32)
+            numbers, where = np.unique(bits, return_inverse=True)
+            colors = np.array([_color_of(int(number)) for number in numbers], np.float32)[where.reshape(bits.shape)]
+            for k, plane in enumerate(shown):
+                plane += gain * channels[f"{LAYER}{layer:02d}.{covered}"] * colors[..., k]
+    return shown
 
 
 def _color_of(number: int) -> tuple[float, float, float]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 from tpdwarp.errors import FrameError, InputError, logger
+from tpdwarp.io.files import file_name
 from tpdwarp.jobs.bake_work import AtlasStore, BakeSettings, BakeWork, Receiver, receivers_of
 from tpdwarp.jobs.fingerprint import Fingerprint
 from tpdwarp.jobs.frame_loop import FrameLoop, Persistence, reason_of
@@ -73,12 +74,14 @@ def bake(
         InputError: The input or the settings cannot be used, or no frame at all could be baked because of the input.
     """
     started, begun = time.perf_counter(), time.time()
-    wanted_receivers = (receiver,) if isinstance(receiver, str) else tuple(receiver or ())
-    wanted = BakeSettings(wanted_receivers, uv, int(resolution), what, int(gutter))
+    single = isinstance(receiver, str) or hasattr(receiver, "pathString")
+    listed = () if receiver is None else (receiver,) if single else receiver
+    # Paths of USD's own are as good as their texts.
+    wanted = BakeSettings(tuple(map(str, listed)), uv, _whole(resolution), what, _whole(gutter))
     if what not in QUANTITIES:
         raise InputError(f"--what must be one of {', '.join(QUANTITIES)}, not {what!r}")
-    if not os.fspath(out).lower().endswith(".exr"):
-        raise InputError("light needs the range of .exr (name the textures so)", file=os.fspath(out))
+    if not file_name(out).lower().endswith(".exr"):
+        raise InputError("light needs the range of .exr (name the textures so)", file=file_name(out))
     persistence, shown = Persistence(frame_timeout, retries, max_failures), progress_of(progress)
     chosen = chosen_settings(settings)
     source, times = opened(scene, chosen, frames, default_time, strict, max_memory)
@@ -105,6 +108,11 @@ def bake(
             loop.problems.append(reason_of(error))
     seconds = time.perf_counter() - started
     return reports.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds, work.existing.anew)
+
+
+def _whole(number: Any) -> Any:
+    """NumPy's whole numbers as Python's; what is no number is refused with the other settings."""
+    return int(number) if isinstance(number, Integral) and not isinstance(number, bool) else number
 
 
 def _first_receivers(

@@ -22,7 +22,7 @@ from tpdwarp.jobs.plan import SequencePlan
 from tpdwarp.jobs.results import FrameOutcome
 from tpdwarp.jobs.texture_names import TextureNames, Tile
 from tpdwarp.rendering.albedo import albedo_at
-from tpdwarp.rendering.baking import Atlas, bake_textures, mesh_of, pixel_of, scene_points
+from tpdwarp.rendering.baking import Atlas, Picture, bake_textures, mesh_of, pixel_of, scene_points
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import trace_frame
 from tpdwarp.scene.description import Interaction, SceneAtShutter, Shutter
@@ -216,19 +216,24 @@ class BakeWork:
             self._watch(frame, shutter, traced.energy)
             of = {atlas.path: found for atlas, found in zip(atlases, pictures, strict=True)}
             metadata = frame_metadata(plan.source, frame, shutter, plan.settings, traced, plan.fingerprint, plan.target)
-            nothing = np.zeros((self._settings.resolution, self._settings.resolution, 4), np.float32)
+            nothing = self._empty_picture(context)
             what = self._settings.what
             text = json.dumps({**plan.settings.as_dict(), "bake": asdict(self._settings)}, sort_keys=True)
             for receiver in self._receivers:
                 for tile in receiver.tiles:
-                    picture = of.get(receiver.path, {}).get(tile, nothing)
-                    channels = {name: picture[..., k] for k, name in enumerate("RGBA")}
+                    channels = of.get(receiver.path, {}).get(tile, nothing)
                     own = {"tpdwarp:receiver": receiver.path, "tpdwarp:what": what, "tpdwarp:settings": text}
                     depth = "float" if what == "motion" else None
                     write_frame(self._names.path(receiver.path, tile, frame), channels, metadata | own, depth)
         return FrameOutcome(
-            frame, "written", paths[0], "", len(traced.photons), traced.energy, dict(traced.seconds)
+            frame, "written", paths[0], "", len(traced.landed), traced.energy, dict(traced.seconds)
         )
+
+    def _empty_picture(self, context: RenderContext) -> Picture:
+        what, size = self._settings.what, self._settings.resolution
+        groups = () if what == "motion" else context.light_groups.names
+        names = [*"RGBA", *(f"{what}_{group}.{channel}" for group in groups for channel in "RGB")]
+        return dict.fromkeys(names, np.zeros((size, size), np.float32))
 
     def _kept(self, path: str, frame: float) -> KeptFrame | None:
         return self.existing.kept(path, frame) if self._skips or is_newer(path, self._begun) else None

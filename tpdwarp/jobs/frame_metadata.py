@@ -18,6 +18,7 @@ from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
 from tpdwarp.version import VERSION
+from tpdwarp.view.cryptomatte import metadata_of as cryptomatte_metadata
 from tpdwarp.view.object_ids import object_ids
 
 
@@ -55,10 +56,10 @@ def frame_metadata(
         "tpdwarp:scene": source.file,
         "tpdwarp:settings": json.dumps(settings.as_dict(), sort_keys=True),
         FINGERPRINT: fingerprint.text(frame),
-        STATISTICS: statistics_text(len(made.photons), energy, made.seconds),
+        STATISTICS: statistics_text(len(made.landed), energy, made.seconds),
         "tpdwarp:seed": settings.seed,
         "tpdwarp:renderSeconds": sum(made.seconds.values()),
-        "tpdwarp:photonsLanded": len(made.photons),
+        "tpdwarp:photonsLanded": len(made.landed),
         "tpdwarp:fluxSent": float(to_float32(energy.sent)),
         "tpdwarp:fluxDeposited": float(to_float32(energy.deposited)),
         "tpdwarp:fluxEscaped": float(to_float32(energy.escaped)),
@@ -66,8 +67,10 @@ def frame_metadata(
         "tpdwarp:fluxLost": float(to_float32(energy.lost_total)),
     }
     if "id" in settings.aovs:
-        numbers = object_ids(made.photons.receiver_paths)
+        numbers = object_ids(made.landed.receiver_paths)
         metadata["tpdwarp:ids"] = json.dumps({str(number): path for path, number in numbers.items()})
+    if "cryptomatte" in settings.aovs:
+        metadata |= cryptomatte_metadata(made.photons.receiver_paths)
     if target is not None:
         metadata |= {"tpdwarp:targetError": target.wanted, "tpdwarp:expectedError": target.expected}
     if not math.isnan(frame):

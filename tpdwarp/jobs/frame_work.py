@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 
+from tpdwarp.clock import Clock
 from tpdwarp.errors import FrameError, logger
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import write_frame
@@ -18,10 +19,14 @@ from tpdwarp.jobs.frame_need import need_of, refuse_beyond
 from tpdwarp.jobs.layer_job import DebugLayerJob
 from tpdwarp.jobs.opening import shutter_of
 from tpdwarp.jobs.plan import SequencePlan
+from tpdwarp.jobs.progress import Progress
 from tpdwarp.jobs.results import FrameOutcome
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame, trace_frame
 from tpdwarp.scene.description import Shutter
+
+# Paths of photons in a frame of a debug layer: more of them hide each other. Chosen, not derived.
+MOST_PATHS = 1000
 
 
 class RenderWork:
@@ -34,19 +39,26 @@ class RenderWork:
         skip_existing: Whether frames stay that are there, whole and up to date, of whatever age.
         begun: When the sequence was begun, as ``time.time()`` has it: frames of the same made since then stay, for
             another process has made them meanwhile.
+        shown: Is told the stages of the work.
 
     Attributes:
         existing: What became of files that were there.
     """
 
     def __init__(
-        self, plan: SequencePlan, names: FrameNames, layer: DebugLayerJob | None, skip_existing: bool, begun: float
+        self,
+        plan: SequencePlan,
+        names: FrameNames,
+        layer: DebugLayerJob | None,
+        skip_existing: bool,
+        begun: float,
+        shown: Progress | None = None,
     ) -> None:
         self._plan, self._names, self._layer = plan, names, layer
-        self._skips, self._begun = skip_existing, begun
+        self._skips, self._begun, self._shown = skip_existing, begun, shown or Progress()
         self.existing = ExistingFrames(plan.fingerprint)
-        self._size = plan.source.resolution()
-        self._claims, self._context = Claims(), LazyContext(plan, math.prod(self._size))
+        self._region = plan.source.region()
+        self._claims, self._context = Claims(), LazyContext(plan, math.prod(self._region.size))
         self._watch = EnergyWatch(plan.source)
         self._dark = DarkWatch(plan.source.file)
 
@@ -65,11 +77,14 @@ class RenderWork:
             kept = self.existing.kept(path, frame) if self._skips or is_newer(path, self._begun) else None
             if kept is not None and (self._layer is None or not self._layer.lacks(frame)):
                 return skipped(frame, path, kept)
+            clock = Clock(begins=self._shown.stage)
             with plan.files.unchanged(plan.strict):
                 if kept is not None:
-                    made = trace_frame(self._context(shutter), shutter)
+                    made = trace_frame(self._context(shutter), shutter, clock, MOST_PATHS)
                 else:
-                    made = render_frame(self._context(shutter), shutter, *self._size)
+                    region, paths = self._region, 0 if self._layer is None else MOST_PATHS
+                    size = region.width, region.height
+                    made = render_frame(self._context(shutter), shutter, *size, clock, paths=paths, region=region)
                     self._dark(frame, made.channels)
             self._watch(frame, shutter, made.energy)
             refusal: FrameError | OSError | None = None
@@ -77,8 +92,8 @@ class RenderWork:
                 # Photons first: a frame whose image is there has them, whenever the process is killed. That they
                 # cannot be kept makes the frame fail, but costs no image.
                 try:
-                    statistics = statistics_text(len(made.photons), made.energy, made.seconds)
-                    self._layer.add(frame, made.photons, statistics)
+                    statistics = statistics_text(len(made.landed), made.energy, made.seconds)
+                    self._layer.add(frame, made.photons, statistics, made.paths)
                 except (FrameError, OSError) as error:
                     refusal = error
             if kept is None:
@@ -88,11 +103,12 @@ class RenderWork:
                 settings, channels = plan.settings, made.channels
                 if not path.lower().endswith(".exr") and (settings.view or settings.view_exposure):
                     channels = picture_of(channels, settings.view, settings.view_exposure)
-                write_frame(path, channels, metadata, settings.exr_type or None)
+                with clock.stage("write"):
+                    write_frame(path, channels, metadata, settings.exr_type or None, self._region)
         if refusal is not None:
             raise refusal
         status = "written" if kept is None else "skipped"
-        return FrameOutcome(frame, status, path, "", len(made.photons), made.energy, dict(made.seconds))
+        return FrameOutcome(frame, status, path, "", len(made.landed), made.energy, dict(made.seconds))
 
 
 class TraceWork:
@@ -101,10 +117,11 @@ class TraceWork:
     Args:
         plan: The sequence.
         layer: The layer.
+        shown: Is told the stages of the work.
     """
 
-    def __init__(self, plan: SequencePlan, layer: DebugLayerJob) -> None:
-        self._plan, self._layer = plan, layer
+    def __init__(self, plan: SequencePlan, layer: DebugLayerJob, shown: Progress | None = None) -> None:
+        self._plan, self._layer, self._shown = plan, layer, shown or Progress()
         self._context = LazyContext(plan, 0)
         self._watch = EnergyWatch(plan.source)
 
@@ -122,11 +139,11 @@ class TraceWork:
         if kept is not None:
             return skipped(frame, "", kept)
         with plan.files.unchanged(plan.strict):
-            traced = trace_frame(self._context(shutter), shutter)
+            traced = trace_frame(self._context(shutter), shutter, Clock(begins=self._shown.stage), MOST_PATHS)
         self._watch(frame, shutter, traced.energy)
-        statistics = statistics_text(len(traced.photons), traced.energy, traced.seconds)
-        self._layer.add(frame, traced.photons, statistics)
-        return FrameOutcome(frame, "traced", "", "", len(traced.photons), traced.energy, dict(traced.seconds))
+        statistics = statistics_text(len(traced.landed), traced.energy, traced.seconds)
+        self._layer.add(frame, traced.photons, statistics, traced.paths)
+        return FrameOutcome(frame, "traced", "", "", len(traced.landed), traced.energy, dict(traced.seconds))
 
 
 class LazyContext:

@@ -15,6 +15,7 @@ from tpdwarp.io.frame_names import frame_text
 from tpdwarp.jobs.claims import ClaimedElsewhere, Claims
 from tpdwarp.jobs.existing_frames import STATISTICS, KeptFrame, kept_frame
 from tpdwarp.jobs.photon_parts import PhotonParts
+from tpdwarp.photons.paths import PhotonPaths
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.stopping import pause
 from tpdwarp.usd.read.debug_layer import DebugLayerReader
@@ -63,20 +64,21 @@ class DebugLayerJob:
             return None
         return self._parts.kept(frame) if self._kept is None else self._kept.get(frame_text(frame), KeptFrame())
 
-    def add(self, frame: float, photons: PhotonRecord, statistics: str) -> None:
+    def add(self, frame: float, photons: PhotonRecord, statistics: str, paths: PhotonPaths | None = None) -> None:
         """Keeps the photons of a frame.
 
         Args:
             frame: Which frame.
             photons: Its photons.
             statistics: What :func:`tpdwarp.jobs.existing_frames.statistics_text` says of it.
+            paths: Paths of some of them.
 
         Raises:
             FrameError: They are not finite, or cannot be written.
             OSError: They cannot be written.
         """
         refuse_non_finite(photons, frame, self.path)
-        self._parts.store(frame, photons, statistics)
+        self._parts.store(frame, photons, statistics, paths)
 
     def complete(self, frames: Sequence[float]) -> None:
         """Writes the layer, unless it is there already.
@@ -118,10 +120,10 @@ class DebugLayerJob:
         )
         with writer:
             for frame in frames:
-                photons = self._parts.load(frame)
-                if photons is None:
+                kept = self._parts.load(frame)
+                if kept is None:
                     raise FrameError(f"{self._parts.path(frame)}: is missing or damaged (render the sequence again)")
-                writer.add_frame(frame, photons, plan.settings.smoothing)
+                writer.add_frame(frame, kept.photons, plan.settings.smoothing, kept.paths)
 
     def _fingerprint_of(self, frames: Sequence[float]) -> str:
         text = "\n".join([*map(self._plan.fingerprint.text, frames), f"curves={self._curves}"])

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,13 @@ import numpy as np
 from tpdwarp.clock import Clock
 from tpdwarp.errors import InputError
 from tpdwarp.io.images import encode_srgb, encoded_picture
-from tpdwarp.jobs.opening import chosen_settings, open_scene, settled_settings, shutter_of
+from tpdwarp.jobs.opening import chosen_settings, open_scene, settled_settings, shutter_of, time_of
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.rendering import frame as one_frame
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.surface_points import PointGroup, irradiance_at, points_on_surfaces, square
 from tpdwarp.settings import MachineSettings, Settings, StageSettings
-from tpdwarp.usd.read.stage import StageLike
+from tpdwarp.usd.read.stage import StageLike, StageScene
 
 # Settings that the stage is opened with, and put on the device; its shutter is asked for frame by frame.
 _READ_WITH = {"bounces", *(field.name for group in (StageSettings, MachineSettings) for field in fields(group))} - {
@@ -28,7 +29,7 @@ _READ_WITH = {"bounces", *(field.name for group in (StageSettings, MachineSettin
 }
 
 
-@dataclass
+@dataclass(repr=False)
 class RenderedFrame(one_frame.Frame):
     """A frame in memory; notebooks show its beauty.
 
@@ -37,6 +38,11 @@ class RenderedFrame(one_frame.Frame):
     """
 
     frame: float = math.nan
+
+    def __repr__(self) -> str:
+        height, width = self.channels["R"].shape
+        names = " ".join(dict.fromkeys(name.partition(".")[0] for name in self.channels))
+        return f"tpdwarp.RenderedFrame(frame {self.frame:g}, {width} × {height}, {names}, {len(self.photons)} photons)"
 
     @property
     def beauty(self) -> np.ndarray:
@@ -81,9 +87,23 @@ class Scene:
     def __init__(self, scene: StageLike, settings: Settings | None = None, **changes: Any) -> None:
         self.settings = chosen_settings(changes, settings)
         self._scene = scene
-        self._source = open_scene(scene, self.settings, False)
+        self._open: StageScene | None = open_scene(scene, self.settings, False)
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Lets go of the stage and of what was made of it. Later calls of :meth:`close` do nothing, others fail."""
+        self._open = None
+        for name in ("_opened", "_context"):
+            self.__dict__.pop(name, None)
 
     def __repr__(self) -> str:
+        if self._open is None:
+            return "tpdwarp.Scene(closed)"
         first, last = self._source.start, self._source.end
         return f"tpdwarp.Scene({self._source.file!r}, frames {first:g} to {last:g})"
 
@@ -113,14 +133,16 @@ class Scene:
             FrameError: The frame cannot be rendered.
         """
         context = self._context_with(changes)
-        shutter = shutter_of(context.source, float(frame), context.settings)
-        made = one_frame.render_frame(context, shutter, *context.source.resolution())
-        return RenderedFrame(made.photons, made.energy, made.seconds, made.channels, made.camera, float(frame))
+        moment = time_of(frame)
+        shutter = shutter_of(context.source, moment, context.settings)
+        region = context.source.region()
+        made = one_frame.render_frame(context, shutter, region.width, region.height, region=region)
+        return RenderedFrame(made.landed, made.energy, made.seconds, made.channels, made.camera, frame=moment)
 
     def trace_photons(self, frame: float, **changes: Any) -> PhotonRecord:
         """The photons that land over the shutter of a frame; see :func:`tpdwarp.trace_photons`."""
         context = self._context_with(changes)
-        return one_frame.trace_frame(context, shutter_of(context.source, float(frame), context.settings)).photons
+        return one_frame.trace_frame(context, shutter_of(context.source, time_of(frame), context.settings)).photons
 
     def irradiance(
         self, frame: float, points: np.ndarray, normals: np.ndarray, *, spacing: float = 0.0, **changes: Any
@@ -151,14 +173,21 @@ class Scene:
         places, sides = _vectors("points", points), _vectors("normals", normals)
         if len(places) != len(sides):
             raise InputError(f"{len(places)} points and {len(sides)} normals (give as many)")
-        if not (math.isfinite(spacing) and spacing >= 0.0):
+        if not (isinstance(spacing, Real) and math.isfinite(spacing) and spacing >= 0.0):
             raise InputError(f"spacing {spacing!r}: must be a length, 0 or more")
         context = self._context_with(changes)
-        shutter = shutter_of(context.source, float(frame), context.settings)
+        shutter = shutter_of(context.source, time_of(frame), context.settings)
         scenes = context.segmentation.load(shutter, Clock())
         found = points_on_surfaces(context, scenes, places, sides)
-        lights, _ = irradiance_at(context, shutter, scenes, [PointGroup(found, square(spacing, context))])
+        area = square(float(spacing), context)
+        lights, _ = irradiance_at(context, shutter, scenes, [PointGroup(found, area)])
         return lights[0].irradiance
+
+    @property
+    def _source(self) -> StageScene:
+        if self._open is None:
+            raise InputError("the scene is closed (make another tpdwarp.Scene)")
+        return self._open
 
     @cached_property
     def _opened(self) -> RenderContext:
@@ -172,7 +201,7 @@ class Scene:
         if not changes:
             return self._context
         settings = chosen_settings(changes, self.settings)
-        if any(getattr(settings, name) != getattr(self.settings, name) for name in _READ_WITH):
+        if self._source and any(getattr(settings, name) != getattr(self.settings, name) for name in _READ_WITH):
             return Scene(self._scene, settings)._context
         return self._context_of(settings)
 
@@ -182,7 +211,10 @@ class Scene:
 
 
 def _vectors(name: str, values: np.ndarray) -> np.ndarray:
-    found = np.asarray(values, np.float64)
+    try:
+        found = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: are no numbers (give [n, 3])") from None
     if found.ndim != 2 or found.shape[1] != 3:
         raise InputError(f"{name}: shape {list(found.shape)} (give [n, 3])")
     if not np.isfinite(found).all():

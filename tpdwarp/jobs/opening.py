@@ -8,8 +8,6 @@ from collections.abc import Iterable, Mapping
 from numbers import Real
 from typing import Any
 
-import numpy as np
-
 from tpdwarp.device import Launcher
 from tpdwarp.errors import InputError
 from tpdwarp.io.files import check_name
@@ -28,12 +26,12 @@ DEFAULT_TIME = math.nan
 
 
 def chosen_settings(changes: Mapping[str, Any], settings: Settings | None = None) -> Settings:
-    """``settings`` (or the defaults) with ``changes``; lists become tuples, NumPy's numbers Python's.
+    """``settings`` (or the defaults) with ``changes``.
 
     Raises:
         InputError: A name or a value is not usable.
     """
-    return Settings.of(settings, **{name: _plain(value) for name, value in changes.items()})
+    return Settings.of(settings, **changes)
 
 
 def open_scene(
@@ -60,6 +58,25 @@ def shutter_of(source: StageScene, frame: float, settings: Settings) -> Shutter:
         InputError: The camera's shutter cannot be used.
     """
     return Shutter.still(source.start) if math.isnan(frame) else source.shutter(frame, settings)
+
+
+def time_of(frame: Any, default_time: bool = False) -> float:
+    """The time code that a caller names by a number, or by USD's own.
+
+    Args:
+        frame: What the caller gave.
+        default_time: Whether NaN may name the default time.
+
+    Raises:
+        InputError: It is none.
+    """
+    number = frame
+    if hasattr(frame, "IsDefault"):
+        number = DEFAULT_TIME if frame.IsDefault() else frame.GetValue()
+    usable = isinstance(number, Real) and not isinstance(number, bool) and not math.isinf(number)
+    if not usable or (math.isnan(number) and not default_time):
+        raise InputError(f"frame {frame!r}: is no time code (give a number)")
+    return float(number)
 
 
 def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None:
@@ -126,9 +143,3 @@ def spread_shutters(source: StageScene, settings: Settings) -> list[Shutter]:
     offsets = (round(still.middle - source.start) for still in source.reference_shutters())
     frames = [min(source.start + offset, source.end) for offset in dict.fromkeys(offsets)]
     return [shutter_of(source, frame, settings) for frame in frames]
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray | list | tuple):
-        return tuple(map(_plain, value))
-    return value.item() if isinstance(value, np.generic) else value

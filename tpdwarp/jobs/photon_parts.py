@@ -7,8 +7,8 @@ import contextlib
 import os
 import shutil
 import zipfile
-from collections.abc import Sequence
-from dataclasses import fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +17,25 @@ from tpdwarp.io.files import complete_or_absent, sweep_temporaries
 from tpdwarp.io.frame_names import frame_text
 from tpdwarp.jobs.existing_frames import STATISTICS, KeptFrame, kept_frame
 from tpdwarp.jobs.fingerprint import Fingerprint
+from tpdwarp.photons.paths import PhotonPaths
 from tpdwarp.photons.record import PhotonRecord
-from tpdwarp.usd.write.debug_layer import thinned_alone
+from tpdwarp.photons.thinning import thinned_alone
 
 _FINGERPRINT = "fingerprint"
+# What the names of columns of paths begin with.
+_PATH = "path_"
 _COLUMNS = tuple(field.name for field in fields(PhotonRecord))
+_TEXTS = ("receiver_paths", "light_paths")
 # What reading an archive that is cut, of another program or not an archive at all may raise.
 _DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, MemoryError)
+
+
+@dataclass(frozen=True, eq=False)
+class KeptPhotons:
+    """The photons of a frame, and paths of some of them where these were kept."""
+
+    photons: PhotonRecord
+    paths: PhotonPaths | None
 
 
 class PhotonParts:
@@ -46,13 +58,14 @@ class PhotonParts:
         self.folder = Path(f"{os.fspath(layer)}.parts")
         self._fingerprint, self._curves = fingerprint, curves
 
-    def store(self, frame: float, photons: PhotonRecord, statistics: str) -> None:
+    def store(self, frame: float, photons: PhotonRecord, statistics: str, paths: PhotonPaths | None = None) -> None:
         """Keeps the photons of a frame.
 
         Args:
             frame: Which frame.
             photons: Its photons.
             statistics: What :func:`tpdwarp.jobs.existing_frames.statistics_text` says of it.
+            paths: Paths of some of them.
 
         Raises:
             FrameError: They cannot be written.
@@ -60,17 +73,22 @@ class PhotonParts:
         """
         kept = thinned_alone(photons, self._curves)
         columns = {name: np.asarray(getattr(kept, name)) for name in _COLUMNS}
+        if paths is not None:
+            columns |= {f"{_PATH}{name}": np.asarray(getattr(paths.photons, name)) for name in _COLUMNS}
+            columns |= {f"{_PATH}counts": paths.counts, f"{_PATH}points": paths.points}
         self.folder.mkdir(exist_ok=True)
         with complete_or_absent(self.path(frame)) as temporary, open(temporary, "wb") as file:
             np.savez(file, **columns, **{_FINGERPRINT: self._text(frame), "statistics": statistics})
 
-    def load(self, frame: float) -> PhotonRecord | None:
+    def load(self, frame: float) -> KeptPhotons | None:
         """The photons of a frame; None where they are not there, damaged, or not those of this sequence."""
         with contextlib.suppress(*_DAMAGED), np.load(self.path(frame), allow_pickle=False) as archive:
             if str(archive[_FINGERPRINT]) == self._text(frame):
-                columns = {name: archive[name] for name in _COLUMNS}
-                paths = tuple(map(str, columns.pop("receiver_paths").tolist()))
-                return PhotonRecord(**columns, receiver_paths=paths)
+                paths = None
+                if f"{_PATH}counts" in archive:
+                    counts, points = archive[f"{_PATH}counts"], archive[f"{_PATH}points"]
+                    paths = PhotonPaths(_record(archive, _PATH), counts, points)
+                return KeptPhotons(_record(archive, ""), paths)
         return None
 
     def kept(self, frame: float) -> KeptFrame | None:
@@ -101,3 +119,9 @@ class PhotonParts:
 
     def _text(self, frame: float) -> str:
         return f"{self._fingerprint.text(frame)} curves={self._curves}"
+
+
+def _record(archive: Mapping[str, np.ndarray], prefix: str) -> PhotonRecord:
+    columns = {name: archive[f"{prefix}{name}"] for name in _COLUMNS}
+    texts = {name: tuple(map(str, columns.pop(name).tolist())) for name in _TEXTS}
+    return PhotonRecord(**columns, **texts)

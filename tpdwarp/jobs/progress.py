@@ -26,6 +26,9 @@ class Progress:
     def begin(self, frame: float) -> None:
         """Work on ``frame`` begins."""
 
+    def stage(self, name: str) -> None:
+        """A stage of the work on the frame begins, which may be more than once."""
+
     def end(self, outcome: FrameOutcome) -> None:
         """A frame has been written, traced, skipped, or has failed."""
 
@@ -127,27 +130,42 @@ class OccasionalProgress(Progress):
 class BarProgress(Progress):
     """One line that is drawn over and over, with the time that is left; messages are printed above it.
 
+    Within a frame it says which stage the work is at, and how much of the time is over that the frame before took.
+
     Args:
         stream: A terminal; None for standard error.
+        interval: Seconds between two lines within a frame.
     """
 
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = stream or sys.stderr
+    def __init__(self, stream: TextIO | None = None, interval: float = 0.2) -> None:
+        self._stream, self._interval = stream or sys.stderr, interval
         self._count = self._done = self._worked = self._failed = 0
-        self._started = 0.0
-        self._line = ""
+        self._started = self._begun = self._drawn = self._last_seconds = 0.0
+        self._frame = self._line = ""
 
     def start(self, count: int) -> None:
         self._count, self._done, self._worked, self._failed = count, 0, 0, 0
         self._started = time.monotonic()
 
     def begin(self, frame: float) -> None:
-        self._draw(f"frame {frame_text(frame)}")
+        self._begun, self._frame = time.monotonic(), f"frame {frame_text(frame)}"
+        self._draw(self._frame)
+
+    def stage(self, name: str) -> None:
+        now = time.monotonic()
+        if now - self._drawn < self._interval:
+            return
+        share = ""
+        if self._last_seconds > 0.0:
+            share = f" {min(99, int(100.0 * (now - self._begun) / self._last_seconds))}%"
+        self._draw(f"{self._frame} {name}{share}")
 
     def end(self, outcome: FrameOutcome) -> None:
         self._done += 1
         self._failed += outcome.status == "failed"
         self._worked += outcome.status != "skipped"
+        if outcome.status not in ("failed", "skipped"):
+            self._last_seconds = outcome.total_seconds
         self._draw(f"frame {frame_text(outcome.frame)}")
 
     def finish(self) -> None:
@@ -172,6 +190,7 @@ class BarProgress(Progress):
         self._line = f"[{'#' * full}{'.' * (width - full)}]{text}"[: max(0, columns)]
         self._stream.write(f"\r\x1b[K{self._line}")
         self._stream.flush()
+        self._drawn = time.monotonic()
 
 
 def pace(gone: float, worked: int, left: int) -> str:

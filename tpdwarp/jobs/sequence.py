@@ -22,6 +22,7 @@ from tpdwarp.jobs.opening import (
     opened,
     settled_settings,
     shutter_of,
+    time_of,
 )
 from tpdwarp.jobs.outputs import prepare_outputs
 from tpdwarp.jobs.plan import SequencePlan
@@ -32,6 +33,7 @@ from tpdwarp.jobs.stage_files import StageFiles
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import trace_frame
+from tpdwarp.rendering.light_groups import LightGroups
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageLike, StageScene
 
@@ -93,7 +95,7 @@ def render(
     plan, names, layer = prepared(
         scene, out, chosen, frames, default_time, strict, stats, debug_layer, curves, skip_existing, max_memory
     )
-    work = RenderWork(plan, names, layer, skip_existing, begun)
+    work = RenderWork(plan, names, layer, skip_existing, begun, shown)
     reports = SequenceReports(plan.source.file, stats, skip_existing)
     loop = FrameLoop(work, names.path, shown, persistence, reports.add)
     loop.run(plan.frames, layer)
@@ -136,7 +138,7 @@ def write_photons(
     plan = planned(source, files, wanted, chosen, strict, max_memory)
     job = DebugLayerJob(layer, plan, curves, skip_existing)
     reports = SequenceReports(source.file, stats, skip_existing)
-    loop = FrameLoop(TraceWork(plan, job), lambda frame: "", shown, persistence, reports.add)
+    loop = FrameLoop(TraceWork(plan, job, shown), lambda frame: "", shown, persistence, reports.add)
     loop.run(wanted, job)
     seconds = time.perf_counter() - started
     return reports.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds)
@@ -155,9 +157,10 @@ def trace_photons(scene: StageLike, frame: float, **settings: Any) -> PhotonReco
         FrameError: The frame cannot be traced.
     """
     chosen = chosen_settings(settings)
-    source = open_scene(scene, chosen, math.isnan(frame))
+    moment = time_of(frame, default_time=True)
+    source = open_scene(scene, chosen, math.isnan(moment))
     chosen, _ = settled_settings(source, chosen)
-    return trace_frame(RenderContext(source, chosen), shutter_of(source, frame, chosen)).photons
+    return trace_frame(RenderContext(source, chosen), shutter_of(source, moment, chosen)).photons
 
 
 def prepared(
@@ -182,12 +185,13 @@ def prepared(
         InputError: Something cannot be used.
     """
     names = FrameNames(out)
-    check_format(names.template, settings.aovs, settings.view)
+    groups = ("light groups",) if settings.light_groups else ()
+    check_format(names.template, (*settings.aovs, *groups), settings.view)
     if curves is not None and debug_layer is None:
         raise InputError("--curves thins a debug layer (add --debug-layer)")
     source, wanted = opened(scene, settings, frames, default_time, strict, max_memory)
     names.check(wanted)
-    source.resolution()
+    source.region()
     files = StageFiles(source)
     prepare_outputs(source, files, stats, debug_layer, [names.path(frame) for frame in wanted])
     plan = planned(source, files, wanted, settings, strict, max_memory)
@@ -208,6 +212,7 @@ def planned(
     Raises:
         InputError: The stage cannot be used.
     """
+    LightGroups.of(settings.light_groups, source)
     chosen, target = settled_settings(source, settings)
     fingerprint = Fingerprint.of(chosen, files.digest)
     return SequencePlan(source, files, frames, chosen, target, fingerprint, strict, memory_allowed(max_memory))

@@ -35,7 +35,7 @@ def info(scene: StageLike, *, frames: Frames = None, default_time: bool = False,
     wanted = asked or source.frames()
     needed = ((frame, requirements_of(source.at(shutter_of(source, frame, chosen)))) for frame in wanted)
     requirements = _runs(needed)
-    width, height = source.resolution()
+    width, height = source.region().size
     need = need_of(source, shutter_of(source, wanted[0], chosen), chosen, width * height)
     memory = {"triangles": need.triangles, "photons": need.photons, "pixels": need.pixels, "bytes": need.bytes}
     # Described last, since warnings come up while frames are read.

@@ -29,7 +29,9 @@ class Patch:
     plane patch begin before the scene, though their points lie in a plane through the origin, where float32 is finest.
     ``near`` is where beams come near what is specular; it equals ``start`` where the light is not far beside that.
     ``magnitude`` is how large the coordinates of what is specular are. Where ``is_shaped`` is 1, ``shaping`` is that of
-    the light, about ``shaping_axis``.
+    the light, about ``shaping_axis``. ``extent_shape`` is that of :class:`tpdwarp.scene.description.Extent`, or −1 for
+    none, ``span_a`` and ``span_b`` are its spans, and ``extent_radius`` its radius, or the sine of its half angle.
+    From the first specular surface on photons come from ``light_place``, by the coordinates (a, b) of the light.
     """
 
     domain: int
@@ -54,6 +56,11 @@ class Patch:
     is_shaped: int
     shaping: wp.vec3
     shaping_axis: wp.vec3
+    extent_shape: int
+    extent_radius: float
+    span_a: wp.vec3
+    span_b: wp.vec3
+    light_place: wp.vec2
 
 
 @dataclass(frozen=True, eq=False)

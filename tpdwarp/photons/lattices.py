@@ -29,7 +29,8 @@ from tpdwarp.photons.energy import FEWEST_OF_SEVERAL
 from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape, turned
 from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, SceneSource, reference_scenes
-from tpdwarp.scene.device.shaping import shaping_values
+from tpdwarp.scene.device.shaping import is_shaped, shaping_axis, shaping_values
+from tpdwarp.scene.light_places import split_lights, whole_of
 from tpdwarp.scene.normalization import Normalization
 
 # Rows of long cells that are kept at least: where light ends, such cells blur its edge by their length. Chosen, not
@@ -94,6 +95,7 @@ class EmissionPlan:
         photons: Photons a frame.
         normalization: The tracer's units.
         candidates: What the stills showed, from which lattices for any number of photons are laid out.
+        splits: Parts that each light with extent is cut into; each of them has lattices of its own.
     """
 
     lattices: tuple[Lattice, ...]
@@ -101,10 +103,11 @@ class EmissionPlan:
     photons: int
     normalization: Normalization
     candidates: tuple[_Candidate, ...] = ()
+    splits: int = 1
 
     def with_photons(self, photons: int) -> EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
-        return _planned(self.candidates, photons, self.normalization)
+        return _planned(self.candidates, photons, self.normalization, self.splits)
 
     def paths_of(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Path mask of each photon, index of its lattice in ``lattices``, and whether that one was planned."""
@@ -117,8 +120,9 @@ class EmissionPlan:
         """How many of several lights have so few photons that what they light is a few dozen cells across."""
         counts: dict[str, float] = {}
         for lattice in self.lattices:
+            light = lattice.light if self.splits == 1 else whole_of(lattice.light)
             # Ids repeat after twice as many cells along either side.
-            counts[lattice.light] = counts.get(lattice.light, 0.0) + math.prod(lattice.wrap) / 4.0
+            counts[light] = counts.get(light, 0.0) + math.prod(lattice.wrap) / 4.0
         return sum(count < FEWEST_OF_SEVERAL for count in counts.values()) if len(counts) > 1 else 0
 
     @property
@@ -133,6 +137,7 @@ class EmissionPlan:
         broader side to the light) get lattices of this shutter's own, and as many photons as all others together;
         their ids do not last.
         """
+        scene = split_lights(scene, self.splits)
         corners = specular_corners(scene, self.normalization)
         if not len(corners):
             return []
@@ -173,14 +178,16 @@ class EmissionPlan:
 
 
 def plan_emission(
-    source: SceneSource, photons: int, normalization: Normalization, *, square: bool = False
+    source: SceneSource, photons: int, normalization: Normalization, *, square: bool = False, splits: int = 1
 ) -> EmissionPlan:
     """Lays out the lattices for ``photons`` photons a frame, shared between lights (see :func:`light_shares`).
 
     Args:
         square: Whether cells are square also where light varies in one direction alone.
+        splits: Parts that each light with extent is cut into.
     """
     stills = reference_scenes(source, lambda scene: require_within_range(scene, normalization, source.file))
+    stills = [split_lights(scene, splits) for scene in stills]
     corners = [specular_corners(scene, normalization) for scene in stills]
     paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
     candidates = []
@@ -197,13 +204,15 @@ def plan_emission(
                 own = [(light, scene) for scene in stills for light in scene.lights if light.path == path]
                 shape = lattice_shape(own)
             candidates += _candidates(path, views, normalization, shape)
-    return _planned(tuple(candidates), photons, normalization)
+    return _planned(tuple(candidates), photons, normalization, splits)
 
 
-def _planned(candidates: tuple[_Candidate, ...], photons: int, normalization: Normalization) -> EmissionPlan:
+def _planned(
+    candidates: tuple[_Candidate, ...], photons: int, normalization: Normalization, splits: int
+) -> EmissionPlan:
     lattices = _lattices(candidates, photons, 0)
     used = max((lattice.first_id + lattice.wrap[0] * lattice.wrap[1] for lattice in lattices), default=0)
-    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates)
+    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates, splits)
 
 
 def light_shares(candidates: Sequence[_Candidate]) -> dict[str, float]:
@@ -361,9 +370,15 @@ def _patch(
         patch.position = wp.vec3(*normalization.points(light.position[None])[0].astype(float))
         patch.position_motion = wp.vec3(*(light.position_motion * normalization.scale))
         patch.start, distance = 0.0, float(np.linalg.norm(patch.position))
-        if light.shaping is not None:
+        if is_shaped(light):
             patch.is_shaped, patch.shaping = 1, wp.vec3(*shaping_values(light))
-            patch.shaping_axis = wp.vec3(*-light.axes[2])
+            patch.shaping_axis = wp.vec3(*map(float, shaping_axis(light)[0]))
+    patch.extent_shape = -1
+    if light.extent is not None:
+        patch.extent_shape, radius = int(light.extent.shape), light.extent.radius
+        distant = light.kind == LightKind.DISTANT
+        patch.extent_radius = math.sin(radius) if distant else radius * normalization.scale
+        patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in normalization.scale * light.extent.spans)
     diameter = 2.0 * float(np.linalg.norm(magnitude))
     patch.near = patch.start + (distance - diameter if diameter < NEARBY * distance else 0.0)
     patch.power = wp.vec3(*normalization.light_power(light))

@@ -6,6 +6,9 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+# Vertices that are recorded of a path; the last of them is where it ends. Chosen, not derived: more are a tangle.
+MOST_VERTICES = 16
+
 
 @dataclass
 class TrajectoryColumns:
@@ -50,6 +53,12 @@ class PhotonMap:
         share: Part of the flux of its cell that it carries, shape [n].
         incidence: −ω/|ω·n|, where n is ``normal``: its product with a shading normal is by how much more light falls
             on that; shape [n, 3], no rows where all receivers are flat.
+        light: The light that it comes from, as index into ``light_paths``, shape [n] int16.
+        light_paths: Prim paths of the lights.
+        vertices: Where the path begins, meets surfaces and ends, as many as its bounces and two, shape [n,
+            ``MOST_VERTICES``, 3]; no rows where they are not recorded.
+        dxda, dxdb: D_a x and D_b x by the place on the light, shape [n, 3]; no rows where no light has an extent.
+        image: What they span (:class:`tpdwarp.photons.light_columns.LightImage`), shape [n] int32; rows as they have.
         trajectory: How it curves, and how the footprint changes along it; None where it is straight.
         time: Middle of the photons' part of the shutter, −½ … ½.
         duration: Length of that part.
@@ -71,6 +80,12 @@ class PhotonMap:
     path: np.ndarray
     share: np.ndarray
     incidence: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    light: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int16))
+    light_paths: tuple[str, ...] = ()
+    vertices: np.ndarray = field(default_factory=lambda: np.zeros((0, MOST_VERTICES, 3), np.float32))
+    dxda: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    dxdb: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    image: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     trajectory: TrajectoryColumns | None = None
     time: float = 0.0
     duration: float = 1.0

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from tpdwarp.photons.photon_map import PhotonMap, joined
 PART_IDS = 1 << 56
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PhotonRecord:
     """Photons deposited over one shutter, one row each, in scene units.
 
@@ -28,6 +29,10 @@ class PhotonRecord:
         bounces: Specular interactions of the path, shape [n] int32.
         receivers: Index into ``receiver_paths``, shape [n] int32.
         receiver_paths: Prim paths of the meshes.
+        lights: Index into ``light_paths``, shape [n] int32; no rows where that is not known.
+        light_paths: Prim paths of the lights.
+        dxda, dxdb: Positional differentials by the place on the light, shape [n, 3]; no rows where no light has an
+            extent.
     """
 
     ids: np.ndarray
@@ -41,9 +46,43 @@ class PhotonRecord:
     bounces: np.ndarray
     receivers: np.ndarray
     receiver_paths: tuple[str, ...]
+    lights: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    light_paths: tuple[str, ...] = ()
+    dxda: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    dxdb: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def __repr__(self) -> str:
+        columns = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
+        return f"PhotonRecord({len(self)} photons: {', '.join(columns)})"
+
+    def rows(self, chosen: np.ndarray) -> PhotonRecord:
+        """Some of the photons, by index or mask."""
+        arrays = [f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)]
+        columns = [name for name in arrays if len(getattr(self, name)) == len(self)]
+        return replace(self, **{name: getattr(self, name)[chosen] for name in columns})
+
+
+class LandedPhotons:
+    """The photons of one shutter, whose record is made when it is first asked for: most frames never ask.
+
+    Args:
+        maps: As :func:`record_of` takes them.
+        receiver_paths: Prim paths of the meshes.
+    """
+
+    def __init__(self, maps: list[tuple[PhotonMap, EmissionPlan]], receiver_paths: tuple[str, ...]) -> None:
+        self._maps, self.receiver_paths = maps, receiver_paths
+
+    def __len__(self) -> int:
+        return sum(len(photons) for photons, _ in self._maps)
+
+    @cached_property
+    def record(self) -> PhotonRecord:
+        """The photons in scene units."""
+        return record_of(self._maps, self.receiver_paths)
 
 
 def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]) -> PhotonRecord:
@@ -60,6 +99,7 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
     norm = maps[0][1].normalization
     ids = sum(plan.id_count for photons, plan in maps if photons.part == 0)
     first = own = 0
+    lights: dict[str, int] = {}
     rows: dict[str, list[np.ndarray]] = {}
     for photons, plan in maps:
         if photons.part == 0:
@@ -77,7 +117,13 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
             "emission": photons.emission.astype(np.float64),
             "bounces": photons.bounces,
             "receivers": photons.receiver,
+            "lights": np.array([lights.setdefault(path, len(lights)) for path in photons.light_paths], np.int32)[
+                photons.light
+            ],
+            "dxda": norm.world_vectors(photons.dxda),
+            "dxdb": norm.world_vectors(photons.dxdb),
         }
         for name, value in values.items():
             rows.setdefault(name, []).append(value)
-    return PhotonRecord(**{name: joined(parts) for name, parts in rows.items()}, receiver_paths=paths)
+    columns = {name: joined(parts) for name, parts in rows.items()}
+    return PhotonRecord(**columns, receiver_paths=paths, light_paths=tuple(lights))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
+from dataclasses import replace
 from typing import Any
 
 from tpdwarp.clock import Clock
@@ -21,20 +23,45 @@ class PhotonTracer:
     Args:
         loader: Loads the scenes.
         settings: How photons are emitted and what they ride on.
+        choose_splits: What chooses the parts that lights with extent are cut into where the settings leave it to the
+            program, by a tracer with one part a light; without, it is one part.
     """
 
-    def __init__(self, loader: SceneLoader, settings: LightSettings) -> None:
-        self.loader, self.settings = loader, settings
+    def __init__(
+        self,
+        loader: SceneLoader,
+        settings: LightSettings,
+        choose_splits: Callable[[PhotonTracer], int] | None = None,
+    ) -> None:
+        self.loader, self.settings, self._choose_splits = loader, settings, choose_splits
         self.source, self.launcher, self.normalization = loader.source, loader.launcher, loader.normalization
         self._plans: dict[int, EmissionPlan] = {}
+        # What was chosen for which number of photons, also by tracers with other settings.
+        self._chosen_splits: dict[tuple[int, str], int] = {}
 
     def with_settings(self, settings: LightSettings) -> PhotonTracer:
         """The same tracer with other settings; stills are not read again where lattices keep their shape."""
         other = copy(self)
         other.settings = settings
-        if other._square != self._square:
+        if other._square != self._square or other.splits != self.splits:
             other._plans = {}
         return other
+
+    @property
+    def splits(self) -> int:
+        """Parts that a light with extent is cut into; each has lattices and columns of its own."""
+        settings = self.settings
+        # Accumulation goes through places on lights by itself.
+        if not self.loader.extended_lights or settings.estimator == "accumulation":
+            return 1
+        if settings.light_splits != "auto":
+            return settings.light_splits
+        key = settings.photons, settings.estimator
+        if key not in self._chosen_splits:
+            whole = copy(self)
+            whole.settings, whole._plans = replace(settings, light_splits=1), {}
+            self._chosen_splits[key] = self._choose_splits(whole) if self._choose_splits else 1
+        return self._chosen_splits[key]
 
     @property
     def _square(self) -> bool:
@@ -80,4 +107,4 @@ class PhotonTracer:
     def _planned(self, photons: int) -> EmissionPlan:
         if self._plans:
             return next(iter(self._plans.values())).with_photons(photons)
-        return plan_emission(self.source, photons, self.normalization, square=self._square)
+        return plan_emission(self.source, photons, self.normalization, square=self._square, splits=self.splits)

@@ -21,7 +21,8 @@ from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
-from tpdwarp.photons.photon_map import PhotonMap, joined
+from tpdwarp.photons.light_columns import LightColumns, columns_at, scatter_columns, transfer_columns
+from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, occluded
@@ -37,6 +38,7 @@ SMALLEST_BRANCH = LightSettings.branch_cutoff
 # Light is followed through so many interactions however little is left, then as long as that is above the cutoff.
 # Chosen, not derived.
 FIRST_INTERACTIONS = wp.constant(8)
+VERTICES = wp.constant(MOST_VERTICES)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Rays end there, in the tracer's units, in which the scene is of unit size. From so far away a rounding of a direction
@@ -83,6 +85,9 @@ class PhotonArrays:
     path: wp.array(dtype=wp.uint32)
     share: wp.array(dtype=wp.float32)
     incidence: wp.array(dtype=wp.vec3)
+    dxda: wp.array(dtype=wp.vec3)
+    dxdb: wp.array(dtype=wp.vec3)
+    image: wp.array(dtype=wp.int32)
     fate: wp.array(dtype=wp.int32)
     reported: wp.array(dtype=wp.int32)
     retried: wp.array(dtype=wp.int32)
@@ -101,6 +106,8 @@ class TracingVariant:
     nested: bool = False
     partial: bool = False
     tinted: bool = False
+    recording: bool = False
+    extended: bool = False
 
 
 @wp.func
@@ -128,7 +135,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
     smooth_receivers, nested = variant.smooth_receivers, variant.nested
-    partial, tints = variant.partial, variant.tinted
+    partial, tints, recording, extended = variant.partial, variant.tinted, variant.recording, variant.extended
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -147,6 +154,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         seed: int,
         # Out
         out: PhotonArrays,
+        vertices: wp.array(dtype=wp.vec3),
     ):
         i = base + wp.tid()
 
@@ -177,8 +185,11 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         decision = int(0)
         retried = int(0)
         path = wp.uint32(1)
+        columns = LightColumns()
         start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
         beam.magnitude = patch.magnitude
+        if wp.static(recording):
+            vertices[i * VERTICES] = along(beam.x, beam.w, start)
         # Outside the cone of a light there is nothing to follow.
         dark = wp.max(emitted) <= 0.0
         if wp.static(nested):
@@ -212,6 +223,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 decision += part.decided
                 if not part.reflected:
                     beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                    if wp.static(extended):
+                        columns = transfer_columns(columns, beam.w, hit)
                     start = 0.0
                     continue
 
@@ -226,11 +239,17 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     if crossing.nothing:
                         inside = beyond
                         beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                        if wp.static(extended):
+                            columns = transfer_columns(columns, beam.w, hit)
                         start = 0.0
                         continue
             if tags.shape[0] > 0:
                 path = prolonged(path, tags[hit.triangle])
             beam = transfer_to(beam, hit, wp.static(moves))
+            if wp.static(recording):
+                vertices[i * VERTICES + wp.min(count + 1, VERTICES - 1)] = beam.x
+            if wp.static(extended):
+                columns = transfer_columns(columns, beam.w, hit)
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
             if wp.static(partial):
@@ -268,6 +287,13 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
                     beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
                     out.shift[i] = shift
+
+            # ---- The light's extent, seen from the first specular surface (beyond the paper)
+            if wp.static(extended):
+                if count == 0:
+                    columns = columns_at(patch, beam)
+                    off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
+                    beam.w = wp.normalize(beam.w + off)
 
             # ---- Reflection or refraction
             dielectric = wp.static(refraction)
@@ -309,6 +335,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(nested):
                 if not reflected:
                     inside = beyond
+            if wp.static(extended):
+                columns = scatter_columns(surfaces, columns, beam.w, hit, at, reflected, wp.static(moves))
             beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
             path = prolonged(path, int(reflected))
             start = 0.0
@@ -316,12 +344,18 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
 
         if fate == FATE_DEPOSITED:
             size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
+            if wp.static(extended):
+                size += wp.length_sq(columns.dxda) + wp.length_sq(columns.dxdb)
             if not wp.isfinite(size):
                 fate = FATE_NONFINITE
         out.position[i] = beam.x
         out.dxdu[i] = beam.dxdu
         out.dxdv[i] = beam.dxdv
         out.dxdt[i] = beam.dxdt
+        if wp.static(extended):
+            out.dxda[i] = columns.dxda
+            out.dxdb[i] = columns.dxdb
+            out.image[i] = columns.image
         if wp.static(partial):
             out.emitted[i] = entering
         else:
@@ -342,7 +376,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
 
 _COLUMNS = (
     "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver", "bounces",
-    "path", "share", "incidence",
+    "path", "share", "incidence", "dxda", "dxdb", "image",
 )  # fmt: skip
 
 
@@ -361,6 +395,8 @@ def trace_photons(
     chosen: Callable[[Lattice, Patch], ChosenCells] | None = None,
     tags: np.ndarray | None = None,
     textures: TextureArrays | None = None,
+    recording: bool = False,
+    place: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[PhotonMap, EnergyAccount]:
     """Traces the lattice photons of ``plan`` through ``geometry``.
 
@@ -373,6 +409,9 @@ def trace_photons(
         tags: A number for each triangle, by which paths differ, shape [m] int32; without, they differ by how they
             branch alone.
         textures: What the surfaces have of textures and of parts that are not there, where there are any.
+        recording: Whether the vertices of paths are wanted.
+        place: Where on lights with extent photons come from, through the same points of the first specular surface, by
+            the light's coordinates (a, b).
 
     Returns:
         The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
@@ -382,14 +421,17 @@ def trace_photons(
     needs = requirements
     variant = TracingVariant(
         needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers, needs.nested,
-        needs.partial, needs.tinted,
+        needs.partial, needs.tinted, recording, bool(needs.extended_lights),
     )  # fmt: skip
     kernel = tracing_kernel(variant)
     left_out = () if needs.smooth_receivers else ("incidence",)
+    left_out += () if variant.extended else ("dxda", "dxdb", "image")
     columns = [name for name in _COLUMNS if name not in left_out]
+    lights = tuple(light.path for light in scene.lights)
     device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     for lattice, patch in plan.patches(scene):
         patch.power = weight * patch.power
+        patch.light_place = wp.vec2(*place)
         offsets = np.zeros((0, 2), np.float32)
         if chosen:
             cells, offsets = _placed(chosen(lattice, patch), patch)
@@ -402,23 +444,31 @@ def trace_photons(
             out = launcher.rows(PhotonArrays, len(cells), but=left_out)
             paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), device_offsets, device_tags]
             inputs = [geometry.surfaces, textures or TextureArrays(), patch, *paths]
-            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out])
+            vertices = launcher.zeros(len(cells) * MOST_VERTICES if recording else 0, wp.vec3)
+            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out, vertices])
             fate, reported = out.fate.numpy(), out.reported.numpy()
             # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
             first = np.ones(len(cells), bool) if needs.partial else masks == 0
             _tally(account, out, fate, first, plan.normalization.power)
             keep = np.flatnonzero(fate == Fate.DEPOSITED)
             if len(keep):
-                rows = {name: getattr(out, name).numpy()[keep] for name in columns}
+                # Where all of them have landed nothing is copied.
+                landing = slice(None) if len(keep) == len(cells) else keep
+                rows = {name: getattr(out, name).numpy()[landing] for name in columns}
                 rows["ids"] = _ids(cells[keep], patch, masks[keep], lattice, plan.id_count)
+                if recording:
+                    rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
+                rows["light"] = np.full(len(keep), lights.index(lattice.light), np.int16)
                 landed.append(rows)
             cells, masks = reported_paths(cells, masks, reported)
             # Before the next pass makes its own.
-            del out, inputs, paths, fate, reported
+            del out, inputs, paths, fate, reported, vertices
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return PhotonMap.empty(), account
-    return PhotonMap(**{name: joined([rows[name] for rows in landed]) for name in ("ids", *columns)}), account
+    columns += ["ids", "light", *(["vertices"] if recording else [])]
+    rows = {name: joined([found[name] for found in landed]) for name in columns}
+    return PhotonMap(**rows, light_paths=lights), account
 
 
 def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, first: np.ndarray, unit: float) -> None:
@@ -428,23 +478,28 @@ def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, first: n
         first: Paths whose emitted flux no other has counted, shape [n].
         unit: The tracer's unit of power [W].
     """
-    flux = unit * out.flux.numpy().sum(axis=1, dtype=np.float64)
     specular = fate != Fate.DIRECT
     # Counted at the light, not added up from where it went: so the account can show that something is missing.
-    account.sent += unit * float(out.emitted.numpy()[specular & first].sum(dtype=np.float64))
+    account.sent += unit * _total(out.emitted, specular & first)
     retried = int(out.retried.numpy().sum(dtype=np.int64))
     if retried:
         account.counts["hits at the second try"] = account.counts.get("hits at the second try", 0) + retried
-    account.deposited += float(flux[fate == Fate.DEPOSITED].sum())
-    account.escaped += float(flux[fate == Fate.ESCAPED].sum())
-    account.absorbed += unit * float(out.absorbed.numpy()[specular].sum(dtype=np.float64))
-    for cause, value in (
-        ("branch below cutoff", unit * out.culled.numpy()[specular].sum(dtype=np.float64)),
-        ("too many bounces", flux[fate == Fate.DEPTH].sum()),
-        ("not finite", flux[fate == Fate.NONFINITE].sum()),
+    account.deposited += unit * _total(out.flux, fate == Fate.DEPOSITED)
+    account.escaped += unit * _total(out.flux, fate == Fate.ESCAPED)
+    account.absorbed += unit * _total(out.absorbed, specular)
+    for cause, array, rows in (
+        ("branch below cutoff", out.culled, specular),
+        ("too many bounces", out.flux, fate == Fate.DEPTH),
+        ("not finite", out.flux, fate == Fate.NONFINITE),
     ):
-        if value:
-            account.lost[cause] = account.lost.get(cause, 0.0) + float(value)
+        if value := unit * _total(array, rows):
+            account.lost[cause] = account.lost.get(cause, 0.0) + value
+
+
+def _total(array: wp.array, rows: np.ndarray) -> float:
+    """Sum of all channels of some rows of vectors, by mask."""
+    values = array.numpy()
+    return float((values if rows.all() else values[rows]).sum(dtype=np.float64))
 
 
 def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:

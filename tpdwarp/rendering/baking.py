@@ -20,6 +20,8 @@ from tpdwarp.scene.device.loading import LoadedScene
 
 # What a texture may hold.
 QUANTITIES = ("irradiance", "caustic", "motion")
+# Pixels [resolution, resolution] by channel.
+Picture = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ _COLUMNS = ("triangles", "weights", "sides")
 
 def bake_textures(
     context: RenderContext, shutter: Shutter, scenes: list[LoadedScene], atlases: Sequence[Atlas], quantity: str
-) -> tuple[list[dict[tuple[int, int], np.ndarray]], Traced]:
+) -> tuple[list[dict[tuple[int, int], Picture]], Traced]:
     """What photons leave on receivers over a shutter, both sides added up; photons are traced once.
 
     Args:
@@ -84,8 +86,9 @@ def bake_textures(
             mean of D_t x over the shutter [scene units]).
 
     Returns:
-        Pictures [resolution, resolution, 4] of each atlas, by tile: three values, and 1 where a texel's middle lies on
-        a chart; the photons and where their flux went.
+        Channels [resolution, resolution] of each atlas, by tile: three values in ``R``, ``G`` and ``B``, in ``A`` 1
+        where a texel's middle lies on a chart, and those of light groups by the quantity and their names, as in
+        ``irradiance_key.R``; the photons and where their flux went.
     """
     middle = scenes[len(scenes) // 2]
     groups: list[PointGroup] = []
@@ -97,8 +100,14 @@ def bake_textures(
     for k, atlas in enumerate(atlases):
         light, group = lights[2 * k], groups[2 * k]
         light.add(lights[2 * k + 1])
-        values = _values(quantity, light, group, context, middle)
-        out.append(atlas.pictures(np.column_stack([values, atlas.inside])))
+        columns = dict(zip("RGB", _values(quantity, light, group, context, middle).T, strict=True))
+        columns["A"] = atlas.inside
+        if quantity != "motion":
+            for name, irradiance in light.by_group.items():
+                apart = _radiance(irradiance, quantity, group, context, middle)
+                columns |= {f"{quantity}_{name}.{channel}": apart[:, k] for k, channel in enumerate("RGB")}
+        pictures = atlas.pictures(np.column_stack(list(columns.values())))
+        out.append({tile: dict(zip(columns, np.moveaxis(p, -1, 0), strict=True)) for tile, p in pictures.items()})
     return out, traced
 
 
@@ -131,6 +140,13 @@ def _values(
 ) -> np.ndarray:
     if quantity == "motion":
         return light.mean_motion
+    return _radiance(light.irradiance, quantity, group, context, scene)
+
+
+def _radiance(
+    irradiance: np.ndarray, quantity: str, group: PointGroup, context: RenderContext, scene: LoadedScene
+) -> np.ndarray:
+    """Irradiance as it is, or the radiance that it makes where ``caustic`` is wanted."""
     if quantity == "caustic":
-        return light.irradiance * albedo_at(context, scene, group.points, group.pixel) / math.pi
-    return light.irradiance
+        return irradiance * albedo_at(context, scene, group.points, group.pixel) / math.pi
+    return irradiance

@@ -8,25 +8,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.estimators import ESTIMATORS
-from tpdwarp.estimators.estimator import IrradianceField, Part
+from tpdwarp.estimators.estimator import Part
 from tpdwarp.footprints.irradiance import Lookup
 from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.io.image_region import ImageRegion
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.paths import PhotonPaths, SpreadCells, paths_of
 from tpdwarp.photons.photon_map import PhotonMap
-from tpdwarp.photons.record import PhotonRecord, record_of
+from tpdwarp.photons.record import LandedPhotons, PhotonRecord
+from tpdwarp.photons.thinning import thinning_ranks
 from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.light_groups import Fields
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.view.camera import camera_of, pixel_size
 from tpdwarp.view.film import Film
 from tpdwarp.view.queries import CameraView, QueryBatch, SeenPoints
+from tpdwarp.view.sampling import region_order
+
+# So many times as many cells are tried as paths are wanted, for many miss what is specular. Chosen, not derived.
+MISSES = 4
 
 
 @dataclass
@@ -34,14 +42,21 @@ class Traced:
     """Photons of one shutter.
 
     Attributes:
-        photons: The photons that landed, in scene units.
+        landed: The photons that landed.
         energy: Where the flux went [W].
         seconds: Wall time by stage.
+        paths: Paths of some of them, where these were asked for.
     """
 
-    photons: PhotonRecord
+    landed: LandedPhotons
     energy: EnergyAccount
     seconds: dict[str, float]
+    paths: PhotonPaths | None = field(default=None, kw_only=True)
+
+    @property
+    def photons(self) -> PhotonRecord:
+        """The photons that landed, in scene units."""
+        return self.landed.record
 
 
 @dataclass
@@ -68,26 +83,52 @@ class FramePhotons:
         self.energy.add(part.energy)
         self._maps += [(photons, part.plan) for photons in part.maps]
 
-    def record(self, scenes: list[LoadedScene]) -> PhotonRecord:
-        return record_of(self._maps, scenes[0].geometry.paths)
+    def landed(self, scenes: list[LoadedScene]) -> LandedPhotons:
+        return LandedPhotons(self._maps, scenes[0].geometry.paths)
 
 
-def trace_frame(context: RenderContext, shutter: Shutter) -> Traced:
+def trace_frame(context: RenderContext, shutter: Shutter, clock: Clock | None = None, paths: int = 0) -> Traced:
     """Traces the photons of one shutter.
+
+    Args:
+        context: The animation.
+        shutter: The exposure.
+        clock: Measures the stages; goes on where it stands.
+        paths: At most so many paths are recorded; 0 for none.
 
     Raises:
         InputError: The scene cannot be used there.
     """
-    clock = Clock()
+    clock = clock or Clock()
     scenes = context.segmentation.load(shutter, clock)
     photons = FramePhotons()
     for part in ESTIMATORS[context.settings.estimator]().parts(context.tracer, shutter, scenes, None, clock):
         photons.add(part)
-    return Traced(photons.record(scenes), photons.energy, clock.seconds)
+    shown = _traced_paths(context, scenes, paths, clock) if paths else None
+    return Traced(photons.landed(scenes), photons.energy, clock.seconds, paths=shown)
+
+
+def _traced_paths(context: RenderContext, scenes: list[LoadedScene], count: int, clock: Clock) -> PhotonPaths:
+    """At most ``count`` paths of photons through the scene in the middle of a shutter, spread evenly over the light."""
+    tracer, middle = context.tracer, scenes[len(scenes) // 2]
+    plan = tracer.plan(max(1, context.settings.photons // len(scenes)), clock)
+    chosen = SpreadCells(plan, MISSES * count)
+    photons, _ = tracer.trace(middle, plan, clock, chosen=chosen, recording=True, seed=context.settings.seed)
+    found = paths_of(photons, plan, middle.geometry.paths)
+    if len(photons) <= count:
+        return found
+    ranks = thinning_ranks(found.photons)
+    return found.rows(ranks < np.partition(ranks, count)[count])
 
 
 def render_frame(
-    context: RenderContext, shutter: Shutter, width: int, height: int, clock: Clock | None = None
+    context: RenderContext,
+    shutter: Shutter,
+    width: int,
+    height: int,
+    clock: Clock | None = None,
+    paths: int = 0,
+    region: ImageRegion | None = None,
 ) -> Frame:
     """Renders one frame of ``width`` × ``height`` pixels.
 
@@ -95,32 +136,48 @@ def render_frame(
         context: The animation; its source must supply a camera.
         shutter: The exposure.
         clock: Measures the stages; goes on where it stands.
+        paths: At most so many paths of photons are recorded; 0 for none.
+        region: The part of the image that is rendered, as in the whole of it; None for all.
 
     Raises:
         InputError: The scene cannot be used there.
     """
     clock = clock or Clock()
     settings = context.settings
+    region = region or ImageRegion.whole(width, height)
     scenes = context.segmentation.load(shutter, clock)
     camera = middle_camera(scenes)
     pixel = pixel_of(context, scenes, width, height)
     film = Film(
-        width,
-        height,
+        *region.size,
         settings.samples,
         context.normalization,
         camera.exposure_scale,
         settings.aovs,
         scenes[0].geometry.paths,
+        context.light_groups.names,
     )
     photons = FramePhotons()
     for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
-        view = CameraView(part.scenes, settings, context.normalization, context.launcher, width, height, clock)
-        part.energy.add(expose(film, part.light, view.look(), part.weight, clock))
+        view = CameraView(
+            part.scenes,
+            settings,
+            context.normalization,
+            context.launcher,
+            width,
+            height,
+            clock,
+            *((None, None) if region.is_whole else region_order(region)),
+        )
+        fields = context.light_groups.fields(part, None, context.tracer, clock)
+        part.energy.add(expose(film, fields, view.look(), part.weight, clock))
         photons.add(part)
-        # Before photons are recorded in scene units: ten million footprints take more memory than their photons.
-        del part
-    return Frame(photons.record(scenes), photons.energy, clock.seconds, film.channels(), camera)
+        # Ten million footprints take more memory than their photons.
+        del part, fields
+    shown = _traced_paths(context, scenes, paths, clock) if paths else None
+    with clock.stage("film"):
+        channels = film.channels()
+    return Frame(photons.landed(scenes), photons.energy, clock.seconds, channels, camera, paths=shown)
 
 
 def middle_camera(scenes: list[LoadedScene]) -> CameraAtShutter:
@@ -129,12 +186,12 @@ def middle_camera(scenes: list[LoadedScene]) -> CameraAtShutter:
 
 
 def expose(
-    film: Film, light: IrradianceField | None, view: Iterable[SeenPoints | QueryBatch], weight: float, clock: Clock
+    film: Film, fields: Fields, view: Iterable[SeenPoints | QueryBatch], weight: float, clock: Clock
 ) -> EnergyAccount:
     """Adds to ``film`` what the camera sees: direct light as it is seen, light from photons where it is looked up.
 
     Args:
-        light: The light of photons; None where there is none.
+        fields: The light of photons by light groups, or all of it without a name.
         view: What the camera sees.
         weight: Share of the exposure that the view stands for.
 
@@ -147,11 +204,12 @@ def expose(
             with clock.stage("view"):
                 film.add_view(seen.points, seen.pixels, weight)
                 account.add(EnergyAccount(counts=seen.counts()))
-        elif light is not None:
+            continue
+        for group, light in fields.items():
             with clock.stage("gather"):
                 lookup = Lookup(seen.time, seen.window, seen.moves, film.wants_motion)
                 found = light.irradiance(seen.queries, lookup)
-                film.add_caustic(seen.pixels, seen.weights, seen.first, found)
+                film.add_caustic(seen.pixels, seen.weights, seen.first, found, group)
     return account
 
 

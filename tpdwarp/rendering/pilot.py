@@ -63,7 +63,7 @@ class Pilot:
         film = Film(len(self._pixels), 1, settings.samples, context.normalization, seen.scale, settings.aovs)
         pixel = pixel_of(context, scenes, *self._size)
         for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
-            expose(film, part.light, seen.batches, part.weight, clock)
+            expose(film, {} if part.light is None else {"": part.light}, seen.batches, part.weight, clock)
         channels = film.channels()
         return np.stack([channels[f"caustic.{c}"][0] for c in "RGB"], axis=1).astype(np.float64)
 

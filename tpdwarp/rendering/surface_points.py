@@ -11,7 +11,7 @@ import warp as wp
 
 from tpdwarp.clock import Clock
 from tpdwarp.estimators import ESTIMATORS
-from tpdwarp.estimators.estimator import IrradianceField, Part, reshaped
+from tpdwarp.estimators.estimator import IrradianceField, Part
 from tpdwarp.footprints.irradiance import Lookup, QueryArrays
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.rendering.context import RenderContext
@@ -79,22 +79,27 @@ class PointLight:
         irradiance: W/m², shape [n, 3] float64; NaN where a point lies on no diffuse surface.
         motion: Sum of D_t x over the whole shutter [scene units] weighted by ``weight``, shape [n, 3].
         weight: Sum of weights, shape [n].
+        by_group: Irradiance from each light group, where these are kept apart.
     """
 
     irradiance: np.ndarray
     motion: np.ndarray
     weight: np.ndarray
+    by_group: dict[str, np.ndarray]
 
     @classmethod
-    def none(cls, count: int) -> PointLight:
+    def none(cls, count: int, groups: Sequence[str] = ()) -> PointLight:
         """No light at ``count`` points."""
-        return cls(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count))
+        by_group = {name: np.zeros((count, 3)) for name in groups}
+        return cls(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count), by_group)
 
     def add(self, other: PointLight) -> None:
         """Adds other light at the same points."""
         self.irradiance += other.irradiance
         self.motion += other.motion
         self.weight += other.weight
+        for name, irradiance in other.by_group.items():
+            self.by_group[name] += irradiance
 
     @property
     def mean_motion(self) -> np.ndarray:
@@ -211,27 +216,31 @@ def irradiance_at(
     clock = Clock()
     photons = FramePhotons()
     middle = scenes[len(scenes) // 2]
-    lights = [PointLight.none(len(group.points.triangles)) for group in groups]
+    names = context.light_groups.names
+    lights = [PointLight.none(len(group.points.triangles), names) for group in groups]
     orders = [_curve_order(context, middle, group.points) for group in groups]
     estimator = ESTIMATORS[context.settings.estimator]()
     for part in estimator.parts(context.tracer, shutter, scenes, groups[0].pixel, clock):
         photons.add(part)
-        field, pixel = part.light, groups[0].pixel
+        fields, pixel = context.light_groups.fields(part, None, context.tracer, clock), groups[0].pixel
         for group, light, order in zip(groups, lights, orders, strict=True):
             if group.pixel is not pixel:
-                field, pixel = reshaped(part, group.pixel, context.tracer, clock), group.pixel
-            if field is None:
-                continue
+                fields, pixel = context.light_groups.fields(part, group.pixel, context.tracer, clock), group.pixel
             with clock.stage("gather"):
-                for first in range(0, len(order), BATCH):
-                    chosen = order[first : first + BATCH]
-                    _add_light(light, chosen, part, field, context, group.points.of(chosen), with_motion)
+                for name, field in fields.items():
+                    before = light.irradiance.copy() if name else light.irradiance
+                    for first in range(0, len(order), BATCH):
+                        chosen = order[first : first + BATCH]
+                        _add_light(light, chosen, part, field, context, group.points.of(chosen), with_motion)
+                    if name:
+                        light.by_group[name] += light.irradiance - before
     norm = context.normalization
     for group, light in zip(groups, lights, strict=True):
-        light.irradiance *= norm.scale**2 * norm.power
+        for irradiance in (light.irradiance, *light.by_group.values()):
+            irradiance *= norm.scale**2 * norm.power
+            irradiance[group.points.triangles < 0] = np.nan
         light.motion /= norm.scale
-        light.irradiance[group.points.triangles < 0] = np.nan
-    return lights, Traced(photons.record(scenes), photons.energy, clock.seconds)
+    return lights, Traced(photons.landed(scenes), photons.energy, clock.seconds)
 
 
 def _add_light(

@@ -8,7 +8,7 @@ before the scene is recentred). A *motion* is a displacement over the whole shut
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Protocol
@@ -179,6 +179,48 @@ class LightKind(IntEnum):
     POINT = 1
 
 
+class EmissionProfile(IntEnum):
+    """How the radiant intensity of a light differs by direction, apart from its shaping.
+
+    A surface of one radiance looks smaller from aside: flat ones shine by the cosine of the angle to −z of their frame,
+    and to one side only; the side of a cylinder by the sine of the angle to its axis, x of its frame.
+    """
+
+    UNIFORM = 0
+    COSINE = 1
+    SINE = 2
+
+
+class ExtentShape(IntEnum):
+    """What a light with extent is, as seen from a point.
+
+    ``ROUND`` is a disc from everywhere: a sphere, or the disc of directions that parallel light comes from.
+    """
+
+    ROUND = 0
+    DISK = 1
+    RECT = 2
+    CYLINDER = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """The extent of a light about its position or direction; its radiance is the same all over.
+
+    Attributes:
+        shape: What it is.
+        radius: Of what is round, and of a cylinder: scene units; of parallel light: half the angle of its disc [rad].
+        spans: Half of a disk or rectangle along its x and y axes, half of a cylinder along its axis (and zero), in the
+            world at mid shutter, shape [2, 3].
+        spans_motion: Change of ``spans`` over the shutter, shape [2, 3].
+    """
+
+    shape: ExtentShape
+    radius: float = 0.0
+    spans: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
+    spans_motion: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
+
+
 @dataclass(frozen=True)
 class Shaping:
     """How a point light shines around its axis, −z of its frame.
@@ -199,17 +241,20 @@ class Shaping:
 
 @dataclass(frozen=True, eq=False)
 class LightAtShutter:
-    """A light without extent over a shutter.
+    """A light over a shutter.
 
     Attributes:
         path: Prim path.
-        kind: Distant (parallel rays along −z of its frame) or point.
-        power: Distant: irradiance at normal incidence [W/m²]. Point: radiant intensity [W/sr]. Linear Rec.709.
-        position: Position at mid shutter, shape [3] (unused for distant lights).
+        kind: Distant (along −z of its frame) or at a point.
+        power: Distant: irradiance at normal incidence [W/m²]. Point: radiant intensity [W/sr], of a light whose profile
+            is not uniform the largest. Linear Rec.709.
+        position: Position (of its middle) at mid shutter, shape [3] (unused for distant lights).
         axes: Rows are the light's unit x, y, z axes in the world at mid shutter, shape [3, 3].
         position_motion: Displacement over the shutter, shape [3].
         axes_motion: Change of the axes over the shutter, shape [3, 3].
-        shaping: How a point light differs by direction; None for one that shines alike in all.
+        shaping: How a point light differs by direction beside its profile; None where it does not.
+        profile: How the intensity of a point light differs by direction because of its shape.
+        extent: Its extent; None for parallel rays, or a point.
     """
 
     path: str
@@ -220,6 +265,8 @@ class LightAtShutter:
     position_motion: np.ndarray = field(default_factory=lambda: np.zeros(3))
     axes_motion: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
     shaping: Shaping | None = None
+    profile: EmissionProfile = EmissionProfile.UNIFORM
+    extent: Extent | None = None
 
     @property
     def moves(self) -> bool:
@@ -312,6 +359,10 @@ class SceneSource(Protocol):
 
     def motion_breaks(self, shutter: Shutter) -> Sequence[float]:
         """Times within ``shutter`` at which motion may change abruptly."""
+        ...
+
+    def light_groups(self) -> Mapping[str, str]:
+        """The group that each light which may send photons names itself, by its path; empty where it names none."""
         ...
 
 

@@ -40,4 +40,12 @@ def _mesh(now: MeshAtShutter, onward: MeshAtShutter, scale: float) -> MeshAtShut
 
 
 def _light(now: LightAtShutter, onward: LightAtShutter, scale: float) -> LightAtShutter:
-    return replace(now, position_motion=scale * onward.position_motion, axes_motion=scale * onward.axes_motion)
+    extent = now.extent
+    if extent is not None and onward.extent is not None:
+        extent = replace(extent, spans_motion=scale * onward.extent.spans_motion)
+    return replace(
+        now,
+        position_motion=scale * onward.position_motion,
+        axes_motion=scale * onward.axes_motion,
+        extent=extent,
+    )

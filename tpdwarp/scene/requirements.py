@@ -35,6 +35,7 @@ class Requirements:
         emission: Whether a surface gives off light.
         lens: Whether the camera has a lens, in front of and behind whose focus things are blurred.
         domes: Whether light comes from all around.
+        extended_lights: Paths of lights with extent, for which photons carry the columns a and b.
     """
 
     moving_meshes: tuple[str, ...]
@@ -51,6 +52,7 @@ class Requirements:
     emission: bool = False
     lens: bool = False
     domes: bool = False
+    extended_lights: tuple[str, ...] = ()
 
     @property
     def caustics(self) -> bool:
@@ -69,7 +71,8 @@ class Requirements:
 
     def as_dict(self) -> dict[str, object]:
         """The requirements as plain JSON values."""
-        return {**asdict(self), "differentials": ["u", "v", "t"] if self.photon_motion else ["u", "v"]}
+        columns = [*"uv", *("t" if self.photon_motion else ""), *("ab" if self.extended_lights else "")]
+        return {**asdict(self), "differentials": columns}
 
 
 def is_smooth_receiver(mesh: MeshAtShutter) -> bool:
@@ -110,4 +113,5 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         emission=any(any(material.emission) for mesh in scene.meshes for material in mesh.materials),
         lens=scene.camera is not None and scene.camera.lens_radius > 0,
         domes=bool(scene.domes),
+        extended_lights=tuple(light.path for light in scene.lights if light.extent is not None),
     )

@@ -393,18 +393,33 @@ def _shifts(
     grid[window.at(cells[inside])], known[window.at(cells[inside])] = photons.shift[rows[inside]], True
     if not known.any():
         return grid
-    while not known.all():
-        total, count = np.zeros_like(grid), np.zeros(known.shape, np.float32)
-        for axis in (0, 1):
-            ahead, behind = [slice(None)] * 2, [slice(None)] * 2
-            ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
-            for to, of in ((tuple(ahead), tuple(behind)), (tuple(behind), tuple(ahead))):
-                total[to] += np.where(known[of][..., None], grid[of], 0.0)
-                count[to] += known[of]
-        new = ~known & (count > 0)
-        grid[new] = total[new] / count[new][:, None]
-        known |= new
+    _spread(grid, known)
     return grid
+
+
+def _spread(grid: np.ndarray, known: np.ndarray) -> None:
+    """Fills the cells of a grid [u, v, 2] that are not ``known`` from those that are, ring by ring, by their means."""
+    size = np.array(known.shape)
+    beside = np.array([(-1, 0), (1, 0), (0, -1), (0, 1)])
+
+    def neighbours_of(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Cells on the four sides of others, shape [n, 4, 2], and which of them lie in the grid."""
+        cells = cells[:, None] + beside
+        inside = np.all((cells >= 0) & (cells < size), axis=2)
+        return np.where(inside[..., None], cells, 0), inside
+
+    last = np.argwhere(known)
+    while len(last):
+        around, inside = neighbours_of(last)
+        places = np.ravel_multi_index(tuple(around[inside].T), known.shape)
+        ring = np.stack(np.unravel_index(np.unique(places[~known.ravel()[places]]), known.shape), axis=1)
+        around, inside = neighbours_of(ring)
+        u, v = around[..., 0], around[..., 1]
+        counts = inside & known[u, v]
+        total = np.where(counts[..., None], grid[u, v], 0.0).sum(axis=1)
+        grid[tuple(ring.T)] = total / counts.sum(axis=1, dtype=np.float32)[:, None]
+        known[tuple(ring.T)] = True
+        last = ring
 
 
 def _shifts_of(

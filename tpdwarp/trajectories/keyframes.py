@@ -11,14 +11,17 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from tpdwarp.clock import Clock
+from tpdwarp.device import Launcher
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.trajectories.grids import Riders, StateArrays, grid_of, interpolate
 
 # Part of the shutter over which keyframes take D_t x at either end of it. Chosen, not derived: a difference over it
 # errs by its square over 24, 7e-4 of D_ttt x.
@@ -140,26 +143,14 @@ class ShutterKeyframes:
             photons = self.traced(part, self.plan)
             with self._clock.stage("trace"):
                 rate = 1.0 if part == 0.0 else 1.0 / KEYFRAME_DURATION
-                self._grids[part] = _KeyframeGrids(photons, self.plan, rate)
+                self._grids[part] = _KeyframeGrids(photons, self.plan, rate, self.tracer.launcher)
         return self._grids[part]
 
     def _looked_up(self, photons: PhotonMap, plan: EmissionPlan, part: float) -> KeyframeState:
         """Keyframes at the part ``part`` (−½ … ½) of the shutter, at the places on the light that photons have then."""
         grids = self._at(part)
-        count = len(photons)
-        found = KeyframeState(
-            np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count, bool), np.zeros(count), np.zeros(count)
-        )
-        for key, rows in rows_by_path(photons, plan):
-            fine, coarse = plan.lattices[key[0]], self.plan.lattices[key[0]]
-            scale = np.divide(fine.step, coarse.step)
-            offset = np.subtract(fine.origin, coarse.origin) / coarse.step
-            drift = part * photons.shift[rows]
-            place = (photons.emission[rows] + drift.astype(np.float64)) * scale + offset
-            value, found.valid[rows] = grids.at(key, place, photons.path[rows])
-            found.dxdt[rows], found.position[rows], found.log_flux[rows] = value[:, :3], value[:, 3:6], value[:, 6]
-            found.drift[rows] = np.abs(drift * scale).max(axis=1)
-        return found
+        with self._clock.stage("trace"):
+            return grids.looked_up(photons, plan, part)
 
 
 def disagreement(photons: PhotonMap, before: np.ndarray, after: np.ndarray) -> np.ndarray:
@@ -170,67 +161,45 @@ def disagreement(photons: PhotonMap, before: np.ndarray, after: np.ndarray) -> n
 
 
 class _KeyframeGrids:
-    """D_t x over the whole shutter, x and ln Φ as functions of the place on a light, for each lattice and path.
+    """Keyframes' photons at one time of the shutter, with a grid for each lattice and path.
 
     ``rate`` is by how much shorter the shutter is over which the keyframes take D_t x.
     """
 
-    def __init__(self, photons: PhotonMap, plan: EmissionPlan, rate: float) -> None:
-        self.photons = photons
-        self._grids: dict[Key, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+    def __init__(self, photons: PhotonMap, plan: EmissionPlan, rate: float, launcher: Launcher) -> None:
+        self.photons, self._plan, self._rate, self._launcher = photons, plan, rate, launcher
+        self._grids = {key: grid_of(photons, rows, launcher) for key, rows in rows_by_path(photons, plan)}
+
+    def looked_up(self, photons: PhotonMap, plan: EmissionPlan, part: float) -> KeyframeState:
+        """What they say of photons at the part ``part`` of the shutter."""
+        launcher = self._launcher
+        out, riders = launcher.rows(StateArrays, len(photons)), Riders()
+        for name, dtype in (("emission", wp.vec2), ("shift", wp.vec2), ("path", wp.uint32)):
+            setattr(riders, name, launcher.array(getattr(photons, name), dtype))
         for key, rows in rows_by_path(photons, plan):
-            cell = np.floor(photons.emission[rows]).astype(np.int64)
-            first = cell.min(axis=0)
-            size = cell.max(axis=0) - first + 1
-            values, paths = np.zeros((*size, 7)), np.full(size, -1, np.int64)
-            at = tuple((cell - first).T)
-            flux = np.log(np.maximum(photons.flux[rows].max(axis=1), np.finfo(np.float32).tiny))
-            values[at] = np.column_stack([rate * photons.dxdt[rows], photons.position[rows], flux])
-            paths[at] = photons.path[rows]
-            self._grids[key] = first, values, paths
-
-    def at(self, key: Key, coordinates: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """D_t x, x and ln Φ [n, 7] at lattice ``coordinates`` [n, 2], bilinearly, and whether they are valid.
-
-        Values are valid where at least three of the four photons around took ``path`` [n], too.
-        """
-        if key not in self._grids:
-            return np.zeros((len(coordinates), 7)), np.zeros(len(coordinates), bool)
-        first, values, paths = self._grids[key]
-        place = coordinates - 0.5 - first
-        # Outside the outermost photons, by up to a cell, it is as on the line that they make.
-        last = np.array(paths.shape) - 1
-        near = np.all((place > -1) & (place < last + 1), axis=1)
-        place = place.clip(0, last)
-        corner = np.minimum(np.floor(place).astype(np.int64), np.maximum(last - 1, 0))
-        part = place - corner
-        corners = [corner + offset for offset in ((0, 0), (1, 0), (0, 1), (1, 1))]
-        found, valid = [], []
-        for cell in corners:
-            inside = np.all((cell >= 0) & (cell < paths.shape), axis=1)
-            u, v = np.where(inside[:, None], cell, 0).T
-            valid.append(inside & (paths[u, v] == path))
-            found.append(values[u, v])
-        a, b, c, d = found
-        # A missing corner lies on the plane through the other three.
-        for number, plane in enumerate((b + c - d, a + d - c, a + d - b, b + c - a)):
-            found[number] = np.where(valid[number][:, None], found[number], plane)
-        u, v = part.T[:, :, None]
-        a, b, c, d = found
-        value = (1 - u) * (1 - v) * a + u * (1 - v) * b + (1 - u) * v * c + u * v * d
-        return value, near & (np.sum(valid, axis=0) >= 3)
+            if key not in self._grids:
+                continue
+            fine, coarse = plan.lattices[key[0]], self._plan.lattices[key[0]]
+            riders.scale = wp.vec2d(*np.divide(fine.step, coarse.step))
+            riders.offset = wp.vec2d(*np.subtract(fine.origin, coarse.origin) / coarse.step)
+            which = launcher.array(rows.astype(np.int32), wp.int32)
+            launcher(interpolate, len(rows), [self._grids[key], riders, which, float(part), out])
+        valid = out.valid.numpy() > 0
+        columns = [out.position.numpy(), valid, out.drift.numpy(), out.log_flux.numpy()]
+        return KeyframeState(self._rate * out.dxdt.numpy(), *columns)
 
 
 def rows_by_path(photons: PhotonMap, plan: EmissionPlan) -> list[tuple[Key, np.ndarray]]:
     """Rows of the photons of each lattice of ``plan`` on each path, by (lattice, mask)."""
     mask, lattice, foreseen = plan.paths_of(photons.ids)
     planned = np.flatnonzero(foreseen)
-    order = planned[np.lexsort((lattice[planned], mask[planned]))]
-    if not len(order):
+    if not len(planned):
         return []
-    keys = np.stack([lattice[order], mask[order]], axis=1)
-    starts = np.flatnonzero(np.any(np.diff(keys, axis=0, prepend=keys[:1] - 1), axis=1))
-    return [
-        ((int(keys[start, 0]), int(keys[start, 1])), rows)
-        for start, rows in zip(starts, np.split(order, starts[1:]), strict=True)
-    ]
+    keys = mask[planned] * len(plan.lattices) + lattice[planned]
+    # Photons come path by path, which a stable sort makes use of.
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    starts = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
+    masks, lattices = np.divmod(keys[starts], len(plan.lattices))
+    found = zip(lattices.tolist(), masks.tolist(), strict=True)
+    return list(zip(found, np.split(planned[order], starts[1:]), strict=True))

@@ -12,14 +12,24 @@ Pairs = tuple[np.ndarray, np.ndarray]
 
 def neighbours(photons: PhotonMap, plan: EmissionPlan) -> tuple[Pairs, Pairs]:
     """Rows of photons and of those one cell on in u, and likewise in v, on the same path."""
+    if not len(photons):
+        none = np.zeros(0, np.int64)
+        return (none, none), (none, none)
     mask, lattice, _ = plan.paths_of(photons.ids)
+    _, sheet = np.unique(mask * len(plan.lattices) + lattice, return_inverse=True)
     cell = np.floor(photons.emission).astype(np.int64)
+    u, v = (cell - cell.min(axis=0)).T
+    # One more than there are, so that the end of a row and the start of the next are no neighbours.
+    width, height = u.max() + 2, v.max() + 2
+    numbers = (sheet * height + v) * width + u
+    # Photons come in the order of their cells, path by path, which a stable sort makes use of.
+    order = np.argsort(numbers, kind="stable")
+    numbers = numbers[order]
     pairs = []
-    for axis in (0, 1):
-        order = np.lexsort((cell[:, axis], cell[:, 1 - axis], lattice, mask))
-        a, b = order[:-1], order[1:]
-        beside = (cell[b, axis] - cell[a, axis] == 1) & (cell[b, 1 - axis] == cell[a, 1 - axis])
-        beside &= (lattice[a] == lattice[b]) & (mask[a] == mask[b]) & (photons.path[a] == photons.path[b])
+    for step in (1, width):
+        there = np.minimum(np.searchsorted(numbers, numbers + step), len(numbers) - 1)
+        a, b = order, order[there]
+        beside = (numbers[there] == numbers + step) & (photons.path[a] == photons.path[b])
         pairs.append((a[beside], b[beside]))
     return pairs[0], pairs[1]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import warp as wp
 
 from tpdwarp.footprints.shaping import PixelSize
@@ -66,27 +65,21 @@ def pixel_size(camera: Camera | None, samples: int) -> PixelSize:
     return size
 
 
-def in_pixels(size: PixelSize, positions: np.ndarray, normals: np.ndarray, displacements: np.ndarray) -> np.ndarray:
-    """Displacements on planes, in sides of the parallelograms that queries stand for there.
-
-    Args:
-        size: What queries stand for.
-        positions, normals: Points of the planes and their unit normals, shape [n, 3].
-        displacements: Shape [n, 3].
-
-    Returns:
-        Along the image's rows and columns, shape [n, 2].
-    """
-    view = -np.array(size.back, np.float64)
-    if size.orthographic:
-        depth, w = np.ones(len(positions)), np.broadcast_to(view, positions.shape)
-    else:
-        offsets = positions - np.array(size.eye)
-        depth, w = np.abs(offsets @ view), offsets / np.maximum(np.linalg.norm(offsets, axis=1, keepdims=True), 1e-30)
+@wp.func
+def in_sides(size: PixelSize, x: wp.vec3, displacement: wp.vec3) -> wp.vec2:
+    """A displacement from x on a surface, along rows and columns of the image, in sides of what queries stand for."""
+    view = -size.back
+    depth = float(1.0)
+    w = view
+    if size.orthographic == 0:
+        depth = wp.abs(wp.dot(x - size.eye, view))
+        w = wp.normalize(x - size.eye)
     # Seen along the view, a displacement in the plane of the image has the same place.
-    right, up = np.array(size.right, np.float64), np.array(size.up, np.float64)
-    flat = displacements - w * (displacements @ view / np.maximum(np.abs(w @ view), 1e-30))[:, None]
-    return np.stack([flat @ side / (depth * (side @ side)) for side in (right, up)], axis=1)
+    flat = displacement - w * (wp.dot(displacement, view) / wp.max(wp.abs(wp.dot(w, view)), 1.0e-30))
+    return wp.vec2(
+        wp.dot(flat, size.right) / (depth * wp.length_sq(size.right)),
+        wp.dot(flat, size.up) / (depth * wp.length_sq(size.up)),
+    )
 
 
 @wp.func

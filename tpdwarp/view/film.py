@@ -7,6 +7,7 @@ import numpy as np
 from tpdwarp.footprints.irradiance import Irradiance
 from tpdwarp.io.float32 import to_float32
 from tpdwarp.scene.normalization import Normalization
+from tpdwarp.view.cryptomatte import Mattes
 from tpdwarp.view.object_ids import object_ids
 from tpdwarp.view.visibility import VisiblePoints
 
@@ -25,6 +26,7 @@ class Film:
         scale: Factor on radiance (the camera's exposure).
         aovs: Channel groups wanted beside the beauty.
         paths: Prim path of each object, which ``id`` numbers.
+        groups: Light groups whose caustics are kept apart.
     """
 
     def __init__(
@@ -36,9 +38,10 @@ class Film:
         scale: float,
         aovs: tuple[str, ...],
         paths: tuple[str, ...] = (),
+        groups: tuple[str, ...] = (),
     ) -> None:
         self.width, self.height, self.samples = width, height, samples
-        self._norm, self._scale, self._aovs = normalization, scale, aovs
+        self._norm, self._scale, self._aovs, self._groups = normalization, scale, aovs, groups
         count = width * height
         self._sums: dict[str, np.ndarray] = {}
         self._coverage = np.zeros(count)
@@ -48,6 +51,7 @@ class Film:
         numbers = object_ids(paths)
         self._numbers = np.array([numbers[path] for path in paths], np.float64)
         self._ids, self._id_depth = np.zeros(count), np.full(count, np.inf)
+        self._mattes = Mattes(count, paths) if "cryptomatte" in aovs else None
 
     @property
     def wants_motion(self) -> bool:
@@ -83,10 +87,14 @@ class Film:
                 self._add("albedo", weight * extras.albedo, pixels)
             if "vector" in self._aovs:
                 self._add("vector", weight * extras.vector, pixels)
+            if self._mattes is not None:
+                self._mattes.add(pixels[hit], extras.objects[hit], weight)
             if "id" in self._aovs:
                 self._name(pixels[hit], depth[hit], extras.objects[hit])
 
-    def add_caustic(self, pixels: np.ndarray, weights: np.ndarray, first: np.ndarray, light: Irradiance) -> None:
+    def add_caustic(
+        self, pixels: np.ndarray, weights: np.ndarray, first: np.ndarray, light: Irradiance, group: str = ""
+    ) -> None:
         """Adds what photons left at visible points.
 
         Args:
@@ -94,14 +102,21 @@ class Film:
             weights: Irradiance times this is radiance at the camera, shape [n, 3].
             first: Samples whose first path ends at each point, shape [n].
             light: Irradiance there.
+            group: The light group that it comes from; empty for all of them.
         """
         # What overflows is refused when the frame is written.
         with np.errstate(over="ignore"):
-            self._add("caustic", weights * light.irradiance, pixels)
+            radiance = weights * light.irradiance
         seen = np.flatnonzero(first)
-        share, pixels = first[seen, None], pixels[seen]
+        share = first[seen, None]
+        kept = {"caustic": (radiance, pixels)}
         if "irradiance" in self._aovs:
-            self._add("irradiance", share * light.irradiance[seen], pixels)
+            kept["irradiance"] = share * light.irradiance[seen], pixels[seen]
+        for name, (values, at) in kept.items():
+            self._add(name, values, at)
+            if group:
+                self._add(f"{name}_{group}", values, at)
+        pixels = pixels[seen]
         if light.motion is not None:
             self._add("motion", share * light.motion[seen], pixels)
             _add_up(self._motion_weight, share[:, 0] * light.weight[seen], pixels)
@@ -116,6 +131,11 @@ class Film:
         beauty = direct + caustic
         out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": self._coverage * per_sample}
         hits, diffuse = np.maximum(self._coverage, 1e-30), np.maximum(self._diffuse, 1e-30)
+        for group in self._groups:
+            for name, factor in (("caustic", per_sample * self._scale * area), ("irradiance", area / diffuse)):
+                if name == "caustic" or name in self._aovs:
+                    value = self._get(f"{name}_{group}", 3) * factor
+                    out.update({f"{name}_{group}.{c}": value[k] for k, c in enumerate("RGB")})
         for aov in self._aovs:
             if aov in ("caustic", "direct", "irradiance"):
                 value = {"caustic": caustic, "direct": direct}.get(aov)
@@ -129,6 +149,8 @@ class Film:
                 out["photons"] = self._get("photons", 1)[0] / diffuse
             elif aov == "id":
                 out["id"] = self._ids
+            elif self._mattes is not None and aov == "cryptomatte":
+                out.update(self._mattes.channels(per_sample))
             elif aov == "vector":
                 value = self._get("vector", 2) / hits
                 out.update({f"vector.{c}": value[k] for k, c in enumerate("XY")})

@@ -1,4 +1,4 @@
-"""Lights on the device."""
+"""Lights without extent on the device."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.shaping import shaped, shaping_values
+from tpdwarp.scene.device.shaping import is_shaped, shaped, shaping_axis, shaping_values
 from tpdwarp.scene.normalization import Normalization
 
 # Distant lights are as far away as rays go, in the tracer's units, in which the scene is of unit size.
@@ -33,7 +33,8 @@ class LightArrays:
 
 
 def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher) -> LightArrays:
-    """The kernel's view of ``lights``."""
+    """The kernel's view of those of ``lights`` that have no extent."""
+    lights = tuple(light for light in lights if light.extent is None)
     out = LightArrays()
     distant = np.array([light.kind == LightKind.DISTANT for light in lights], bool)
     place, motion, power = (np.zeros((len(lights), 3)) for _ in range(3))
@@ -48,8 +49,8 @@ def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalizatio
     out.place = launcher.array(place.astype(np.float32), wp.vec3)
     out.place_motion = launcher.array(motion.astype(np.float32), wp.vec3)
     out.power = launcher.array(power.astype(np.float32), wp.vec3)
-    chosen = lights if any(light.shaping is not None for light in lights) else ()
-    axes = np.array([-light.axes[2] for light in chosen]), np.array([-light.axes_motion[2] for light in chosen])
+    chosen = lights if any(map(is_shaped, lights)) else ()
+    axes = np.array([shaping_axis(light) for light in chosen]).reshape(-1, 2, 3).swapaxes(0, 1)
     for name, rows in (("shaping", list(map(shaping_values, chosen))), ("axis", axes[0]), ("axis_motion", axes[1])):
         setattr(out, name, launcher.array(np.array(rows, np.float32).reshape(-1, 3), wp.vec3))
     return out

@@ -7,23 +7,23 @@ in pixels where anything moving is met each sample looks at its own part of the 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import warp as wp
 
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
+from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals, rows_of
 from tpdwarp.scene.description import DomeAtShutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
-from tpdwarp.view.camera import Camera, camera_of, in_pixels, pixel_size
+from tpdwarp.view.area_lights import AreaLightArrays, area_light_arrays
+from tpdwarp.view.camera import Camera, camera_of, pixel_size
 from tpdwarp.view.domes import DomeArrays, dome_arrays
 from tpdwarp.view.lights import LightArrays, light_arrays
-from tpdwarp.view.merging import Columns, merged
+from tpdwarp.view.merging import merge
 from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
 from tpdwarp.view.visibility import PathFlag, VisiblePoints, visible_points
 
@@ -82,35 +82,31 @@ class SeenPoints:
 
 
 @dataclass
-class _Rows:
-    """Visible points as host arrays, collected pass by pass."""
+class _Later:
+    """Still visible points of later paths as host arrays, collected pass by pass."""
 
-    moving: bool
     columns: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
-    def add(
-        self, points: VisiblePoints, chosen: np.ndarray, pixels: np.ndarray, spots: np.ndarray, number: int
-    ) -> None:
+    def add(self, points: VisiblePoints, chosen: np.ndarray, number: int) -> None:
+        """Adds the ``chosen`` rows of a pass over time slice ``number``."""
         values = {
             "position": points.queries.position.numpy()[chosen],
             "normal": points.queries.normal.numpy()[chosen],
             "receiver": points.queries.receiver.numpy()[chosen],
             "weight": points.arrays.weight.numpy()[chosen],
-            "pixel": pixels[chosen],
-            "spot": spots[chosen],
-            "first": np.full(len(chosen), int(points.first)),
+            "item": points.items[chosen],
             "slice": np.full(len(chosen), number),
         }
         if has_shading_normals(points.queries):
             values["shading_normal"] = points.queries.shading_normal.numpy()[chosen]
-        if self.moving:
-            values["motion"] = points.queries.motion.numpy()[chosen]
         for name, rows in values.items():
             self.columns.setdefault(name, []).append(rows)
 
-    def joined(self) -> Columns:
-        """All rows of each column."""
-        return {name: np.concatenate(parts) for name, parts in self.columns.items()}
+    def joined(self) -> dict[str, np.ndarray]:
+        """All rows of each column, what lies together in the image together, whenever it was seen."""
+        joined = {name: np.concatenate(parts) for name, parts in self.columns.items()}
+        order = np.argsort(joined["item"], kind="stable") if joined else []
+        return {name: values[order] for name, values in joined.items()}
 
 
 class CameraView:
@@ -124,6 +120,7 @@ class CameraView:
         width, height: Pixels.
         clock: Where the time goes.
         pixels: The pixels looked at, those close together in the image close together; None for all.
+        numbers: By what number each of them is called in what is seen; None for its place in ``pixels``.
     """
 
     def __init__(
@@ -136,14 +133,16 @@ class CameraView:
         height: int,
         clock: Clock,
         pixels: np.ndarray | None = None,
+        numbers: np.ndarray | None = None,
     ) -> None:
         self._scenes, self._settings, self._size, self._clock = scenes, settings, (width, height), clock
         self._normalization, self._launcher = normalization, launcher
         self._domes: tuple[tuple[DomeAtShutter, ...], DomeArrays] | None = None
         self._moves = any(s.requirements.view_motion for s in scenes)
+        self._smooth = any(s.requirements.smooth_receivers for s in scenes)
         self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
         self._pixels = block_order(width, height) if pixels is None else pixels
-        self._numbers = self._pixels if pixels is None else np.arange(len(pixels))
+        self._numbers = self._pixels if pixels is None else np.arange(len(pixels)) if numbers is None else numbers
         middle = scenes[len(scenes) // 2].scene.camera
         self._pixel = pixel_size(camera_of(middle, width, height, normalization), settings.samples)
         # Photon mapping does not average over pixels.
@@ -157,43 +156,103 @@ class CameraView:
             yield from self._look_at(self._pixels[batch], self._numbers[batch])
 
     def _look_at(self, pixels: np.ndarray, numbers: np.ndarray) -> Iterator[SeenPoints | QueryBatch]:
-        """Some pixels, at all times of the shutter."""
-        samples, seed = self._settings.samples, self._settings.seed
-        still = _Rows(moving=False)
-        disturbed = np.zeros(len(pixels), bool)
+        """Some pixels, at all times of the shutter.
+
+        The first paths of all times lie in one array, a row for each sample, pixel by pixel.
+        """
+        samples, seed, launcher = self._settings.samples, self._settings.seed, self._launcher
+        with self._clock.stage("view"):
+            place, sample = np.divmod(np.arange(len(pixels) * samples, dtype=np.int32), samples)
+            films = film_positions(pixels[place], sample, self._size[0], samples, seed)
+            spots = self._spots(films, pixels[place])
+            device_films = launcher.array(films.astype(np.float32), wp.vec2)
+            seen = VisiblePoints.empty(place, self._smooth, self._settings.aovs, True, launcher)
+            pixel_of = numbers[place]
+        slices = np.zeros(len(place), np.int32)
+        later, disturbed = _Later(), np.zeros(len(pixels), bool)
         for number in range(self._times):
             places, chosen = samples_at(number, self._times, pixels, samples, seed)
-            films = film_positions(pixels[places], chosen, self._size[0], samples, seed)
-            spots = self._spots(films, pixels[places], places, chosen)
-            for points in self._visible(number, films):
-                there = places[points.items]
-                seen = numbers[there]
-                yield SeenPoints(points, seen)
+            items = (places * samples + chosen).astype(np.int32)
+            slices[items] = number
+            for points in self._visible(number, device_films, items, seen):
+                yield SeenPoints(points, pixel_of[points.items])
                 with self._clock.stage("view"):
-                    diffuse = points.queries.receiver.numpy() >= 0
-                    moving = np.zeros_like(diffuse)
-                    if self._moves:
-                        moving = diffuse & points.queries.motion.numpy().any(axis=1)
-                        disturbed[there[(points.arrays.flags.numpy() & PathFlag.MET_MOTION) != 0]] = True
-                    still.add(points, np.flatnonzero(diffuse & ~moving), seen, spots[points.items], number)
-                    moving_rows = np.flatnonzero(moving)
-                if len(moving_rows):
-                    rows = _Rows(moving=True)
-                    rows.add(points, moving_rows, seen, spots[points.items], number)
-                    yield self._batch(rows.joined(), True, number)
-        if still.columns:
-            yield from self._still_batches(still.joined(), disturbed)
+                    still, moving = self._told_apart(points, place[points.items], disturbed)
+                    later.add(points, np.flatnonzero(still), number)
+                    rows = np.flatnonzero(moving)
+                if len(rows):
+                    yield self._batch(points, rows, pixel_of[points.items], number, moves=True)
+        yield SeenPoints(seen, pixel_of)
+        with self._clock.stage("view"):
+            still, moving = self._told_apart(seen, place, disturbed)
+            apart = disturbed[place]
+        if self._times > 1:
+            for number in range(self._times):
+                for chosen in (moving, still & apart):
+                    with self._clock.stage("view"):
+                        rows = np.flatnonzero(chosen & (slices == number))
+                    if len(rows):
+                        yield self._batch(seen, rows, pixel_of, number, moves=chosen is moving)
+            still &= ~apart
+        yield from self._still_batches(seen, still, spots, numbers)
+        if later.columns:
+            yield from self._later_batches(later.joined(), disturbed, spots, numbers)
 
-    def _still_batches(self, rows: Columns, disturbed: np.ndarray) -> Iterator[QueryBatch]:
-        """Still points in one batch over the whole shutter, but those of ``disturbed`` pixels [n] slice by slice."""
-        count = self._settings.samples
-        place = rows["spot"] // (part_count(count) ** 2 if self._merges else count)
+    def _told_apart(
+        self, points: VisiblePoints, place: np.ndarray, disturbed: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Which paths end on something diffuse whose view stands still, and on what moves; shape [n] each.
+
+        Args:
+            place: Place of each path's pixel in ``disturbed``.
+            disturbed: Is set for pixels where anything that moves was met.
+        """
+        still = points.queries.receiver.numpy() >= 0
+        moving = np.zeros_like(still)
+        if self._moves:
+            moving = still & points.queries.motion.numpy().any(axis=1)
+            still = still & ~moving
+            disturbed[place[(points.arrays.flags.numpy() & PathFlag.MET_MOTION) != 0]] = True
+        return still, moving
+
+    def _still_batches(
+        self, seen: VisiblePoints, still: np.ndarray, spots: np.ndarray | None, numbers: np.ndarray
+    ) -> Iterator[QueryBatch]:
+        """The ``still`` points of first paths in one batch over the whole shutter."""
+        samples = self._settings.samples
+        if not still.any():
+            return
+        with self._clock.stage("view"):
+            receivers = np.where(still, seen.queries.receiver.numpy(), -1)
+            seen.queries.receiver = self._launcher.array(receivers.astype(np.int32), wp.int32)
+            counts = still.astype(np.int32)
+            if self._merges:
+                begins = np.arange(len(numbers) + 1, dtype=np.int32) * samples
+                counts = self._merged(seen.queries, seen.arrays.weight, begins, spots)
+            batch = self._rows_that_count(seen.queries, seen.arrays.weight.numpy(), counts, np.repeat(numbers, samples))
+        yield batch
+
+    def _later_batches(
+        self, rows: dict[str, np.ndarray], disturbed: np.ndarray, spots: np.ndarray | None, numbers: np.ndarray
+    ) -> Iterator[QueryBatch]:
+        """Still points of later paths in one batch, but those of ``disturbed`` pixels [n] slice by slice."""
+        place = rows["item"] // self._settings.samples
         apart = disturbed[place]
-        if not apart.all():
-            yield self._batch({name: values[~apart] for name, values in rows.items()}, False)
-        for number in np.unique(rows["slice"][apart]):
-            chosen = np.flatnonzero(apart & (rows["slice"] == number))
-            yield self._batch({name: values[chosen] for name, values in rows.items()}, False, int(number))
+        for number in (-1, *np.unique(rows["slice"][apart])):
+            with self._clock.stage("view"):
+                chosen = np.flatnonzero(~apart if number < 0 else apart & (rows["slice"] == number))
+                queries, weights = self._queries({name: values[chosen] for name, values in rows.items()})
+                counts = np.ones(len(chosen), np.int32)
+                if number < 0 and self._merges:
+                    begins = np.searchsorted(place[chosen], np.arange(len(numbers) + 1)).astype(np.int32)
+                    parts = None if spots is None else spots[rows["item"][chosen]]
+                    counts = self._merged(queries, weights, begins, parts)
+                batch = self._rows_that_count(queries, weights.numpy(), counts, numbers[place[chosen]])
+                batch.first = np.zeros(len(batch.pixels), np.int32)
+                if number >= 0:
+                    batch.time, batch.window = self._time(int(number))
+            if len(batch.pixels):
+                yield batch
 
     def _time(self, number: int) -> tuple[float, tuple[float, float]]:
         """When in the shutter a slice looks, and middle and length of the part that its samples stand for."""
@@ -201,29 +260,33 @@ class CameraView:
         stratum = number * samples // self._times
         return (number + 0.5) / self._times - 0.5, ((stratum + 0.5) / samples - 0.5, 1.0 / samples)
 
-    def _spots(self, films: np.ndarray, pixels: np.ndarray, places: np.ndarray, samples: np.ndarray) -> np.ndarray:
-        """What is looked up together, in the order of pixels: parts of them, or each of their samples; shape [n]."""
-        count = self._settings.samples
-        if not self._merges:
-            return places * count + samples
-        parts = part_count(count)
-        return places * parts**2 + parts_of(films, pixels, self._size[0], parts)
+    def _spots(self, films: np.ndarray, pixels: np.ndarray) -> np.ndarray | None:
+        """The part of its pixel that each film position lies in, shape [n]; None where pixels have one part."""
+        parts = part_count(self._settings.samples)
+        if not self._merges or parts == 1:
+            return None
+        return parts_of(films, pixels, self._size[0], parts).astype(np.int32)
 
-    def _visible(self, number: int, films: np.ndarray) -> Iterator[VisiblePoints]:
+    def _visible(
+        self, number: int, films: wp.array, items: np.ndarray, seen: VisiblePoints
+    ) -> Iterator[VisiblePoints]:
+        """Follows the paths of ``items`` at time slice ``number``: first ones go to ``seen``, later ones come back."""
         count = len(self._scenes)
         time = (number + 0.5) / self._times * count
         segment = min(int(time), count - 1)
         loaded = self._scenes[segment]
         with self._clock.stage("view"):
-            camera, lights = self._camera_and_lights(loaded)
+            camera, *lights = self._camera_and_lights(loaded)
             surfaces = loaded.geometry.at(time - segment - 0.5, self._launcher)
         passes = visible_points(
-            surfaces, lights, camera, films, loaded.requirements, self._launcher,
-            moves=self._moves, segments=count, scales_radiance=self._settings.refracted_radiance == "scaled",
+            surfaces, *lights, camera, films, items, replace(loaded.requirements, smooth_receivers=self._smooth),
+            self._launcher,
+            moves=self._moves, into=seen, segments=count,
+            scales_radiance=self._settings.refracted_radiance == "scaled",
             textures=loaded.textures, domes=self._domes_of(loaded), samples=self._settings.samples,
             aovs=self._settings.aovs,
             smallest_throughput=self._settings.view_cutoff,
-        )
+        )  # fmt: skip
         while True:
             with self._clock.stage("view"):
                 points = next(passes, None)
@@ -240,29 +303,43 @@ class CameraView:
             self._domes = domes, dome_arrays(domes, self._normalization, self._launcher)
         return self._domes[1]
 
-    def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays]:
-        return (
-            camera_of(loaded.scene.camera, *self._size, self._normalization),
-            light_arrays(loaded.scene.lights, self._normalization, self._launcher),
-        )
+    def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays, AreaLightArrays]:
+        lights = loaded.scene.lights, self._normalization, self._launcher
+        camera = camera_of(loaded.scene.camera, *self._size, self._normalization)
+        return camera, light_arrays(*lights), area_light_arrays(*lights)
 
-    def _batch(self, columns: Columns, moves: bool, number: int | None = None) -> QueryBatch:
-        """The queries of ``columns``, all of them of slice ``number``; without, they stand for the whole shutter."""
-        time, window = (0.0, (0.0, 1.0)) if number is None else self._time(number)
+    def _merged(
+        self, queries: QueryArrays, weights: wp.array, begins: np.ndarray, spots: np.ndarray | None
+    ) -> np.ndarray:
+        return merge(queries, weights, begins, spots, self._pixel, self._launcher)
+
+    def _queries(self, columns: dict[str, np.ndarray]) -> tuple[QueryArrays, wp.array]:
+        """Queries at rest with their weights, from host arrays."""
+        launcher, queries = self._launcher, QueryArrays()
+        for name in ("position", "normal", "shading_normal"):
+            given = columns.get(name)
+            array = launcher.zeros(0, wp.vec3) if given is None else launcher.array(given, wp.vec3)
+            setattr(queries, name, array)
+        queries.motion = launcher.zeros(0, wp.vec3)
+        queries.receiver = launcher.array(columns["receiver"], wp.int32)
+        return queries, launcher.array(columns["weight"], wp.vec3)
+
+    def _rows_that_count(
+        self, queries: QueryArrays, weights: np.ndarray, counts: np.ndarray, pixels: np.ndarray
+    ) -> QueryBatch:
+        """The rows that stand for any samples at all, over the whole shutter."""
+        rows = np.flatnonzero(counts)
+        if len(rows) < len(counts):
+            queries, weights = rows_of(queries, rows, self._launcher), weights[rows]
+            counts, pixels = counts[rows], pixels[rows]
+        return QueryBatch(queries, pixels, weights, counts)
+
+    def _batch(
+        self, points: VisiblePoints, rows: np.ndarray, pixels: np.ndarray, number: int, moves: bool
+    ) -> QueryBatch:
+        """Some of the ``points``, all of them of slice ``number``."""
         with self._clock.stage("view"):
-            if number is None and self._merges:
-                columns = merged(columns, partial(in_pixels, self._pixel))
-            elif number is None and self._times > 1:
-                # What lies together in the image is gathered together, whenever it was seen.
-                by_place = np.argsort(columns["spot"], kind="stable")
-                columns = {name: values[by_place] for name, values in columns.items()}
-            launcher = self._launcher
-            queries = QueryArrays()
-            for name in ("position", "normal"):
-                setattr(queries, name, launcher.array(columns[name], wp.vec3))
-            for name in ("motion", "shading_normal"):
-                given = columns.get(name)
-                array = launcher.zeros(0, wp.vec3) if given is None else launcher.array(given, wp.vec3)
-                setattr(queries, name, array)
-            queries.receiver = launcher.array(columns["receiver"], wp.int32)
-        return QueryBatch(queries, columns["pixel"], columns["weight"], columns["first"], time, window, moves)
+            queries = rows_of(points.queries, rows, self._launcher)
+            first = np.full(len(rows), int(points.first))
+            weights = points.arrays.weight.numpy()[rows]
+            return QueryBatch(queries, pixels[rows], weights, first, *self._time(number), moves)

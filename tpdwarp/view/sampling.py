@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from tpdwarp.io.image_region import ImageRegion
+
 # The golden ratio: steps by it, modulo one, are spread evenly however many there are.
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 # Times of the shutter at which the view is taken at least; the scene's BVH is refitted for each. Chosen, not derived.
@@ -22,13 +24,17 @@ def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: 
     varies linearly, as that of the centre alone is, and scattered positions' is not. Mirrored and ordered at random, it
     differs from pixel to pixel.
     """
+    t = np.arange(samples) - 0.5 * (samples - 1)
+    lattice = np.stack([t / samples, (GOLDEN * t + 0.5) % 1.0 - 0.5], axis=1)
+    signs = 1.0 - 2.0 * (np.arange(4)[:, None] >> np.array([0, 1]) & 1)
+    # One row for each of the eight ways to mirror it.
+    offsets = np.concatenate([signs[:, None] * lattice, signs[:, None] * lattice[:, ::-1]])
     order = (sample + (_uniform(pixels, seed) * samples).astype(np.int64)) % samples
-    t = order - 0.5 * (samples - 1)
-    offsets = np.stack([t / samples, (GOLDEN * t + 0.5) % 1.0 - 0.5], axis=1)
     mirrored = (_uniform(pixels, seed + 1) * 8).astype(np.int64)
-    offsets = np.where((mirrored & 4)[:, None] > 0, offsets[:, ::-1], offsets)
-    signs = 1.0 - 2.0 * (mirrored[:, None] >> np.array([0, 1]) & 1)
-    return np.stack([pixels % width, pixels // width], axis=1) + 0.5 + signs * offsets
+    films = offsets[mirrored, order]
+    films[:, 0] += pixels % width + 0.5
+    films[:, 1] += pixels // width + 0.5
+    return films
 
 
 def part_count(samples: int) -> int:
@@ -53,6 +59,14 @@ def block_order(width: int, height: int) -> np.ndarray:
     y, x = np.divmod(np.arange(width * height), width)
     inner = [place % BLOCK // INNER_BLOCK for place in (x, y)]
     return np.lexsort((x % INNER_BLOCK, y % INNER_BLOCK, *inner, x // BLOCK, y // BLOCK))
+
+
+def region_order(region: ImageRegion) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels of a part of an image, in the order of the whole: their numbers in the image, and in the part."""
+    pixels = block_order(region.width, region.height)
+    y, x = np.divmod(pixels, region.width)
+    inside = (x >= region.first) & (x < region.end) & (y >= region.above) & (y < region.below)
+    return pixels[inside], ((y - region.above) * region.size[0] + x - region.first)[inside]
 
 
 def pixel_grid(width: int, height: int, most: int, seed: int) -> np.ndarray:

@@ -13,14 +13,18 @@ from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
+from tpdwarp.scene.device.textures import TextureArrays
+from tpdwarp.view.area_lights import AreaLightArrays, PlaceOnLight, area_irradiance
 from tpdwarp.view.camera import Camera
 from tpdwarp.view.lights import LightArrays, lit_from
 
 # Which AOVs take this module's kernel.
-SURFACE_AOVS = ("albedo", "shadow", "vector", "id")
+SURFACE_AOVS = ("albedo", "shadow", "vector", "id", "cryptomatte")
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Dielectric surfaces that a shadow ray goes through. Chosen, not derived: a stack of sixteen panes.
 MOST_CROSSED = wp.constant(32)
+# Random numbers that choose places on lights.
+OF_LIGHTS = wp.constant(15485863)
 
 
 @wp.struct
@@ -74,6 +78,16 @@ def shaded_irradiance(
 
 
 @wp.func
+def share_shaded(
+    surfaces: Surfaces, textures: TextureArrays, x: wp.vec3, there: PlaceOnLight, offset: wp.vec3
+) -> float:
+    """1 for a place on a light that dielectrics alone hide, else 0."""
+    if not occluded(surfaces, x, there.w, offset, there.distance):
+        return 0.0
+    return wp.where(hidden_by_opaque(surfaces, x, there.w, offset, there.distance), 0.0, 1.0)
+
+
+@wp.func
 def film_position(camera: Camera, x: wp.vec3, time: float) -> wp.vec2:
     """Where on the film [pixels, from the upper left] x is seen at ``time`` in the shutter (−½ … ½)."""
     d = x - (camera.position + time * camera.position_motion)
@@ -87,21 +101,25 @@ def film_position(camera: Camera, x: wp.vec3, time: float) -> wp.vec2:
 
 
 @cache
-def _kernel(shadow: bool, vector: bool, moves: bool, smooth: bool) -> wp.Kernel:
+def _kernel(shadow: bool, vector: bool, moves: bool, smooth: bool, extended: bool) -> wp.Kernel:
+    shaded_areas = area_irradiance(share_shaded)
+
     @wp.kernel(module="unique", enable_backward=False)
     def surface_aovs(
         base: int,
         surfaces: Surfaces,
         lights: LightArrays,
+        area_lights: AreaLightArrays,
         camera: Camera,
         queries: QueryArrays,
         triangles: wp.array(dtype=wp.int32),
         first_triangles: wp.array(dtype=wp.int32),
         first_positions: wp.array(dtype=wp.vec3),
+        rows: wp.array(dtype=wp.int32),
         segments: float,
         out: SurfaceArrays,
     ):
-        i = base + wp.tid()
+        i = rows[base + wp.tid()]
         first = first_triangles[i]
         out.object[i] = -1
         if first >= 0:
@@ -131,7 +149,14 @@ def _kernel(shadow: bool, vector: bool, moves: bool, smooth: bool) -> wp.Kernel:
                 if wp.static(smooth):
                     n = queries.shading_normal[i]
                 offset = plane_of(surfaces, triangles[i]).offset * n_g
-                out.shaded[i] = shaded_irradiance(surfaces, lights, queries.position[i], n, n_g, offset)
+                shaded = shaded_irradiance(surfaces, lights, queries.position[i], n, n_g, offset)
+                if wp.static(extended):
+                    chance = wp.rand_init(int(OF_LIGHTS), i)
+                    place = wp.vec2(wp.randf(chance), wp.randf(chance))
+                    shaded += shaded_areas(
+                        surfaces, TextureArrays(), area_lights, queries.position[i], n, n_g, offset, place
+                    )
+                out.shaded[i] = shaded
 
     return surface_aovs
 
@@ -153,29 +178,38 @@ class SurfaceExtras:
     objects: np.ndarray
 
 
-def surface_extras(
+def find_surfaces(
     surfaces: Surfaces,
     lights: LightArrays,
+    area_lights: AreaLightArrays,
     camera: Camera,
     queries: QueryArrays,
     seen: object,
+    rows: wp.array,
     aovs: tuple[str, ...],
     launcher: Launcher,
     moves: bool,
     segments: int,
-) -> SurfaceExtras:
+    out: SurfaceArrays,
+) -> None:
     """Looks again at what camera paths saw.
 
     Args:
         queries: Where they ended.
         seen: The :class:`tpdwarp.view.visibility.VisibleArrays` of the paths, with their triangles.
+        rows: Which of them to look at, int32.
         aovs: What is wanted.
         moves: Whether triangles have motions.
         segments: Segments of the shutter; scene and camera are those of one of them.
+        out: Takes what is found, in the same rows.
     """
-    count = queries.receiver.shape[0]
-    out = launcher.rows(SurfaceArrays, count)
-    kernel = _kernel("shadow" in aovs, "vector" in aovs, moves, has_shading_normals(queries))
-    arrays = [seen.triangle, seen.first_triangle, seen.first_position]
-    launcher(kernel, count, [surfaces, lights, camera, queries, *arrays, float(segments), out])
-    return SurfaceExtras(seen.albedo.numpy(), out.shaded.numpy(), out.vector.numpy(), out.object.numpy())
+    extended = area_lights.power.shape[0] > 0
+    kernel = _kernel("shadow" in aovs, "vector" in aovs, moves, has_shading_normals(queries), extended)
+    arrays = [seen.triangle, seen.first_triangle, seen.first_position, rows]
+    inputs = [surfaces, lights, area_lights, camera, queries, *arrays, float(segments), out]
+    launcher(kernel, rows.shape[0], inputs)
+
+
+def surface_extras(albedo: wp.array, found: SurfaceArrays) -> SurfaceExtras:
+    """What was found, on the host, with the albedo where paths ended."""
+    return SurfaceExtras(albedo.numpy(), found.shaded.numpy(), found.vector.numpy(), found.object.numpy())

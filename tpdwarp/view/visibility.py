@@ -25,10 +25,11 @@ from tpdwarp.scene.device.presence import presence_at, share_that_passes
 from tpdwarp.scene.device.textures import TextureArrays, absorbed_within, on_plane, textured_color
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
+from tpdwarp.view.area_lights import AreaLightArrays, area_irradiance, passing_share, visible_share
 from tpdwarp.view.camera import Camera, camera_ray, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, lit_from
-from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceExtras, surface_extras
+from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
 SMALLEST_THROUGHPUT = ViewSettings.view_cutoff
@@ -41,6 +42,8 @@ DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Random numbers that choose places on the lens are others than those that keep rays off edges.
 OF_LENS = wp.constant(104729)
+# And so are those that choose places on lights, the same ones in every frame.
+OF_LIGHTS = wp.constant(15485863)
 TURN = wp.constant(6.283185307179586)
 
 
@@ -121,6 +124,15 @@ def partly_hidden_irradiance(
 
 
 @wp.func
+def place_for(film: wp.vec2) -> wp.vec2:
+    """Where on lights a camera sample looks: its place in the pixel, moved by a random step that the pixel has."""
+    column = wp.floor(film[0])
+    row = wp.floor(film[1])
+    chance = wp.rand_init(int(OF_LIGHTS), int(column) * 65537 + int(row))
+    return wp.vec2(film[0] - column + wp.randf(chance), film[1] - row + wp.randf(chance))
+
+
+@wp.func
 def query_motion(motion: wp.vec3) -> wp.vec3:
     """How a pixel's view moves over the receiver, no faster than ``FASTEST_QUERY``; at rest where that is unknown."""
     speed = wp.length(motion)
@@ -145,9 +157,11 @@ def visible_kernel(
     tinted: bool = False,
     lens: bool = False,
     emission: bool = False,
+    extended: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
+    from_areas = area_irradiance(passing_share if partial else visible_share)
 
     @wp.kernel(module="unique", enable_backward=False)
     def see(
@@ -155,6 +169,7 @@ def visible_kernel(
         # Scene
         surfaces: Surfaces,
         lights: LightArrays,
+        area_lights: AreaLightArrays,
         camera: Camera,
         textures: TextureArrays,
         domes: DomeArrays,
@@ -162,6 +177,7 @@ def visible_kernel(
         films: wp.array(dtype=wp.vec2),
         items: wp.array(dtype=wp.int32),
         masks: wp.array(dtype=wp.int32),
+        rows: wp.array(dtype=wp.int32),
         bounces: int,
         smallest_throughput: float,
         segments: float,
@@ -171,10 +187,11 @@ def visible_kernel(
         queries: QueryArrays,
         out: VisibleArrays,
     ):
-        i = base + wp.tid()
+        tid = base + wp.tid()
+        i = rows[tid]
 
         # ---- The camera's ray
-        item = items[i]
+        item = items[tid]
         stream = wp.rand_init(7919, item)
         beam = camera_ray(camera, films[item], surfaces.time)
         if wp.static(lens):
@@ -191,7 +208,7 @@ def visible_kernel(
         if wp.static(nested):
             inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
         throughput = wp.vec3(1.0, 1.0, 1.0)
-        mask = masks[i]
+        mask = masks[tid]
         first_open = first_open_decision(mask)
         reported = int(0)
         flags = int(0)
@@ -299,6 +316,10 @@ def visible_kernel(
                     )
                 else:
                     irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
+                if wp.static(extended):
+                    irradiance += from_areas(
+                        surfaces, textures, area_lights, beam.x, n, n_g, hit.offset * n_g, place_for(films[item])
+                    )
                 if wp.static(domed):
                     # Neighbours in the image choose other parts of the dome.
                     scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
@@ -373,24 +394,53 @@ def visible_kernel(
 
 @dataclass
 class VisiblePoints:
-    """Camera paths of one pass: ``items`` index the film positions they start from; queries where they ended."""
+    """Camera paths of one pass, one row each: ``items`` index the film positions they start from.
+
+    Attributes:
+        items: Shape [n].
+        queries: Where they ended; the receiver is −1 where that is no diffuse surface.
+        arrays: What they carry.
+        first: Whether they are the first paths of their film positions.
+        surfaces: What AOVs ask for besides; None where none do.
+    """
 
     items: np.ndarray
     queries: QueryArrays
     arrays: VisibleArrays
     first: bool
-    extras: SurfaceExtras | None = None
+    surfaces: SurfaceArrays | None = None
+
+    @property
+    def extras(self) -> SurfaceExtras | None:
+        """What AOVs ask for besides, on the host."""
+        return None if self.surfaces is None else surface_extras(self.arrays.albedo, self.surfaces)
+
+    @classmethod
+    def empty(
+        cls, items: np.ndarray, smooth_receivers: bool, aovs: tuple[str, ...], first: bool, launcher: Launcher
+    ) -> VisiblePoints:
+        """Rows for the paths of ``items``, which are still to be followed."""
+        named = bool(set(aovs) & set(SURFACE_AOVS))
+        left_out = () if smooth_receivers else ("shading_normal",)
+        unnamed = () if named else ("albedo", "triangle", "first_triangle")
+        queries = launcher.rows(QueryArrays, len(items), but=left_out)
+        arrays = launcher.rows(VisibleArrays, len(items), but=unnamed)
+        surfaces = launcher.rows(SurfaceArrays, len(items)) if named else None
+        return cls(items, queries, arrays, first, surfaces)
 
 
 def visible_points(
     surfaces: Surfaces,
     lights: LightArrays,
+    area_lights: AreaLightArrays,
     camera: Camera,
-    films: np.ndarray,
+    films: wp.array,
+    items: np.ndarray,
     requirements: Requirements,
     launcher: Launcher,
     *,
     moves: bool,
+    into: VisiblePoints | None = None,
     segments: int = 1,
     scales_radiance: bool = True,
     textures: TextureArrays | None = None,
@@ -399,10 +449,13 @@ def visible_points(
     smallest_throughput: float = SMALLEST_THROUGHPUT,
     aovs: tuple[str, ...] = (),
 ) -> Iterator[VisiblePoints]:
-    """Follows camera rays through ``films`` [n, 2] (pixels); one batch a pass, refracted paths first.
+    """Follows camera rays; one batch a pass, refracted paths first.
 
     Args:
+        films: Film positions [pixels], vec2.
+        items: Which of them to look through, shape [n] int32.
         moves: Whether queries carry their motion.
+        into: Takes the first paths, which are not given back then: it has a row for each of ``films``.
         segments: Segments of the shutter; scene and camera are those of one of them.
         scales_radiance: Whether radiance changes by η² = (η_i/η_t)² where it is refracted, as it does (a beam of it is
             narrower inside); without, as hosts that leave it out have it. Through closed glass it cancels.
@@ -412,9 +465,7 @@ def visible_points(
         smallest_throughput: Reflected branches that carry less are not followed.
         aovs: Channel groups wanted beside the beauty.
     """
-    items = np.arange(len(films), dtype=np.int32)
-    masks = np.zeros(len(films), np.int32)
-    device_films = launcher.array(films.astype(np.float32), wp.vec2)
+    masks = np.zeros(len(items), np.int32)
     needs = requirements
     kernel = visible_kernel(
         moves,
@@ -424,25 +475,28 @@ def visible_points(
         textured=needs.textures,
         nested=needs.nested,
         domed=needs.domes,
-        named=bool(asked := set(aovs) & set(SURFACE_AOVS)),
+        named=bool(set(aovs) & set(SURFACE_AOVS)),
         partial=needs.partial,
         tinted=needs.tinted,
         lens=needs.lens,
         emission=needs.emission,
+        extended=bool(needs.extended_lights),
     )
-    left_out = () if needs.smooth_receivers else ("shading_normal",)
-    unnamed = () if asked else ("albedo", "triangle", "first_triangle")
     first = True
     while len(items):
-        queries = launcher.rows(QueryArrays, len(items), but=left_out)
-        out = launcher.rows(VisibleArrays, len(items), but=unnamed)
-        paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32)]
-        scene = [surfaces, lights, camera, textures or TextureArrays(), domes or DomeArrays(), device_films]
+        here = first and into is not None
+        out = into if here else VisiblePoints.empty(items, needs.smooth_receivers, aovs, first, launcher)
+        rows = items if here else np.arange(len(items), dtype=np.int32)
+        device_rows = launcher.array(rows, wp.int32)
+        paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32), device_rows]
+        lit = [surfaces, lights, area_lights, camera]
+        scene = [*lit, textures or TextureArrays(), domes or DomeArrays(), films]
         limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
-        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, queries, out])
-        extras = None
-        if asked:
-            extras = surface_extras(surfaces, lights, camera, queries, out, aovs, launcher, moves, segments)
-        yield VisiblePoints(items, queries, out, first, extras)
-        items, masks = reported_paths(items, masks, out.reported.numpy())
+        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, out.queries, out.arrays])
+        if out.surfaces is not None:
+            found = out.queries, out.arrays, device_rows
+            find_surfaces(*lit, *found, aovs, launcher, moves, segments, out.surfaces)
+        if not here:
+            yield out
+        items, masks = reported_paths(items, masks, out.arrays.reported.numpy()[rows])
         first = False

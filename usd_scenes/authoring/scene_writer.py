@@ -89,11 +89,13 @@ class SceneWriter:
         mesh = self.mesh("/World/Floor", [np.array([[0, 1, 2, 3]])], material)
         self.shape(mesh, corners, np.tile(np.array([0, 0, 1], np.float32), (4, 1)))
 
-    def sun(self, irradiance: float) -> None:
-        """Parallel light straight down, ``/World/Sun``; ``irradiance`` in W/m²."""
+    def sun(self, irradiance: float, tilt: float = 0.0) -> None:
+        """Parallel light, ``/World/Sun``; ``irradiance`` in W/m², from ``tilt`` degrees off straight down towards x."""
         light = UsdLux.DistantLight.Define(self.stage, "/World/Sun")
         light.CreateAngleAttr(0.0)
         light.CreateIntensityAttr(irradiance)
+        if tilt:
+            light.AddRotateYOp().Set(-tilt)
 
     def camera(
         self, eye: Sequence[float], target: Sequence[float], field_of_view: float, exposure: float = 0.0

@@ -8,7 +8,7 @@ from pxr import Gf, Sdf, UsdGeom, UsdLux
 
 from tests.usd.stages import SmallStage
 from tpdwarp.errors import InputError
-from tpdwarp.scene.description import LightKind, Shaping, Shutter
+from tpdwarp.scene.description import EmissionProfile, ExtentShape, LightKind, Shaping, Shutter
 
 
 @pytest.fixture
@@ -49,12 +49,20 @@ def test_distant_irradiance_is_intensity_times_exposure_times_colour(small):
 
 
 @pytest.mark.parametrize("normalize", [False, True])
-def test_a_distant_disc_keeps_its_irradiance_and_is_said(small, normalize):
+def test_a_distant_disc_has_its_irradiance_and_half_its_angle(small, normalize):
     distant(small, angle=60.0, Normalize=normalize)
     light, warnings = read(small)
     expected = 8.0 if normalize else 8.0 * math.pi * math.sin(math.radians(30)) ** 2
     assert light.power[0] == pytest.approx(expected, rel=1e-12)
-    assert len(warnings) == 1 and "/Sun.inputs:angle" in warnings[0]
+    assert light.extent.shape == ExtentShape.ROUND and warnings == []
+    assert light.extent.radius == pytest.approx(math.radians(30), rel=1e-12)
+
+
+def test_a_sun_of_no_angle_is_parallel_and_one_without_is_as_wide_as_the_sun(small):
+    distant(small, angle=0.0)
+    assert read(small)[0].extent is None
+    small.stage.GetPrimAtPath("/Sun").RemoveProperty("inputs:angle")
+    assert read(small)[0].extent.radius == pytest.approx(math.radians(0.265), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -72,12 +80,17 @@ def test_a_sphere_gives_its_radiant_intensity(small, radius, normalize, scale, e
     UsdGeom.Xformable(light).AddScaleOp().Set((scale, scale, scale))
     found, warnings = read(small)
     assert found.kind == LightKind.POINT and warnings == []
-    assert found.power[0] == pytest.approx(expected, rel=1e-12)
+    assert found.power[0] == pytest.approx(expected, rel=1e-12) and found.extent is None
 
 
-def test_a_sphere_that_does_not_ask_to_be_a_point_is_said(small):
-    sphere(small, 0.5)
-    assert "/Lamp.inputs:radius" in read(small)[1][0]
+def test_a_sphere_is_as_large_as_it_is_in_the_world_unless_it_asks_to_be_a_point(small):
+    light = sphere(small, 0.5)
+    UsdGeom.Xformable(light).AddScaleOp().Set((3, 3, 3))
+    found, warnings = read(small)
+    assert (found.extent.shape, found.profile, warnings) == (ExtentShape.ROUND, EmissionProfile.UNIFORM, [])
+    assert found.extent.radius == pytest.approx(1.5, rel=1e-6)
+    light.CreateTreatAsPointAttr(True)
+    assert read(small)[0].extent is None
 
 
 def test_colour_temperature_tints_by_the_blackbody(small):
@@ -200,9 +213,13 @@ SIZED = {
 }
 
 
+# Total power by the largest radiant intensity: of all directions, of a cosine over half of them, of a sine.
+SENT = {EmissionProfile.UNIFORM: 4 * math.pi, EmissionProfile.COSINE: math.pi, EmissionProfile.SINE: math.pi**2}
+
+
 @pytest.mark.parametrize("kind", SIZED)
 @pytest.mark.parametrize("normalize", [False, True])
-def test_a_light_with_a_surface_is_the_point_that_sends_as_much(small, kind, normalize):
+def test_a_light_with_a_surface_sends_what_its_radiance_does(small, kind, normalize):
     sizes, scale, area = SIZED[kind]
     light = getattr(UsdLux, kind).Define(small.stage, "/Lamp")
     for name, value in sizes.items():
@@ -213,9 +230,53 @@ def test_a_light_with_a_surface_is_the_point_that_sends_as_much(small, kind, nor
     light.AddScaleOp().Set(scale)
     found, warnings = read(small)
     # A surface of radiance L and area A sends π L A.
-    assert 4 * math.pi * found.power[0] == pytest.approx(math.pi * 8 * (1 if normalize else area), rel=1e-6)
-    assert found.kind == LightKind.POINT and found.position.tolist() == [1, 2, 3]
-    assert len(warnings) == 1 and "/Lamp" in warnings[0]
+    sent = SENT[found.profile] * found.power[0]
+    assert sent == pytest.approx(math.pi * 8 * (1 if normalize else area), rel=1e-6)
+    assert found.kind == LightKind.POINT and found.position.tolist() == [1, 2, 3] and warnings == []
+
+
+HALF = {
+    "RectLight": (ExtentShape.RECT, 0.0, [[2, 0, 0], [0, 7.5, 0]]),
+    "DiskLight": (ExtentShape.DISK, 0.0, [[1, 0, 0], [0, 2.5, 0]]),
+    "CylinderLight": (ExtentShape.CYLINDER, 2.5, [[3, 0, 0], [0, 0, 0]]),
+    "SphereLight": (ExtentShape.ROUND, 1.5, [[0, 0, 0], [0, 0, 0]]),
+}
+
+
+@pytest.mark.parametrize("kind", SIZED)
+def test_a_light_reaches_as_far_as_its_transform_makes_it(small, kind):
+    sizes, scale, _ = SIZED[kind]
+    light = getattr(UsdLux, kind).Define(small.stage, "/Lamp")
+    for name, value in sizes.items():
+        getattr(light, f"Create{name}Attr")(value)
+    light.AddScaleOp().Set(scale)
+    extent = read(small)[0].extent
+    shape, radius, spans = HALF[kind]
+    assert extent.shape == shape and extent.radius == pytest.approx(radius, rel=1e-6)
+    np.testing.assert_allclose(extent.spans, spans, rtol=1e-6, atol=1e-12)
+
+
+def test_a_rectangle_that_turns_has_spans_that_move(small):
+    light = UsdLux.RectLight.Define(small.stage, "/Lamp")
+    turn = light.AddRotateZOp(UsdGeom.XformOp.PrecisionDouble)
+    for time in (1, 5):
+        turn.Set(10.0 * time, time)
+    extent = read(small, Shutter(2, 2, 3))[0].extent
+
+    def half(degrees):
+        angle = math.radians(degrees)
+        return 0.5 * np.array([[math.cos(angle), math.sin(angle), 0], [-math.sin(angle), math.cos(angle), 0]])
+
+    np.testing.assert_allclose(extent.spans, half(25), atol=1e-12)
+    np.testing.assert_allclose(extent.spans_motion, half(30) - half(20), atol=1e-12)
+
+
+def test_textures_of_rectangles_and_shaping_of_cylinders_are_said(small):
+    UsdLux.RectLight.Define(small.stage, "/Panel").CreateTextureFileAttr("picture.exr")
+    tube = UsdLux.CylinderLight.Define(small.stage, "/Tube")
+    UsdLux.ShapingAPI.Apply(tube.GetPrim()).CreateShapingConeAngleAttr(30.0)
+    warnings = small.open().warnings.messages
+    assert len(warnings) == 2 and "/Panel: the rectangle's texture" in warnings[0] and "/Tube: " in warnings[1]
 
 
 @pytest.mark.parametrize(

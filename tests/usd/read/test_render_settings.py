@@ -1,5 +1,6 @@
 """RenderSettings: what a stage asks for, and apertures fitted to images."""
 
+import numpy as np
 import pytest
 from pxr import Gf, UsdGeom, UsdRender
 
@@ -130,12 +131,42 @@ def test_the_data_window_is_cut_out_of_the_image(small, window, size, edges):
     whole = small.open(camera="/First").at(Shutter.still(1)).camera.window
     found.CreateDataWindowNDCAttr(Gf.Vec4f(*window))
     scene = small.open(camera="/First")
-    assert scene.resolution() == size
-    left, right, bottom, top = whole
-    across, down = (right - left) / 40, (top - bottom) / 20
-    first, end, above, below = edges
-    expected = (left + first * across, left + end * across, top - below * down, top - above * down)
-    assert scene.at(Shutter.still(1)).camera.window == pytest.approx(expected)
+    region = scene.region()
+    assert (region.first, region.end, region.above, region.below) == edges
+    assert region.size == size and scene.resolution() == (40, 20)
+    # The camera is that of the whole image.
+    assert scene.at(Shutter.still(1)).camera.window == whole
+
+
+@pytest.mark.parametrize(
+    ("crop", "edges"),
+    [
+        ((0.0, 0.0, 1.0, 1.0), (0, 40, 0, 20)),
+        ((0.25, 0.75, 1.0, 1.0), (10, 40, 0, 5)),
+        # Pixels, from the upper left.
+        ((10, 0, 40, 5), (10, 40, 0, 5)),
+        ((39, 19, 40, 20), (39, 40, 19, 20)),
+        ((30, 10, 100, 100), (30, 40, 10, 20)),
+    ],
+)
+def test_a_crop_comes_before_the_stages_data_window(small, crop, edges):
+    found = settings_on(small)
+    found.CreateResolutionAttr(Gf.Vec2i(40, 20))
+    found.CreateDataWindowNDCAttr(Gf.Vec4f(0.0, 0.0, 0.5, 0.5))
+    region = small.open(camera="/First", crop=crop).region()
+    assert (region.first, region.end, region.above, region.below) == edges
+
+
+def test_a_crop_outside_of_the_image_is_refused(small):
+    settings_on(small).CreateResolutionAttr(Gf.Vec2i(40, 20))
+    with pytest.raises(InputError, match="lies outside of the image of 40 × 20"):
+        small.open(camera="/First", crop=(40, 0, 50, 10)).region()
+
+
+@pytest.mark.parametrize("crop", [(0, 0, 1), (0.5, 0, 0.5, 1), (0, 0, np.nan, 1), (0.5, 0, 20, 10), (-1, 0, 9, 9)])
+def test_crops_that_mean_nothing_are_refused(crop):
+    with pytest.raises(InputError, match="crop"):
+        Settings(crop=crop)
 
 
 def test_a_data_window_of_nothing_is_said_and_the_whole_rendered(small):

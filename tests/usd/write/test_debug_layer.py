@@ -11,22 +11,15 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
 
 from tpdwarp.errors import FrameError, InputError
+from tpdwarp.photons.paths import PhotonPaths
 from tpdwarp.photons.record import PhotonRecord
-from tpdwarp.usd.write.debug_layer import (
-    OUTLINE_POINTS,
-    PRIMVARS,
-    SWEPT_POINTS,
-    DebugLayerWriter,
-    footprint_outlines,
-    speed_colors,
-    swept_outlines,
-    thinning_ranks,
-    view_path,
-)
+from tpdwarp.usd.write.colors import STEPS, speed_colors
+from tpdwarp.usd.write.debug_layer import LEAST_CURVE_WIDTH, PRIMVARS, DebugLayerWriter, view_path
+from tpdwarp.usd.write.outlines import COARSE, FINE, MOST_FINE
 
 CURVES = ("TimeDifferentials", "Footprints", "SweptFootprints")
 PRIMS = (*CURVES, "Photons")
-POINTS_A_PHOTON = {"TimeDifferentials": 2, "Footprints": OUTLINE_POINTS, "SweptFootprints": SWEPT_POINTS, "Photons": 1}
+POINTS_A_PHOTON = {"TimeDifferentials": 2, "Footprints": FINE, "SweptFootprints": FINE + 2, "Photons": 1}
 SETTINGS = {"photons": 64, "mask": ["/World"], "exposure": None}
 
 
@@ -56,12 +49,9 @@ def photons(
         bounces=generator.integers(1, 4, count).astype(np.int32),
         receivers=generator.integers(0, max(len(paths), 1), count).astype(np.int32),
         receiver_paths=paths,
+        lights=generator.integers(0, 2, count).astype(np.int32),
+        light_paths=("/World/Sun", "/World/Lamp"),
     )
-
-
-def subset(record: PhotonRecord, rows: np.ndarray) -> PhotonRecord:
-    columns = {name: values[rows] for name, values in vars(record).items() if name != "receiver_paths"}
-    return replace(record, **columns)
 
 
 @pytest.fixture
@@ -104,6 +94,19 @@ def write(path: Path, scene: Path, frames: dict[float, PhotonRecord], curves: in
 def prim(stage: Usd.Stage, name: str) -> UsdGeom.PointBased:
     kind = UsdGeom.Points if name == "Photons" else UsdGeom.BasisCurves
     return kind(stage.GetPrimAtPath(f"/TPD/{name}"))
+
+
+def shown_colors(stage: Usd.Stage, name: str, time: float) -> np.ndarray:
+    return np.array(prim(stage, name).GetDisplayColorPrimvar().ComputeFlattened(time))
+
+
+def paths(record: PhotonRecord, count: int) -> PhotonPaths:
+    """Paths of the first photons: 2, 3, 4, 2, 3, … vertices from above to where they land."""
+    ends, counts = record.rows(np.arange(len(record)) < count), np.arange(count, dtype=np.int32) % 3 + 2
+    points = np.repeat(ends.positions, counts, axis=0)
+    last = np.cumsum(counts) - 1
+    points[np.setdiff1d(np.arange(len(points)), last), 2] += 1.0
+    return PhotonPaths(ends, counts, points)
 
 
 def validation_errors(stage: Usd.Stage) -> list[str]:
@@ -205,7 +208,8 @@ def test_types_are_those_that_viewers_take(tmp_path: Path, scene: Path) -> None:
     stage = write(tmp_path / "a.usdc", scene, {2: photons()})
     types = {
         "photonId": "int[]", "flux": "color3f[]", "DuX": "vector3f[]", "DvX": "vector3f[]", "DtX": "vector3f[]",
-        "emission": "float2[]", "bounces": "int[]", "receiver": "int[]", "receivers": "string[]",
+        "emission": "float2[]", "bounces": "int[]", "receiver": "int[]", "receivers": "string[]", "light": "int[]",
+        "lights": "string[]",
     }  # fmt: skip
     for name in PRIMS:
         found = UsdGeom.PrimvarsAPI(prim(stage, name)).FindPrimvarsWithInheritance()
@@ -271,90 +275,7 @@ def test_time_differentials_run_from_shutter_open_to_shutter_close(tmp_path: Pat
     np.testing.assert_allclose(ends.mean(axis=1), record.positions, rtol=0, atol=8 * 2**-23)
 
 
-def shoelace(polygons: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Signed areas of planar polygons, shape [n, k, 3], seen against ``normals``."""
-    crosses = np.cross(polygons, np.roll(polygons, -1, axis=1)).sum(axis=1)
-    return 0.5 * np.einsum("ni,ni->n", crosses, normals)
-
-
-def test_footprint_outline_has_the_area_of_its_inscribed_polygon() -> None:
-    record, smoothing = photons(), 1.5
-    polygons = footprint_outlines(record, smoothing) - record.positions[:, None]
-    cells = np.linalg.norm(np.cross(record.dxdu, record.dxdv), axis=1) * smoothing**2
-    inscribed = np.sin(2 * np.pi / OUTLINE_POINTS) / (2 * np.pi / OUTLINE_POINTS)
-    np.testing.assert_allclose(np.abs(shoelace(polygons, record.normals)), np.pi / 4 * cells * inscribed, rtol=1e-9)
-
-
-def test_footprint_outline_touches_the_sides_of_the_cell() -> None:
-    record = photons()
-    polygons = footprint_outlines(record, 1.0) - record.positions[:, None]
-    for place, axis in ((0, record.dxdu), (OUTLINE_POINTS // 4, record.dxdv)):
-        np.testing.assert_allclose(polygons[:, place], 0.5 * axis, atol=1e-12)
-
-
-def test_swept_outline_is_an_ellipse_longer_by_the_motion() -> None:
-    """Area of the sweep of a convex polygon: its own, and its width across the motion times the motion's length."""
-    record, smoothing = photons(), 1.5
-    polygons = swept_outlines(record, smoothing) - record.positions[:, None]
-    cells = np.cross(record.dxdu, record.dxdv) * smoothing**2
-    step = np.pi / (SWEPT_POINTS // 2 - 1)
-    still = np.pi / 4 * np.linalg.norm(cells, axis=1) * np.sin(step) / step
-    # Half the ellipse's width across the motion is the support function of its two semi-axes.
-    across = np.cross(record.normals, record.dxdt)
-    u, v = (0.5 * smoothing * np.einsum("ni,ni->n", axis, across) for axis in (record.dxdu, record.dxdv))
-    swept = 2 * np.hypot(u, v)
-    np.testing.assert_allclose(np.abs(shoelace(polygons, record.normals)), still + swept, rtol=1e-9)
-
-
-def signed_distances(polygons: np.ndarray, normals: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """For each polygon the least, over its edges, of how far its points lie inside; shape [n]."""
-    polygons = np.where((shoelace(polygons, normals) < 0)[:, None, None], polygons[:, ::-1], polygons)
-    edges = np.roll(polygons, -1, axis=1) - polygons
-    inward = np.cross(normals[:, None], edges)
-    lengths = np.linalg.norm(inward, axis=-1, keepdims=True)
-    inward /= np.where(lengths > 1e-9, lengths, np.inf)
-    offsets = points[:, None] - polygons[:, :, None]
-    return np.einsum("nekc,nec->nek", offsets, inward).min(axis=(1, 2))
-
-
-@pytest.mark.parametrize("motion", [0.0, 1e-3, 1.0, 100.0])
-def test_swept_outline_is_convex_and_holds_the_ellipse_at_every_time(motion: float) -> None:
-    record = replace(photons(), positions=np.zeros((64, 3)))
-    record = replace(record, dxdt=motion * record.dxdt)
-    polygons = swept_outlines(record, 1.0)
-    tolerance = 1e-12 * (1 + np.linalg.norm(record.dxdt, axis=1).max())
-    assert signed_distances(polygons, record.normals, polygons).min() > -tolerance
-    # A polygon inscribed in the half ellipse holds the ellipse shrunk by the cosine of half its step.
-    angles = np.linspace(0, 2 * np.pi, 101)
-    shrunk = 0.5 * np.cos(0.5 * np.pi / (SWEPT_POINTS // 2 - 1))
-    ellipse = shrunk * (np.cos(angles)[:, None] * record.dxdu[:, None] + np.sin(angles)[:, None] * record.dxdv[:, None])
-    for time in (-0.5, 0.0, 0.5):
-        assert signed_distances(polygons, record.normals, ellipse + time * record.dxdt[:, None]).min() > -tolerance
-
-
-def test_swept_outline_of_a_collapsed_footprint_is_a_parallelogram() -> None:
-    """At a fold D_u x and D_v x are parallel; the ellipse is a segment of half length |(a, b)|."""
-    record = photons()
-    along = record.dxdu / np.linalg.norm(record.dxdu, axis=1, keepdims=True)
-    record = replace(record, dxdu=2.0 * along, dxdv=-1.5 * along, positions=np.zeros((64, 3)))
-    polygons = swept_outlines(record, 1.0)
-    half_length = 0.5 * np.hypot(2.0, 1.5)
-    expected = 2 * half_length * np.linalg.norm(np.cross(along, record.dxdt), axis=1)
-    np.testing.assert_allclose(np.abs(shoelace(polygons, record.normals)), expected, rtol=1e-9)
-
-
-def test_outlines_of_nothing_are_points() -> None:
-    zero = np.zeros((64, 3))
-    record = replace(photons(), dxdu=zero, dxdv=zero, dxdt=zero)
-    for outline in (footprint_outlines(record, 1.0), swept_outlines(record, 1.0)):
-        np.testing.assert_array_equal(outline, np.broadcast_to(record.positions[:, None], outline.shape))
-
-
-def test_speed_colours_grow_lighter_with_speed_and_share_one_scale(tmp_path: Path, scene: Path) -> None:
-    luminances = speed_colors(np.linspace(0, 1, 65), 1.0) @ [0.2126, 0.7152, 0.0722]
-    assert (np.diff(luminances) > 0).all()
-    np.testing.assert_array_equal(speed_colors(np.array([5.0]), 2.0), speed_colors(np.array([2.0]), 2.0))
-
+def test_speeds_of_all_frames_share_one_scale(tmp_path: Path, scene: Path) -> None:
     slow, fast = photons(), replace(photons(), dxdt=10 * photons().dxdt)
     stage = write(tmp_path / "a.usdc", scene, {2: slow, 3: fast})
     fastest = stage.GetRootLayer().customLayerData["tpdwarp"]["fastestColor"]
@@ -377,7 +298,7 @@ def test_photons_that_stand_still_are_coloured_by_their_flux(tmp_path: Path, sce
     colours = stage.GetPrimAtPath("/TPD").GetVariantSet("colour")
     colours.SetVariantSelection("speed")
     slowest = np.tile(speed_colors(np.zeros(1), 1.0), (64, 1))
-    np.testing.assert_allclose(prim(stage, "Photons").GetDisplayColorAttr().Get(2), slowest, rtol=1e-6)
+    np.testing.assert_allclose(shown_colors(stage, "Photons", 2), slowest, rtol=1e-6)
 
 
 def test_colours_show_what_their_variant_says(tmp_path: Path, scene: Path) -> None:
@@ -385,11 +306,13 @@ def test_colours_show_what_their_variant_says(tmp_path: Path, scene: Path) -> No
     stage = write(tmp_path / "a.usdc", scene, {2: record})
     colours = stage.GetPrimAtPath("/TPD").GetVariantSet("colour")
     assert colours.GetVariantSelection() == "speed"
-    for name, values in (("bounces", record.bounces), ("receiver", record.receivers)):
+    # Receivers and lights are told apart from the second step of their ramp on.
+    for name, values in (("bounces", record.bounces), ("receiver", record.receivers + 1), ("light", record.lights + 1)):
         colours.SetVariantSelection(name)
         for of in PRIMS:
-            shown = np.array(prim(stage, of).GetDisplayColorAttr().Get(2))
-            np.testing.assert_allclose(shown, speed_colors(values, float(values.max())), rtol=0, atol=1e-5)
+            # A step of the table, times the ramp's slope of at most 4 a stop.
+            expected = speed_colors(values, float(values.max()))
+            np.testing.assert_allclose(shown_colors(stage, of, 2), expected, rtol=0, atol=4 / STEPS)
 
 
 @pytest.mark.parametrize(("moves", "first"), [(True, "differentials"), (False, "footprints")])
@@ -400,20 +323,22 @@ def test_the_view_shows_one_kind_at_a_time_and_all_on_demand(tmp_path: Path, sce
     what = stage.GetPrimAtPath("/TPD").GetVariantSet("what")
     assert what.GetVariantSelection() == first
     kinds = {"differentials": CURVES[:1], "footprints": CURVES[1:2], "swept": CURVES[2:], "photons": ("Photons",)}
-    for choice, names in {**kinds, "all": PRIMS}.items():
+    for choice, names in {**kinds, "paths": ("Paths",), "all": (*PRIMS, "Paths")}.items():
         what.SetVariantSelection(choice)
-        visible = {name for name in PRIMS if prim(stage, name).ComputeVisibility(2) == UsdGeom.Tokens.inherited}
-        assert visible == set(names)
+        shown = UsdGeom.Tokens.inherited
+        assert {name for name in (*PRIMS, "Paths") if prim(stage, name).ComputeVisibility(2) == shown} == set(names)
 
 
 @pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
-def test_widths_follow_the_size_of_footprints(tmp_path: Path, scene: Path, scale: float) -> None:
+def test_widths_follow_footprints_and_are_seen_in_the_scene(tmp_path: Path, scene: Path, scale: float) -> None:
     record = photons()
     record = replace(record, dxdu=scale * record.dxdu, dxdv=scale * record.dxdv)
     stage = write(tmp_path / "a.usdc", scene, {1: photons(0), 2: record})
     diameter = 1.5 * np.sqrt(np.median(np.linalg.norm(np.cross(record.dxdu, record.dxdv), axis=1)))
+    spread = np.linalg.norm(np.ptp(record.positions, axis=0))
     for name in PRIMS:
-        assert 0.01 * diameter < prim(stage, name).GetWidthsAttr().Get(2)[0] < 0.2 * diameter
+        width = prim(stage, name).GetWidthsAttr().Get(2)[0]
+        assert max(0.01 * diameter, 0.5 * LEAST_CURVE_WIDTH * spread) < width < max(0.2 * diameter, 2e-3 * spread)
 
 
 def test_widths_of_collapsed_footprints_follow_the_scene(tmp_path: Path, scene: Path) -> None:
@@ -543,7 +468,7 @@ def test_photon_that_is_not_finite_is_named(tmp_path: Path, scene: Path, name: s
 def test_thinned_layer_keeps_the_same_photons_in_every_frame(tmp_path: Path, scene: Path) -> None:
     everything = photons(16)
     landed = np.random.default_rng(5).random((6, len(everything))) < 0.9
-    frames = {float(k): subset(everything, rows) for k, rows in enumerate(landed)}
+    frames = {float(k): everything.rows(rows) for k, rows in enumerate(landed)}
     stage = write(tmp_path / "a.usdc", scene, frames, curves=50)
     points = prim(stage, "Photons")
     kept = {time: set(points.GetIdsAttr().Get(time)) for time in frames}
@@ -553,34 +478,6 @@ def test_thinned_layer_keeps_the_same_photons_in_every_frame(tmp_path: Path, sce
             assert kept[time] & set(frames[earlier].ids) <= kept[earlier]
         assert set(record.ids) >= kept[time]
     assert len(kept[0.0]) == 50
-
-
-def test_thinning_to_a_power_of_four_leaves_a_coarser_lattice() -> None:
-    record = photons(16)
-    chosen = np.argsort(thinning_ranks(record))[: len(record) // 16]
-    cells = np.floor(record.emission[chosen]).astype(int)
-    assert len(np.unique(cells % 4, axis=0)) == 1 and len(np.unique(cells // 4, axis=0)) == 16
-
-
-@pytest.mark.parametrize("count", [7, 20, 50, 100, 200])
-def test_any_share_of_the_lattice_is_spread_evenly(count: int) -> None:
-    """Each quadrant holds its quarter of the chosen photons to within one a level of the lattice's four."""
-    record = photons(16)
-    cells = np.floor(record.emission[np.argsort(thinning_ranks(record))[:count]]).astype(int)
-    quadrants = np.bincount((cells // 8) @ [1, 2], minlength=4)
-    assert np.abs(quadrants - count / 4).max() <= 4
-
-
-@pytest.mark.parametrize("place", [0.0, 0.5])
-def test_thinning_does_not_depend_on_the_last_digit_of_a_coordinate(place: float) -> None:
-    record = replace(photons(16), emission=photons(16).emission + place)
-    nudged = replace(record, emission=np.nextafter(record.emission.astype(np.float32), np.float32(-1)))
-    np.testing.assert_array_equal(thinning_ranks(record), thinning_ranks(nudged))
-
-
-def test_photons_of_one_lattice_point_have_ranks_of_their_own() -> None:
-    record = replace(photons(32), emission=np.full((1024, 2), 0.5))
-    assert len(np.unique(thinning_ranks(record))) > 1000
 
 
 def test_layer_with_room_for_all_photons_leaves_none_out(tmp_path: Path, scene: Path) -> None:
@@ -637,3 +534,44 @@ def test_a_link_planted_in_place_of_the_layer_is_replaced_and_not_followed(tmp_p
     view = Sdf.Layer.FindOrOpen(str(out / "shot.view.usda"))
     assert view.subLayerPaths[0] == "./shot.debug.usdc"
     assert Usd.Stage.Open(view).GetPrimAtPath("/TPD/Photons")
+
+
+def test_paths_end_where_their_photons_land(tmp_path: Path, scene: Path) -> None:
+    record = photons()
+    with writer(tmp_path / "a.usdc", scene) as layer:
+        layer.add_frame(2, record, 1.0, paths(record, 7))
+        layer.add_frame(3, record, 1.0)
+    stage = Usd.Stage.Open(str(tmp_path / "a.usdc"))
+    curves = prim(stage, "Paths")
+    counts = np.array(curves.GetCurveVertexCountsAttr().Get(2))
+    np.testing.assert_array_equal(counts, [2, 3, 4, 2, 3, 4, 2])
+    ends = np.array(curves.GetPointsAttr().Get(2))[np.cumsum(counts) - 1]
+    np.testing.assert_allclose(ends, record.positions[:7], rtol=0, atol=8 * 2**-23)
+    primvars = UsdGeom.PrimvarsAPI(curves)
+    np.testing.assert_array_equal(primvars.GetPrimvar("tpd:photonId").Get(2), record.ids[:7])
+    assert curves.ComputeUniformDataSize(2) == len(curves.GetDisplayColorAttr().Get(2)) == 7
+    assert len(curves.GetCurveVertexCountsAttr().Get(3)) == 0
+    assert validation_errors(Usd.Stage.Open(str(tmp_path / "a.view.usda"))) == []
+
+
+def test_thinned_layers_hold_no_more_paths_than_photons(tmp_path: Path, scene: Path) -> None:
+    record = photons()
+    with writer(tmp_path / "a.usdc", scene, curves=5) as layer:
+        layer.add_frame(2, record, 1.0, paths(record, 40))
+    stage = Usd.Stage.Open(str(tmp_path / "a.usdc"))
+    assert prim(stage, "Paths").ComputeUniformDataSize(2) == 5
+
+
+def test_outlines_of_many_photons_have_fewer_corners(tmp_path: Path, scene: Path) -> None:
+    side = int(np.sqrt(MOST_FINE)) + 1
+    stage = write(tmp_path / "a.usdc", scene, {2: photons(side), 3: photons(2)})
+    for time in (2, 3):
+        assert set(prim(stage, "Footprints").GetCurveVertexCountsAttr().Get(time)) == {COARSE}
+        assert set(prim(stage, "SweptFootprints").GetCurveVertexCountsAttr().Get(time)) == {COARSE + 2}
+
+
+def test_a_hundred_thousand_curves_take_less_than_ten_megabytes(tmp_path: Path, scene: Path) -> None:
+    record, path = photons(100), tmp_path / "a.usdc"
+    write(path, scene, {2: record, 3: replace(record, positions=record.positions + 0.1)})
+    curves = 2 * 3 * len(record)
+    assert path.stat().st_size < 10e6 * curves / 1e5

@@ -42,6 +42,7 @@ class SceneLoader:
 
     Attributes:
         normalization: The tracer's units, the same for every frame.
+        extended_lights: Whether the stills show lights with extent.
 
     Raises:
         InputError: None of the reference scenes can be used.
@@ -50,7 +51,9 @@ class SceneLoader:
     def __init__(self, source: SceneSource, launcher: Launcher, bounces: int | None = None) -> None:
         self.source, self.launcher, self._bounces = source, launcher, bounces
         self._textures = TextureStore(launcher)
-        self.normalization = _normalization(reference_scenes(source), source.file)
+        stills = reference_scenes(source)
+        self.extended_lights = any(light.extent is not None for still in stills for light in still.lights)
+        self.normalization = _normalization(stills, source.file)
 
     def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
         """The scene over ``shutter``, at its middle with motions over the whole of it.

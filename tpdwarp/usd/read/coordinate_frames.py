@@ -27,8 +27,7 @@ def frame_over(
         matrix = transforms.world(prim, time)
         return matrix[3, :3], _axes(matrix[:3, :3], prim, file)
 
-    shutter = settled(blur_scaled(shutter, blur_scale(prim, shutter.frame)), transforms.jumps(prim))
-    span = union(animation, transforms.span(prim))
+    shutter, span = _window(prim, shutter, transforms, animation)
     with np.errstate(over="ignore", invalid="ignore"):
         (position, axes), motions = over_shutter(state, shutter, span, transforms.cubic)
     if not all(np.isfinite(values).all() for values in (position, axes, *(motions or ()))):
@@ -39,6 +38,28 @@ def frame_over(
         )
     position_motion, axes_motion = motions if motions is not None else (np.zeros(3), np.zeros((3, 3)))
     return position, _axes(axes, prim, file), position_motion, axes_motion
+
+
+def rows_over(
+    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The linear part of a transform (rows are the images of x, y, z, with scale and shear) and its motion, [3, 3]."""
+
+    def state(time: float) -> tuple[np.ndarray, ...]:
+        return (transforms.world(prim, time)[:3, :3],)
+
+    shutter, span = _window(prim, shutter, transforms, animation)
+    with np.errstate(over="ignore", invalid="ignore"):
+        (rows,), motions = over_shutter(state, shutter, span, transforms.cubic)
+    return rows, np.zeros((3, 3)) if motions is None else motions[0]
+
+
+def _window(
+    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float]
+) -> tuple[Shutter, tuple[float, float]]:
+    """The shutter of a prim, and first and last time of its animation."""
+    shutter = settled(blur_scaled(shutter, blur_scale(prim, shutter.frame)), transforms.jumps(prim))
+    return shutter, union(animation, transforms.span(prim))
 
 
 def _axes(rows: np.ndarray, prim: Usd.Prim, file: str) -> np.ndarray:

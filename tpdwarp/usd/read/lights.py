@@ -1,4 +1,4 @@
-"""UsdLux lights, read as lights without extent: distant lights, and points of the same total power."""
+"""UsdLux lights: parallel light and points, with the extent that they have."""
 
 from __future__ import annotations
 
@@ -10,11 +10,19 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
 
 from tpdwarp.errors import InputError, WarnOnce
-from tpdwarp.scene.description import LightAtShutter, LightKind, Shaping, Shutter
-from tpdwarp.usd.read.coordinate_frames import frame_over
+from tpdwarp.scene.description import (
+    EmissionProfile,
+    Extent,
+    ExtentShape,
+    LightAtShutter,
+    LightKind,
+    Shaping,
+    Shutter,
+)
+from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_at, raw_at, value_at
+from tpdwarp.usd.read.values import number_at, raw_at, text_at, value_at
 
 # Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
 AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
@@ -23,8 +31,28 @@ AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
     UsdLux.DiskLight: (("radius",), lambda radius: math.pi * radius**2),
     UsdLux.CylinderLight: (("radius", "length"), lambda radius, length: 2.0 * math.pi * radius * length),
 }
+# How they shine, by how much more along the axis of their profile than on average over all directions: a surface of
+# radiance L and area A sends π L A, flat ones L A along their normal, cylinders L A/π across their axis.
+PROFILES: dict[type, tuple[EmissionProfile, float]] = {
+    UsdLux.SphereLight: (EmissionProfile.UNIFORM, 0.25),
+    UsdLux.RectLight: (EmissionProfile.COSINE, 1.0),
+    UsdLux.DiskLight: (EmissionProfile.COSINE, 1.0),
+    UsdLux.CylinderLight: (EmissionProfile.SINE, 1.0 / math.pi),
+}
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+# Where lights name their groups for other renderers: ours, then RenderMan's, Karma's and Arnold's.
+GROUP_ATTRIBUTES = (
+    "tpdwarp:lightGroup",
+    "primvars:ri:attributes:identifier:lpegroup",
+    "inputs:ri:light:lightGroup",
+    "ri:light:lightGroup",
+    "inputs:karma:light:lpetag",
+    "karma:light:lpetag",
+    "primvars:arnold:aov",
+    "inputs:arnold:aov",
+)
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
@@ -37,12 +65,13 @@ class Light:
 
     With L = intensity × 2^exposure × color (× the blackbody colour, × ``diffuse``):
 
-    - DistantLight, angle 0: L is the irradiance at normal incidence. With an angle, the parallel light of the same
-      irradiance as the disc of radiance L, that is L π sin²(angle/2), or L with ``normalize``; this is warned about.
-    - Sphere, rectangle, disc or cylinder of area A (in the world): a surface of radiance L sends π L A, as does the
-      point of radiant intensity L A / 4; or L / 4 with ``normalize``. A sphere looks so from everywhere; the others
-      shine differently in different directions, which the point does not. What does not ask to be a point is said.
-    - SphereLight of radius 0: L is the radiant intensity itself, because there is no area to carry a radiance.
+    - DistantLight, angle 0: L is the irradiance at normal incidence. With an angle, a disc of directions of radiance L,
+      whose irradiance is L π sin²(angle/2), or L with ``normalize``.
+    - Sphere, rectangle, disk or cylinder (its side) of area A in the world: a surface of radiance L, whose radiant
+      intensity is at most L A / 4, L A, L A and L A / π; with ``normalize`` without A. Rectangles and disks shine to
+      one side, by the cosine (see :class:`EmissionProfile`).
+    - SphereLight of radius 0: L is the radiant intensity itself, because there is no area to carry a radiance. With
+      ``treatAsPoint`` it is a point of the same radiant intensity.
 
     Over a shutter the light has its mean power, and shines for the part of it in which it is visible.
     """
@@ -68,6 +97,28 @@ class Light:
         """What it is rendered as."""
         return self.kind.name.lower()
 
+    @property
+    def group(self) -> str:
+        """The light group that it names for this or another renderer; empty for none."""
+        attributes = (self.prim.GetAttribute(name) for name in GROUP_ATTRIBUTES)
+        named = (str(text_at(found, EARLIEST) or "") for found in attributes if found and found.HasAuthoredValue())
+        return next((name for name in named if name and name != "default"), "")
+
+    def extent_in_words(self, frame: float) -> str:
+        """What it is in its own space, if it has an extent; else empty."""
+        if self.kind == LightKind.DISTANT:
+            angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
+            return f"a disc of {angle:g} degrees" if angle else ""
+        sizes = [] if self._shape is None else self._sizes(frame)
+        point = self._shape is UsdLux.SphereLight and number_at(
+            UsdLux.SphereLight(self.prim).GetTreatAsPointAttr(), frame
+        )
+        if not sizes or not all(sizes) or point:
+            return ""
+        names, _ = AREAS[self._shape]
+        given = ", ".join(f"{name} {size:g}" for name, size in zip(names, sizes, strict=True))
+        return f"a {self.prim.GetTypeName().removesuffix('Light').lower()} of {given}"
+
     def visible(self, frame: float) -> bool:
         return UsdGeom.Imageable(self.prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
 
@@ -83,8 +134,40 @@ class Light:
         position, axes, position_motion, axes_motion = frame_over(
             self.prim, shutter, self._transforms, self._animation, self._warnings.file
         )
-        shaping = self._shaping(shutter.frame) if self.kind == LightKind.POINT else None
-        return LightAtShutter(self.path, self.kind, power, position, axes, position_motion, axes_motion, shaping)
+        shaping, profile = None, EmissionProfile.UNIFORM
+        if self.kind == LightKind.POINT:
+            shaping, (profile, _) = self._shaping(shutter.frame), PROFILES[self._shape]
+        extent = self._extent(shutter)
+        place = position, axes, position_motion, axes_motion
+        return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent)
+
+    def _extent(self, shutter: Shutter) -> Extent | None:
+        """Its extent at mid shutter; None where it has none, or is not to be taken for more than a point."""
+        time = shutter.middle
+        if self.kind == LightKind.DISTANT:
+            angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), time)
+            return Extent(ExtentShape.ROUND, math.radians(0.5 * min(angle, 180.0))) if angle > 0 else None
+        sizes = self._sizes(time)
+        if not all(sizes):
+            return None
+        rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation)
+        if self._shape is UsdLux.SphereLight:
+            if number_at(UsdLux.SphereLight(self.prim).GetTreatAsPointAttr(), time):
+                return None
+            return Extent(ExtentShape.ROUND, sizes[0] * float(abs(np.linalg.det(rows))) ** (1.0 / 3.0))
+        if self._shape is UsdLux.CylinderLight:
+            radius, length = sizes
+            half = np.array([[0.5 * length], [0.0]])
+            across = float(np.sqrt(np.linalg.norm(np.cross(rows[1], rows[2]))))
+            return Extent(ExtentShape.CYLINDER, radius * across, half * rows[0], half * motion[0])
+        shape = ExtentShape.DISK if self._shape is UsdLux.DiskLight else ExtentShape.RECT
+        half = np.array(sizes * 2 if shape == ExtentShape.DISK else [0.5 * size for size in sizes])[:, None]
+        return Extent(shape, 0.0, half * rows[:2], half * motion[:2])
+
+    def _sizes(self, frame: float) -> list[float]:
+        """The sizes in its own space of a light that has an area there."""
+        names, _ = AREAS[self._shape]
+        return [self._number(self.prim.GetAttribute(f"inputs:{name}"), frame) for name in names]
 
     def _shaping(self, frame: float) -> Shaping | None:
         """Cone and focus where they are authored, and narrow the light."""
@@ -156,34 +239,18 @@ class Light:
         angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
         if angle == 0:
             return 1.0
-        self._warnings(
-            f"{self.path}.inputs:angle",
-            "the light's disc is rendered as parallel light of the same irradiance, without soft shadows",
-        )
         if number_at(self._api.GetNormalizeAttr(), frame):
             return 1.0
         return math.pi * math.sin(math.radians(0.5 * min(angle, 180.0))) ** 2
 
     def _area_factor(self, frame: float) -> float:
-        names, area_of = AREAS[self._shape]
-        sizes = [self._number(self.prim.GetAttribute(f"inputs:{name}"), frame) for name in names]
-        is_sphere = self._shape is UsdLux.SphereLight
-        if is_sphere and sizes == [0.0]:
+        sizes, (_, area_of) = self._sizes(frame), AREAS[self._shape]
+        if self._shape is UsdLux.SphereLight and sizes == [0.0]:
             return 1.0
-        if not is_sphere:
-            self._warnings(
-                self.path,
-                f"the {self.prim.GetTypeName()} is rendered as a point of the same total power at its centre, "
-                "which shines alike in all directions",
-            )
-        elif not number_at(UsdLux.SphereLight(self.prim).GetTreatAsPointAttr(), frame):
-            self._warnings(
-                f"{self.path}.inputs:radius",
-                "the sphere is rendered as a point of the same radiant intensity, without soft shadows",
-            )
+        _, by_area = PROFILES[self._shape]
         if number_at(self._api.GetNormalizeAttr(), frame):
-            return 0.25
-        return 0.25 * area_of(*sizes) * self._area_scale(frame)
+            return by_area
+        return by_area * area_of(*sizes) * self._area_scale(frame)
 
     def _area_scale(self, frame: float) -> float:
         """By how much the light's transform enlarges its area."""
@@ -212,6 +279,14 @@ class Light:
             or _authored(shaping.GetShapingFocusAttr(), 0.0)
         ):
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
+        texture = UsdLux.RectLight(self.prim).GetTextureFileAttr() if self._shape is UsdLux.RectLight else None
+        if texture and texture.HasAuthoredValue():
+            self._warnings(self.path, "the rectangle's texture is not rendered: it is of its colour all over")
+        if self._shape is UsdLux.CylinderLight and (
+            _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True)
+            or _authored(shaping.GetShapingFocusAttr(), 0.0)
+        ):
+            self._warnings(self.path, "the shaping of a cylinder is not rendered")
         ies = shaping.GetShapingIesFileAttr()
         if ies and ies.HasAuthoredValue():
             self._warnings(self.path, "the light's IES profile is not rendered")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,18 +42,6 @@ class RenderRequest:
     purposes: tuple[str, ...] | None = None
     material_purpose: str = "full"
     data_window: tuple[float, float, float, float] = WHOLE
-
-    def pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
-        """Columns and rows of an image that are rendered: first and end of each, rows from the top.
-
-        A pixel is rendered where its lower left corner lies within the window, as UsdRender has it; one is at least.
-        """
-        left, bottom, right, top = self.data_window
-        first, end = (min(max(math.ceil(edge * width), 0), width) for edge in (left, right))
-        low, high = (min(max(math.ceil(edge * height), 0), height) for edge in (bottom, top))
-        first, low = min(first, width - 1), min(low, height - 1)
-        end, high = max(end, first + 1), max(high, low + 1)
-        return first, end, height - high, height - low
 
 
 def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce) -> RenderRequest:
@@ -144,16 +131,6 @@ def conformed(
         height = width / aspect
     x, y = 0.5 * (left + right), 0.5 * (bottom + top)
     return x - 0.5 * width, x + 0.5 * width, y - 0.5 * height, y + 0.5 * height
-
-
-def cropped(
-    window: tuple[float, float, float, float], width: int, height: int, pixels: tuple[int, int, int, int]
-) -> tuple[float, float, float, float]:
-    """The part of a window (left, right, bottom, top) that some columns and rows of its image show."""
-    left, right, bottom, top = window
-    first, end, above, below = pixels
-    across, down = (right - left) / width, (top - bottom) / height
-    return left + first * across, left + end * across, top - below * down, top - above * down
 
 
 def _product(stage: Usd.Stage, settings: UsdRender.Settings, warnings: WarnOnce) -> UsdRender.Product | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.io.image_region import ImageRegion
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.blobs import Blobs, is_blob
@@ -31,7 +31,7 @@ from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
 from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
-from tpdwarp.usd.read.render_settings import WHOLE, RenderRequest, cropped, read_request
+from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.skinning import Deformation, Skeletons
@@ -133,6 +133,8 @@ class StageScene:
         elif isinstance(stage, Sdf.Layer):
             name = stage.identifier
         else:
+            if not isinstance(stage, str | os.PathLike):
+                raise InputError(f"the scene must be a file, an Sdf.Layer or a Usd.Stage, not {stage!r}")
             name = stage = os.fspath(stage)
             if not os.path.exists(name):
                 raise InputError("no such file", name)
@@ -161,9 +163,6 @@ class StageScene:
             width, height = self._resolution()
             aspect = width * self._request.pixel_aspect / height
             camera = self._camera.over(shutter, aspect, self._request.policy)
-            if self._request.data_window != WHOLE:
-                part = self._request.pixels(width, height)
-                camera = replace(camera, window=cropped(camera.window, width, height, part))
             if self._camera_light:
                 lights = (camera_light(camera),)
             domes = tuple(found for dome in self._domes if (found := dome.at(shutter)) is not None)
@@ -249,20 +248,41 @@ class StageScene:
             found = motion_breaks_of(prims, shutter.open, shutter.close)
             return sorted({*found, *(t for t in skinned if shutter.open < t < shutter.close)})
 
+    def light_groups(self) -> dict[str, str]:
+        """The group that each light but domes names itself, by its path; empty where it names none."""
+        if self._camera_light:
+            return {CAMERA_LIGHT: ""}
+        return {light.path: light.group for light in self._lights}
+
     def resolution(self) -> tuple[int, int]:
         """Width and height of the image in pixels.
 
         ``settings.resolution`` comes first; then ``settings.image_width``, its height from the camera's aspect (rounded
-        down, as usdrecord does); then the render settings' resolution; then a width of 960. Of that, the part that the
-        render settings ask for.
+        down, as usdrecord does); then the render settings' resolution; then a width of 960.
 
         Raises:
             InputError: The camera's aperture has no size.
         """
         if self.camera_path is None:
             self.warnings("", "the stage has no camera: a free camera frames it (add a Camera prim to choose the view)")
-        first, end, above, below = self._request.pixels(*self._resolution())
-        return end - first, below - above
+        return self._resolution()
+
+    def region(self) -> ImageRegion:
+        """The part of the image that is rendered: by ``settings.crop``, else by the render settings.
+
+        Raises:
+            InputError: As :meth:`resolution`; the crop lies outside of the image.
+        """
+        whole, crop = ImageRegion.whole(*self.resolution()), self._settings.crop
+        if crop is None:
+            return whole.of_ndc(self._request.data_window)
+        if max(crop) <= 1.0:
+            return whole.of_ndc(crop)
+        first, above, end, below = map(int, crop)
+        if first >= whole.width or above >= whole.height:
+            size = f"{whole.width} × {whole.height}"
+            raise InputError(f"--crop {first} {above} {end} {below} lies outside of the image of {size}", self.file)
+        return whole.of_pixels(first, above, end, below)
 
     def _resolution(self) -> tuple[int, int]:
         if self._settings.resolution is not None:
@@ -400,12 +420,14 @@ class StageScene:
         return lights
 
     def _described_light(self, light: Light) -> dict[str, Any]:
+        extent = light.extent_in_words(self.start)
         return {
             "path": light.path,
             "kind": light.kind_name,
             "power": list(light.power(self.start)),
             "unit": UNITS[light.kind_name],
             "moves": light.varies,
+            **({"extent": extent} if extent else {}),
         }
 
     def _place(self, label: str, prim: Usd.Prim, placement: Placement) -> PlacedMesh:

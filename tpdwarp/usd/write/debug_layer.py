@@ -1,9 +1,11 @@
 """The debug layer: photons and their differentials as USD curves and points, and a layer that views them in the scene.
 
-    shot.debug.usdc     /TPD (Scope, purpose guide) over TimeDifferentials, Footprints, SweptFootprints, Photons
+    shot.debug.usdc     /TPD (Scope, purpose guide) over TimeDifferentials, Footprints, SweptFootprints, Photons, Paths
     shot.view.usda      sublayers of the two, with /TPD shown
 
-/TPD has two variant sets: ``colour`` (speed, flux, bounces or receiver) and, in the view layer, ``what`` is shown.
+/TPD has two variant sets: ``colour`` (speed, flux, bounces, receiver or light) and, in the view layer, ``what`` is
+shown. Colours of the variant that is shown first stand as they are; the others are places in a table of 256 colours,
+which take a twelfth of the room.
 
 The guide purpose keeps photons out of renders of a scene that has the debug layer among its own; the view layer shows
 them without a viewer having to ask for guides.
@@ -14,7 +16,7 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -27,30 +29,37 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
 from tpdwarp.errors import FrameError, InputError, shortened
 from tpdwarp.io.files import check_writable, complete_or_absent
 from tpdwarp.io.float32 import to_float32
+from tpdwarp.photons.paths import PhotonPaths
 from tpdwarp.photons.record import PhotonRecord
+from tpdwarp.photons.thinning import thinning_ranks
+from tpdwarp.usd.write.colors import palette, palette_places, speed_colors
 from tpdwarp.usd.write.local_origin import own_origin
+from tpdwarp.usd.write.outlines import COARSE, FINE, MOST_FINE, footprint_outlines, swept_outlines
+
+# What colours may show of each photon, by name, shape [n] float32.
+Shades = dict[str, np.ndarray]
 
 EXTENSIONS = (".usdc", ".usda", ".usd")
-OUTLINE_POINTS = 16
-SWEPT_POINTS = OUTLINE_POINTS + 2
 
 # Widths as parts of a typical footprint's diameter, and where there is none, of the cloud of photons.
 CURVE_WIDTH = 0.02
 POINT_WIDTH = 0.1
 FALLBACK_DIAMETER = 0.01
+# Nothing is narrower than this part of the cloud: half a pixel where it fills a picture of a thousand.
+LEAST_CURVE_WIDTH = 5e-4
+LEAST_POINT_WIDTH = 1e-3
 # A layer whose photons all move by less than this part of a typical footprint shows nothing moving.
 SMALLEST_MOTION = 1e-3
 
-# sRGB, slow to fast: lightness rises evenly, so that it reads on grey prints and by colour-blind eyes as well.
-SPEED_RAMP = np.array([[38, 26, 120], [126, 30, 148], [205, 44, 96], [245, 128, 36], [255, 218, 84]]) / 255
 # What colours may show, and the prims that each choice of the view layer shows.
-COLOURS = ("speed", "flux", "bounces", "receiver")
+COLOURS = ("speed", "flux", "bounces", "receiver", "light")
 SHOWN: dict[str, tuple[str, ...]] = {
     "differentials": ("TimeDifferentials",),
     "footprints": ("Footprints",),
     "swept": ("SweptFootprints",),
     "photons": ("Photons",),
-    "all": ("TimeDifferentials", "Footprints", "SweptFootprints", "Photons"),
+    "paths": ("Paths",),
+    "all": ("TimeDifferentials", "Footprints", "SweptFootprints", "Photons", "Paths"),
 }
 # Near a focus a few photons are far faster than the rest; they share the last colour.
 RAMP_PERCENTILE = 99.0
@@ -64,6 +73,7 @@ PRIMVARS: dict[str, tuple[Sdf.ValueTypeName, str]] = {
     "tpd:emission": (Sdf.ValueTypeNames.Float2Array, "Lattice coordinates at the light."),
     "tpd:bounces": (Sdf.ValueTypeNames.IntArray, "Specular interactions of its path."),
     "tpd:receiver": (Sdf.ValueTypeNames.IntArray, "Mesh on which the photon lies: index into tpd:receivers."),
+    "tpd:light": (Sdf.ValueTypeNames.IntArray, "Light that it comes from: index into tpd:lights."),
 }
 
 
@@ -71,91 +81,6 @@ def view_path(path: str | os.PathLike[str]) -> Path:
     """The view layer that goes with a debug layer: ``shot.view.usda`` for ``shot.debug.usdc`` and for ``shot.usdc``."""
     path = Path(path)
     return path.with_name(path.stem.removesuffix(".debug") + ".view.usda")
-
-
-def footprint_outlines(record: PhotonRecord, smoothing: float) -> np.ndarray:
-    """Outlines at mid shutter of the ellipses with semi-axes ½ D_u x and ½ D_v x (paper, Fig. 2).
-
-    Args:
-        record: n photons.
-        smoothing: Footprint size in lattice cells; scales both axes.
-
-    Returns:
-        Polygons inscribed in the ellipses, shape [n, 16, 3], scene units.
-    """
-    angles = np.arange(OUTLINE_POINTS) * (2 * np.pi / OUTLINE_POINTS)
-    return record.positions[:, None] + ellipse_points(record, smoothing, angles[None])
-
-
-def swept_outlines(record: PhotonRecord, smoothing: float) -> np.ndarray:
-    """Outlines of the same ellipses swept from −½ D_t x to +½ D_t x (paper, Eq. 7).
-
-    In the plane in which the ellipse is a unit circle the sweep is a stadium: two half circles that part where the
-    tangent is parallel to the motion. The front half is drawn at shutter close, the back half at shutter open.
-
-    Args:
-        record: n photons.
-        smoothing: Footprint size in lattice cells; scales both axes.
-
-    Returns:
-        Convex polygons, first the front half, shape [n, 18, 3], scene units.
-    """
-    # The direction of D_t x in the basis D_u x, D_v x, by Cramer's rule. The receiver's normal in place of their cross
-    # product keeps it meaningful where the footprint has collapsed to a line.
-    turn = np.sign(np.einsum("ni,ni->n", np.cross(record.dxdu, record.dxdv), record.normals))
-    turn[turn == 0] = 1
-    along_u = turn * np.einsum("ni,ni->n", np.cross(record.dxdt, record.dxdv), record.normals)
-    along_v = turn * np.einsum("ni,ni->n", np.cross(record.dxdu, record.dxdt), record.normals)
-    forward = np.arctan2(along_v, along_u)
-    half = np.linspace(-0.5 * np.pi, 0.5 * np.pi, SWEPT_POINTS // 2)
-    front = ellipse_points(record, smoothing, forward[:, None] + half)
-    shift = 0.5 * record.dxdt[:, None]
-    center = record.positions[:, None]
-    return np.concatenate([center + shift + front, center - shift - front], axis=1)
-
-
-def ellipse_points(record: PhotonRecord, smoothing: float, angles: np.ndarray) -> np.ndarray:
-    """Points of each photon's ellipse about its centre, shape [n, k, 3], at angles of shape [n or 1, k]."""
-    across_u = np.cos(angles)[..., None] * record.dxdu[:, None]
-    across_v = np.sin(angles)[..., None] * record.dxdv[:, None]
-    return 0.5 * smoothing * (across_u + across_v)
-
-
-def speed_colors(speeds: np.ndarray, fastest: float) -> np.ndarray:
-    """Colours for speeds, from 0 to ``fastest`` and beyond, shape [n, 3], linear Rec.709."""
-    place = np.clip(speeds / fastest, 0, 1) if fastest > 0 else np.zeros_like(speeds)
-    stops = np.linspace(0, 1, len(SPEED_RAMP))
-    encoded = np.stack([np.interp(place, stops, channel) for channel in SPEED_RAMP.T], axis=-1)
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
-def thinning_ranks(record: PhotonRecord) -> np.ndarray:
-    """A number for each photon, shape [n] uint64, such that the photons below any bound are spread evenly.
-
-    Reading the bits of the lattice coordinates backwards (a van der Corput sequence in two dimensions) numbers a
-    lattice so that the first of them lie on a coarse lattice, the next between these. It depends on the photon alone,
-    so that a bound picks the same photons in every frame.
-    """
-    # Doubled, whole and half coordinates are whole: rounding then cannot flip with the last digit of a coordinate.
-    lattice = np.rint(2 * np.asarray(record.emission, np.float64)).astype(np.int64)
-    ranks = np.zeros(len(record), np.uint64)
-    for bit in range(20):
-        for axis in range(2):
-            ranks = ranks << np.uint64(1) | (lattice[:, axis] >> bit & 1).astype(np.uint64)
-    # Photons of one lattice point (several lights, or branches of one path) follow in an order of their own.
-    scattered = record.ids.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
-    return ranks << np.uint64(24) | scattered >> np.uint64(40)
-
-
-def thinned_alone(record: PhotonRecord, curves: int | None) -> PhotonRecord:
-    """The photons of a frame that a layer of at most ``curves`` photons a frame may need.
-
-    That is one more than ``curves``: where the layer's writer meets more, the first that is too many sets its bound.
-    """
-    if curves is None or len(record) <= curves + 1:
-        return record
-    ranks = thinning_ranks(record)
-    return _rows(record, ranks <= np.partition(ranks, curves)[curves])
 
 
 def refuse_non_finite(record: PhotonRecord, time: float, path: str | os.PathLike[str]) -> None:
@@ -211,9 +136,9 @@ class DebugLayerWriter:
     appears. A crate layer goes to disk with every frame, so that memory holds one frame and not the animation.
 
     Colours show the speed |D_t x| on one scale for the whole layer, or where nothing moves the flux; the variant set
-    ``colour`` chooses, also the number of bounces or the receiver. The layer's ``customLayerData`` records it, with
-    where the photons come from, under ``tpdwarp``: ``scene``, ``frameRange``, ``exposure`` (frames), ``settings``
-    (JSON), ``version`` and ``fastestColor`` (scene units over the exposure).
+    ``colour`` chooses, also the number of bounces, the receiver or the light. The layer's ``customLayerData`` records
+    that scale, and where the photons come from, under ``tpdwarp``: ``scene``, ``frameRange``, ``exposure`` (frames),
+    ``settings`` (JSON), ``version`` and ``fastestColor`` (scene units over the exposure).
 
     Where photons lie so far from the origin that single precision loses what they show, all prims have a translation
     in double precision, the same in every frame, and points relative to it.
@@ -255,7 +180,9 @@ class DebugLayerWriter:
         self._curves = curves
         self._bound: np.uint64 | None = None
         self._receivers: dict[str, int] = {}
-        self._shades: dict[float, dict[str, np.ndarray]] = {}
+        self._lights: dict[str, int] = {}
+        self._corners = FINE
+        self._shades: dict[float, tuple[Shades, Shades]] = {}
         self._diameter: float | None = None
         self._origin: np.ndarray | None = None
 
@@ -288,7 +215,9 @@ class DebugLayerWriter:
         self._points = UsdGeom.Points.Define(self._stage, "/TPD/Photons")
         self._points.SetWidthsInterpolation(UsdGeom.Tokens.vertex)
         self._define_primvars(self._points, UsdGeom.Tokens.vertex)
-        self._author_curve_widths(FALLBACK_DIAMETER)
+        self._paths = self._define_curves("Paths", UsdGeom.Tokens.nonperiodic)
+        self._author_curve_widths(CURVE_WIDTH * FALLBACK_DIAMETER)
+        self._point_width = POINT_WIDTH * FALLBACK_DIAMETER
         self._colours = scope.GetPrim().GetVariantSets().AddVariantSet("colour")
         for name in COLOURS:
             self._colours.AddVariant(name)
@@ -305,13 +234,16 @@ class DebugLayerWriter:
             self._stage = None
             self._files.__exit__(kind, error, trace)
 
-    def add_frame(self, time: float, record: PhotonRecord, smoothing: float) -> None:
+    def add_frame(
+        self, time: float, record: PhotonRecord, smoothing: float, paths: PhotonPaths | None = None
+    ) -> None:
         """Writes the photons of one frame.
 
         Args:
             time: Time code of the frame.
             record: Its photons; none is legal.
             smoothing: Footprint size in lattice cells.
+            paths: Paths of some of them; None for none.
 
         Raises:
             FrameError: A value is not finite, or the layer cannot be written.
@@ -319,22 +251,48 @@ class DebugLayerWriter:
         refuse_non_finite(record, time, self.path)
         record = self._thinned(record)
         if len(record) and self._diameter is None:
-            self._diameter = typical_diameter(record, smoothing)
-            self._author_curve_widths(self._diameter)
-            self._author_origin(own_origin(record))
+            self._begin_with(record, smoothing)
         if self._origin is not None:
             record = replace(record, positions=record.positions - self._origin)
         ends = record.positions[:, None] + np.array([-0.5, 0.5])[:, None] * record.dxdt[:, None]
         self._author_curves(self._differentials, ends, time)
-        self._author_curves(self._footprints, footprint_outlines(record, smoothing), time)
-        self._author_curves(self._swept, swept_outlines(record, smoothing), time)
+        self._author_curves(self._footprints, footprint_outlines(record, smoothing, self._corners), time)
+        self._author_curves(self._swept, swept_outlines(record, smoothing, self._corners), time)
         self._points.GetPointsAttr().Set(vectors(record.positions), time)
         self._points.GetIdsAttr().Set(Vt.Int64Array.FromNumpy(np.ascontiguousarray(record.ids, np.int64)), time)
         # One width a point: USD computes no extent of points that share one.
-        widths = np.full(len(record), POINT_WIDTH * (self._diameter or FALLBACK_DIAMETER), np.float32)
+        widths = np.full(len(record), self._point_width, np.float32)
         self._points.GetWidthsAttr().Set(Vt.FloatArray.FromNumpy(widths), time)
+        shades = self._author_primvars((self._differentials, self._footprints, self._swept, self._points), record, time)
+        self._shades[time] = shades, self._author_paths(record, paths, time)
+        self._flush()
 
-        table = [self._receivers.setdefault(path, len(self._receivers)) for path in record.receiver_paths]
+    def _begin_with(self, record: PhotonRecord, smoothing: float) -> None:
+        """Chooses what is the same in all frames by the first photons."""
+        self._diameter = diameter = typical_diameter(record, smoothing)
+        spread = float(np.linalg.norm(np.ptp(record.positions, axis=0)))
+        self._author_curve_widths(max(CURVE_WIDTH * diameter, LEAST_CURVE_WIDTH * spread))
+        self._point_width = max(POINT_WIDTH * diameter, LEAST_POINT_WIDTH * spread)
+        self._author_origin(own_origin(record))
+        self._corners = FINE if len(record) <= MOST_FINE else COARSE
+
+    def _author_paths(self, record: PhotonRecord, paths: PhotonPaths | None, time: float) -> Shades:
+        if paths is None:
+            paths = PhotonPaths(record.rows(np.zeros(len(record), bool)), np.zeros(0, np.int32), np.zeros((0, 3)))
+        if self._curves is not None and len(paths.counts) > self._curves:
+            ranks = thinning_ranks(paths.photons)
+            paths = paths.rows(ranks < np.partition(ranks, self._curves)[self._curves])
+        points = paths.points if self._origin is None else paths.points - self._origin
+        self._paths.GetPointsAttr().Set(vectors(points), time)
+        self._paths.GetCurveVertexCountsAttr().Set(integers(paths.counts), time)
+        return self._author_primvars((self._paths,), paths.photons, time)
+
+    def _author_primvars(self, prims: Sequence[UsdGeom.PointBased], record: PhotonRecord, time: float) -> Shades:
+        """What is known of each photon, on prims with one curve or point a photon; what their colours may show."""
+        receivers = _placed_in(self._receivers, record.receiver_paths, record.receivers)
+        lights = _placed_in(self._lights, record.light_paths, record.lights)
+        if len(lights) != len(record):
+            lights = np.full(len(record), -1, np.int32)
         values = {
             "tpd:photonId": integers(record.ids & 0x7FFFFFFF),
             "tpd:flux": vectors(record.flux),
@@ -343,21 +301,23 @@ class DebugLayerWriter:
             "tpd:DtX": vectors(record.dxdt),
             "tpd:emission": Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(record.emission, np.float32)),
             "tpd:bounces": integers(record.bounces),
-            "tpd:receiver": integers(np.array(table, np.int32)[record.receivers]),
+            "tpd:receiver": integers(receivers),
+            "tpd:light": integers(lights),
         }
-        for prim in self._prims():
+        for prim in prims:
             primvars = UsdGeom.PrimvarsAPI(prim)
             for name, value in values.items():
                 primvars.GetPrimvar(name).Set(value, time)
             extent = UsdGeom.Boundable.ComputeExtentFromPlugins(prim, Usd.TimeCode(time))
             prim.GetExtentAttr().Set(extent, time)
-        self._shades[time] = {
+        return {
             "speed": np.linalg.norm(record.dxdt, axis=-1).astype(np.float32),
             "flux": record.flux.sum(axis=-1).astype(np.float32),
             "bounces": record.bounces.astype(np.float32),
-            "receiver": np.array(table, np.float32)[record.receivers],
+            # The first of them has a colour that is seen on dark floors, too.
+            "receiver": receivers.astype(np.float32) + 1.0,
+            "light": lights.astype(np.float32) + 1.0,
         }
-        self._flush()
 
     def close(self) -> None:
         """Completes both layers and gives them their names. Later calls do nothing.
@@ -369,34 +329,46 @@ class DebugLayerWriter:
             return
         with self._files:
             ends = {name: self._scale_of(name) for name in COLOURS}
+            fastest = ends["speed"]
+            moves = fastest > SMALLEST_MOTION * (self._diameter or FALLBACK_DIAMETER)
+            first = "speed" if moves else "flux"
             for name, end in ends.items():
                 self._colours.SetVariantSelection(name)
                 with self._colours.GetVariantEditContext():
-                    for time, shades in self._shades.items():
-                        colors = vectors(speed_colors(shades[name], end))
-                        for prim in self._prims():
-                            prim.GetDisplayColorAttr().Set(colors, time)
+                    self._author_colors(name, end, name == first)
                 self._flush()
-            fastest = ends["speed"]
-            moves = fastest > SMALLEST_MOTION * (self._diameter or FALLBACK_DIAMETER)
-            self._colours.SetVariantSelection("speed" if moves else "flux")
-            receivers = Vt.StringArray(list(self._receivers))
+            self._colours.SetVariantSelection(first)
             for prim in self._prims():
-                UsdGeom.PrimvarsAPI(prim).GetPrimvar("tpd:receivers").Set(receivers)
+                primvars = UsdGeom.PrimvarsAPI(prim)
+                primvars.GetPrimvar("tpd:receivers").Set(Vt.StringArray(list(self._receivers)))
+                primvars.GetPrimvar("tpd:lights").Set(Vt.StringArray(list(self._lights)))
             self._stage.GetRootLayer().customLayerData = {"tpdwarp": {**self._provenance, "fastestColor": fastest}}
             self._save()
             self._stage = None
             self._write_view("differentials" if moves else "footprints")
 
+    def _author_colors(self, name: str, end: float, plain: bool) -> None:
+        """Colours by a quantity, as they are or as places in the table of colours."""
+        table = vectors(palette())
+        for time, both in self._shades.items():
+            for prims, shades in zip((self._prims()[:-1], self._prims()[-1:]), both, strict=True):
+                for prim in prims:
+                    color = prim.GetDisplayColorPrimvar()
+                    if plain:
+                        color.Set(vectors(speed_colors(shades[name], end)), time)
+                    else:
+                        color.Set(table)
+                        color.SetIndices(integers(palette_places(shades[name], end)), time)
+
     def _scale_of(self, name: str) -> float:
         """Where the colours of a quantity end."""
-        values = np.concatenate([np.zeros(0), *(shades[name] for shades in self._shades.values())])
+        values = np.concatenate([np.zeros(0), *(shades[name] for shades, _ in self._shades.values())])
         if not len(values):
             return 0.0
         return float(np.percentile(values, RAMP_PERCENTILE) if name in ("speed", "flux") else values.max())
 
     def _prims(self) -> tuple[UsdGeom.PointBased, ...]:
-        return self._differentials, self._footprints, self._swept, self._points
+        return self._differentials, self._footprints, self._swept, self._points, self._paths
 
     def _define_curves(self, name: str, wrap: str) -> UsdGeom.BasisCurves:
         curves = UsdGeom.BasisCurves.Define(self._stage, f"/TPD/{name}")
@@ -410,12 +382,13 @@ class DebugLayerWriter:
         primvars = UsdGeom.PrimvarsAPI(prim)
         for name, (kind, meaning) in PRIMVARS.items():
             primvars.CreatePrimvar(name, kind, interpolation).GetAttr().SetDocumentation(meaning)
-        primvars.CreatePrimvar("tpd:receivers", Sdf.ValueTypeNames.StringArray, UsdGeom.Tokens.constant)
+        for name in ("tpd:receivers", "tpd:lights"):
+            primvars.CreatePrimvar(name, Sdf.ValueTypeNames.StringArray, UsdGeom.Tokens.constant)
         prim.CreateDisplayColorPrimvar(interpolation)
 
-    def _author_curve_widths(self, diameter: float) -> None:
-        for curves in (self._differentials, self._footprints, self._swept):
-            curves.GetWidthsAttr().Set([CURVE_WIDTH * diameter])
+    def _author_curve_widths(self, width: float) -> None:
+        for curves in (self._differentials, self._footprints, self._swept, self._paths):
+            curves.GetWidthsAttr().Set([width])
 
     def _author_origin(self, origin: np.ndarray | None) -> None:
         self._origin = origin
@@ -437,7 +410,7 @@ class DebugLayerWriter:
         if np.count_nonzero(kept) > self._curves:
             self._bound = np.partition(ranks[kept], self._curves)[self._curves]
             kept = ranks < self._bound
-        return _rows(record, kept)
+        return record.rows(kept)
 
     def _flush(self) -> None:
         if self._streams:
@@ -477,10 +450,9 @@ class DebugLayerWriter:
             raise FrameError(f"{self.view_path}: cannot be written: {first_line(error)}") from error
 
 
-def _rows(record: PhotonRecord, kept: np.ndarray) -> PhotonRecord:
-    """The photons for which ``kept``, shape [n], is true."""
-    columns = {name: values[kept] for name, values in vars(record).items() if name != "receiver_paths"}
-    return replace(record, **columns)
+def _placed_in(table: dict[str, int], paths: Sequence[str], indices: np.ndarray) -> np.ndarray:
+    """Indices into ``paths`` as indices into a table of all frames, which takes those that it lacks."""
+    return np.array([table.setdefault(path, len(table)) for path in paths], np.int32)[indices]
 
 
 def open_scene_layer(path: str) -> Sdf.Layer:

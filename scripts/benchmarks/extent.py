@@ -1,0 +1,256 @@
+#!/usr/bin/env python3
+"""Error of light from lights with extent against sums over places on them, and what it costs beside points.
+
+.venv/bin/python scripts/benchmarks/run.py extent
+.venv/bin/python scripts/benchmarks/extent.py ball-sun-5 --places 256
+
+The truth is the estimator ``accumulation``: the mean of frames each of which has its lights at one place on them (and,
+where things move, at one instant), as points, with static footprints. Its own error is told by its two halves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdLux
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import tpdwarp
+from usd_scenes.solids import SCENES
+from usd_scenes.solids import write as write_solid
+from usd_scenes.stage import CAMERA, FRAME
+
+SHIPPED = Path(__file__).resolve().parents[2] / "usd_scenes"
+PHOTONS, PLACES, PIXELS, SAMPLES = 1 << 16, 512, 96, 4
+# Photons of each place of the truth, and of points into which a light is split to compare costs.
+TRUTH_PHOTONS = 1 << 15
+POINT_PHOTONS = (1 << 10, 1 << 12, 1 << 14)
+POINT_PLACES = (16, 64, 256)
+COMMON = {"threads": 1, "image_width": PIXELS, "samples": SAMPLES, "aovs": ("irradiance",)}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A stage, and how its light is changed.
+
+    Attributes:
+        scene: A shipped scene, or one of ``usd_scenes.solids``.
+        light: Gives the stage's light an extent.
+        limit: The relative RMSE that was asked for.
+        exposure: In frames; 0 for a still.
+    """
+
+    scene: str
+    light: Callable[[Usd.Stage], None]
+    limit: float
+    exposure: float = 0.0
+
+
+def sun(degrees: float) -> Callable[[Usd.Stage], None]:
+    """Makes the stage's parallel light a disc, of the same irradiance."""
+
+    def change(stage: Usd.Stage) -> None:
+        light = UsdLux.DistantLight(_light(stage))
+        light.CreateAngleAttr(degrees)
+        UsdLux.LightAPI(light).CreateNormalizeAttr(True)
+
+    return change
+
+
+def lamp(part: float) -> Callable[[Usd.Stage], None]:
+    """Makes the stage's lamp a sphere whose diameter is ``part`` of its distance from what it lights."""
+
+    def change(stage: Usd.Stage) -> None:
+        light = UsdLux.SphereLight(_light(stage))
+        place = light.ComputeLocalToWorldTransform(FRAME).ExtractTranslation()
+        radius = 0.5 * part * (place - Gf.Vec3d(0, 0, 0.6)).GetLength()
+        was = light.GetRadiusAttr().Get()
+        light.GetRadiusAttr().Set(radius)
+        light.GetIntensityAttr().Set(light.GetIntensityAttr().Get() * (was / radius) ** 2)
+        light.CreateTreatAsPointAttr(False)
+
+    return change
+
+
+def rectangle_beside(stage: Usd.Stage) -> None:
+    """A rectangle as wide as the glass, half of its width above it, in the place of the stage's lamp."""
+    stage.RemovePrim(_light(stage).GetPath())
+    light = UsdLux.RectLight.Define(stage, "/World/Panel")
+    light.CreateWidthAttr(0.6)
+    light.CreateHeightAttr(0.4)
+    light.CreateIntensityAttr(40.0)
+    light.AddTranslateOp().Set(Gf.Vec3d(0.1, 0.05, 1.5))
+
+
+def _light(stage: Usd.Stage) -> Usd.Prim:
+    return next(prim for prim in stage.Traverse() if prim.HasAPI(UsdLux.LightAPI))
+
+
+CASES = {
+    "wave-sun-0.53": Case("wave", sun(0.53), 0.02),
+    "wave-sun-5": Case("wave", sun(5.0), 0.02),
+    "sea-sun-0.53": Case("sea", sun(0.53), 0.02),
+    "sea-sun-5": Case("sea", sun(5.0), 0.02),
+    "ball-sun-0.53": Case("ball-in-the-sun", sun(0.53), 0.02),
+    "ball-sun-5": Case("ball-in-the-sun", sun(5.0), 0.02),
+    "torus-sun-0.53": Case("torus-turning-10", sun(0.53), 0.02),
+    "torus-sun-5": Case("torus-turning-10", sun(5.0), 0.02),
+    "ring-lamp": Case("cardioid", lamp(0.1), 0.04),
+    "ball-lamp": Case("ball-gliding", lamp(0.1), 0.04),
+    "ball-rectangle": Case("ball-gliding", rectangle_beside, 0.06),
+    "wave-sun-5-moving": Case("wave", sun(5.0), 0.02, 1.0),
+    "ball-sun-5-moving": Case("ball-in-the-sun", sun(5.0), 0.02, 1.0),
+    "torus-sun-0.53-moving": Case("torus-turning-10", sun(0.53), 0.02, 1.0),
+    "ring-lamp-moving": Case("cardioid", lamp(0.1), 0.04, 1.0),
+}
+
+
+def run(names: Sequence[str] = (), places: int = PLACES, cost: bool = True) -> list[dict[str, object]]:
+    """Errors and costs of each case; prints them as they come.
+
+    Returns:
+        A row a case: ``case``, ``relative_rmse`` (root mean square of the error by that of the truth), with one part a
+        light in ``unsplit``, ``truth_error``, ``limit``, ``splits`` (as chosen), ``cpu_ratio`` (by a frame of the same
+        light without extent) and ``points_ratio`` (CPU time of points with the same error, by that of the frame; at
+        least, where no number of points tried was as good).
+    """
+    rows = []
+    print(f"  {'case':22s} {'rel.RMSE':>8s} {'unsplit':>8s} {'limit':>6s} {'truth':>7s} {'splits':>6s}", end=" ")
+    print(f"{'CPU s':>6s} {'by point':>8s} {'of points':>9s}")
+    for name in names or CASES:
+        row = _measured(name, CASES[name], places, cost)
+        rows.append(row)
+        at_least = ">" if row["points_at_least"] else " "
+        print(
+            f"  {name:22s} {row['relative_rmse']:8.4f} {row['unsplit']:8.4f} {row['limit']:6.2f} "
+            f"{row['truth_error']:7.4f} {row['splits']:6d} {row['cpu_seconds']:6.2f} {row['cpu_ratio']:8.2f} "
+            f"{at_least}{row['points_ratio']:8.1f}",
+            flush=True,
+        )
+    return rows
+
+
+def _measured(name: str, case: Case, places: int, cost: bool) -> dict[str, object]:
+    stage, bare = (tpdwarp.Scene(stage, **_options(case)) for stage in _stages(case))
+    # Other numbers of places are other places.
+    halves = [_irradiance(stage, case, places=places // 2 + more) for more in (0, 1)]
+    truth = 0.5 * (halves[0] + halves[1])
+    scale = math.sqrt(np.mean(truth**2))
+
+    def error(found: np.ndarray) -> float:
+        return math.sqrt(np.mean((found - truth) ** 2)) / scale
+
+    frame = stage.render_frame(_frame(case), photons=PHOTONS)
+    row: dict[str, object] = {
+        "case": name,
+        "limit": case.limit,
+        "truth_error": math.sqrt(np.mean((halves[0] - halves[1]) ** 2)) / (2 * scale),
+        "splits": frame.energy.counts.get("parts of each light with extent", 1),
+        "relative_rmse": error(frame.channels["irradiance.R"].astype(np.float64)),
+        "unsplit": error(_irradiance(stage, case, light_splits=1)),
+    }
+    # The kernels are loaded: each by turns, the better of two.
+    seconds = {kind: math.inf for kind in ("extent", "bare")}
+    _seconds(bare, case)
+    for _ in range(2 if cost else 1):
+        for kind, scene in (("extent", stage), ("bare", bare)):
+            seconds[kind] = min(seconds[kind], _seconds(scene, case))
+    row |= {"cpu_seconds": seconds["extent"], "cpu_ratio": seconds["extent"] / seconds["bare"]}
+    best, worst = math.inf, 0.0
+    if cost:
+        for count in POINT_PLACES:
+            for photons in POINT_PHOTONS:
+                start = time.process_time()
+                found = _irradiance(stage, case, places=count, photons=photons)
+                spent = time.process_time() - start
+                worst = max(worst, spent)
+                if error(found) <= row["relative_rmse"]:
+                    best = min(best, spent)
+    row["points_at_least"] = not math.isfinite(best)
+    row["points_ratio"] = (best if math.isfinite(best) else worst) / seconds["extent"]
+    return row
+
+
+def _stages(case: Case) -> tuple[Usd.Stage, Usd.Stage]:
+    """The stage with a light of some extent, and the same without."""
+    stages = []
+    for extended in (True, False):
+        path = SHIPPED / f"{case.scene}.usdc"
+        layer = Sdf.Layer.CreateAnonymous(".usdc")
+        if path.exists():
+            layer.TransferContent(Sdf.Layer.FindOrOpen(str(path)))
+        else:
+            with tempfile.TemporaryDirectory() as folder:
+                layer.TransferContent(Sdf.Layer.FindOrOpen(str(write_solid(case.scene, Path(folder)))))
+        stage = Usd.Stage.Open(layer)
+        case.light(stage)
+        if not extended:
+            light = _light(stage)
+            if light.IsA(UsdLux.DistantLight):
+                UsdLux.DistantLight(light).GetAngleAttr().Set(0.0)
+            elif light.IsA(UsdLux.SphereLight):
+                UsdLux.SphereLight(light).CreateTreatAsPointAttr(True)
+            else:
+                UsdLux.RectLight(light).GetWidthAttr().Set(1e-6)
+                UsdLux.RectLight(light).GetHeightAttr().Set(1e-6)
+                UsdLux.LightAPI(light).CreateNormalizeAttr(True)
+        stages.append(stage)
+    return stages[0], stages[1]
+
+
+def _options(case: Case) -> dict[str, object]:
+    camera = CAMERA if case.scene in SCENES else "/World/TopOrtho"
+    return {**COMMON, "camera": camera, "exposure": case.exposure}
+
+
+def _frame(case: Case) -> float:
+    return float(FRAME) if case.scene in SCENES else 4.0
+
+
+def _irradiance(
+    scene: tpdwarp.Scene, case: Case, places: int = 0, photons: int = 0, **settings: object
+) -> np.ndarray:
+    """Irradiance from photons, first channel; from points at ``places`` places where there are any."""
+    options = {"photons": photons or PHOTONS, **settings}
+    if places:
+        options |= {"estimator": "accumulation", "accumulation_times": places}
+        options["photons"] = photons or TRUTH_PHOTONS
+    frame = scene.render_frame(_frame(case), **options)
+    return frame.channels["irradiance.R"].astype(np.float64)
+
+
+def _seconds(scene: tpdwarp.Scene, case: Case) -> float:
+    """CPU time of a frame of an open scene, one part a light or as many as are chosen."""
+    start = time.process_time()
+    scene.render_frame(_frame(case), photons=PHOTONS)
+    return time.process_time() - start
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Measures lights with extent.")
+    parser.add_argument("case", nargs="*", help=f"which of {', '.join(CASES)}; all by default")
+    parser.add_argument("--places", type=int, default=PLACES, help=f"of the truth; {PLACES} by default")
+    parser.add_argument("--no-cost", action="store_true", help="measure errors alone")
+    parser.add_argument("--json", type=Path, help="also write the results to this file")
+    options = parser.parse_args()
+    for name in options.case:
+        if name not in CASES:
+            parser.error(f"there is no case {name!r}; there are {', '.join(CASES)}")
+    rows = run(options.case, options.places, not options.no_cost)
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=2) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

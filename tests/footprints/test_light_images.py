@@ -1,0 +1,168 @@
+"""Footprints averaged over the image of a light with extent: flux, variance, shape, and sums of lattices."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.footprints.photons import ONE_THREAD, first_channel, grid, irradiance, photon_map, queries, shaped
+from tpdwarp.footprints.plain_gather import plain_gather
+from tpdwarp.footprints.weights import GatherForm
+from tpdwarp.photons.light_columns import LightImage
+
+EXTENDED = GatherForm(extended=True)
+DISC, BOX = LightImage.DISC, LightImage.PARALLELOGRAM
+
+
+def lit(photons, a, b, image=DISC):
+    """Photons of a light that spans ``a`` and ``b`` on the receiver."""
+    count = len(photons)
+
+    def rows(values):
+        return np.broadcast_to(np.asarray(values, np.float32), (count, 3)).astype(np.float32)
+
+    return replace(photons, dxda=rows(a), dxdb=rows(b), image=np.full(count, image, np.int32))
+
+
+def one(du, dv, a, b, image=DISC, half_pixel=0.0):
+    """The footprint of one photon at the origin."""
+    return shaped(lit(photon_map([(0, 0, 0)], du, dv), a, b, image), half_pixel=half_pixel)
+
+
+def moments(footprints, half: float, count: int = 1000) -> tuple[float, np.ndarray]:
+    """∫ w and the variance [2, 2] of a footprint about the origin."""
+    positions, area = grid((-half, -half), (half, half), (count, count))
+    weights = first_channel(footprints, positions, EXTENDED) * area
+    return weights.sum(), np.einsum("n,ni,nj->ij", weights, positions[:, :2], positions[:, :2]) / weights.sum()
+
+
+CASES = {
+    "disc beside a point": ((1e-3, 0, 0), (0, 1e-3, 0), (0.1, 0, 0), (0, 0.1, 0), DISC),
+    "ellipse beside a point": ((1e-3, 0, 0), (0, 1e-3, 0), (0.1, 0.02, 0), (-0.01, 0.05, 0), DISC),
+    "disc beside a small footprint": ((0.03, 0, 0), (0.01, 0.04, 0), (0.1, 0, 0), (0, 0.1, 0), DISC),
+    "disc beside a footprint of its size": ((0.08, 0, 0), (0.0, 0.07, 0), (0.1, 0, 0), (0, 0.1, 0), DISC),
+    "disc beside a large footprint": ((0.2, 0, 0), (0, 0.3, 0), (0.1, 0, 0), (0, 0.1, 0), DISC),
+    "disc beside a line": ((0.4, 0.1, 0), (-0.002, 0.008, 0), (0.1, 0, 0), (0, 0.1, 0), DISC),
+    "box beside a point": ((1e-3, 0, 0), (0, 1e-3, 0), (0.1, 0.02, 0), (-0.01, 0.05, 0), BOX),
+    "box beside a small footprint": ((0.03, 0, 0), (0.01, 0.02, 0), (0.1, 0, 0), (0, 0.1, 0), BOX),
+    "box beside a large footprint": ((0.2, 0, 0), (0, 0.3, 0), (0.1, 0, 0), (0, 0.1, 0), BOX),
+    "box beside a line": ((0.4, 0.1, 0), (-0.002, 0.008, 0), (0.1, 0, 0), (0, 0.1, 0), BOX),
+    "flat box beside a point": ((1e-3, 0, 0), (0, 1e-3, 0), (0.1, 0.02, 0), (0.05, 0.011, 0), BOX),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("side", [0.0, 0.02])
+def test_flux_stays_and_variances_add_up(name, side):
+    du, dv, a, b, image = CASES[name]
+    found = one(du, dv, a, b, image, half_pixel=side / math.sqrt(12))
+    reach = 1.6 * max(sum(abs(v[i]) for v in (du, dv, a, b)) for i in (0, 1)) + 2 * side
+    whole, variance = moments(found, reach)
+    # The rim of a disc a thousand cells across is one cell wide on this grid.
+    assert whole == pytest.approx(1, abs=5e-3)
+    du, dv, a, b = (np.array(v[:2]) for v in (du, dv, a, b))
+    k = 0.25 if image == DISC else 1.0 / 3.0
+    light = k * (np.outer(a, a) + np.outer(b, b))
+    total = light + 0.25 * (np.outer(du, du) + np.outer(dv, dv)) + side**2 / 12 * np.eye(2)
+    # Discs have edges of a fifth of their radius at least, which widens them by 4 %; oblique axes take up to a third.
+    oblique = abs(du @ dv) > 1e-3 * np.linalg.norm(du) * np.linalg.norm(dv) and "small" not in name
+    allowed = (0.3 if oblique else 0.05) * np.trace(light) + 1e-3 * np.trace(total)
+    np.testing.assert_allclose(variance, total, atol=allowed)
+
+
+def test_light_from_a_disc_onto_a_point_is_a_disc():
+    radius = 0.1
+    found = one((1e-4, 0, 0), (0, 1e-4, 0), (radius, 0, 0), (0, radius, 0))
+    points = np.array([[r * math.cos(3.0), r * math.sin(3.0), 0.0] for r in np.linspace(0, 2 * radius, 81)])
+    light = first_channel(found, points, EXTENDED) * math.pi * radius**2
+    distance = np.linalg.norm(points, axis=1)
+    # Its edge is a fifth of the radius wide to either side, which lessens it by 1/125 of itself.
+    np.testing.assert_allclose(light[distance < 0.79 * radius], 1, atol=1 / 125 + 1e-3)
+    assert np.all(light[distance > 1.21 * radius] == 0)
+    assert np.interp(radius, distance, light) == pytest.approx(0.5, abs=0.01)
+
+
+def test_light_from_a_rectangle_onto_a_point_is_its_image():
+    a, b = np.array([0.1, 0.02, 0]), np.array([-0.01, 0.05, 0])
+    found = one((1e-4, 0, 0), (0, 1e-4, 0), a, b, BOX)
+    places = np.random.default_rng(3).uniform(-1.5, 1.5, (500, 2))
+    light = first_channel(found, places @ np.stack([a, b]), EXTENDED) * 4 * np.linalg.norm(np.cross(a, b))
+    away = np.abs(np.abs(places) - 1).min(axis=1) > 0.05
+    np.testing.assert_allclose(light[away], np.all(np.abs(places) < 1, axis=1)[away], atol=1e-3)
+
+
+def test_a_line_under_a_disc_has_half_an_ellipse_for_its_section():
+    """Two boxes of its height and variance miss it by a fifth of its height where it ends, and else by an eighth."""
+    radius = 0.1
+    found = one((2.0, 0, 0), (0, 1e-4, 0), (radius, 0, 0), (0, radius, 0))
+    y = np.linspace(-0.15, 0.15, 301)
+    points = np.stack([0 * y, y, 0 * y], axis=1)
+    light = first_channel(found, points, EXTENDED)
+    section = np.sqrt(np.maximum(1 - (y / radius) ** 2, 0)) * 2 / (math.pi * radius)
+    light *= section.sum() / light.sum()
+    missed = np.abs(light - section) / section.max()
+    assert missed.max() < 0.21 and missed[np.abs(y) < 0.8 * radius].max() < 0.125
+    assert light[150] == pytest.approx(section[150], rel=0.01)
+
+
+@pytest.mark.parametrize("shear", [0.0, 0.3])
+@pytest.mark.parametrize("image", [DISC, BOX])
+@pytest.mark.parametrize("cells", [0.5, 1.0, 2.0, 4.0])
+def test_a_lattice_stays_uniform_under_any_light(cells, image, shear):
+    """Translates sum to one; discs, which are no tensor products, leave a ripple where they are two cells across."""
+    cell, index = 0.05, np.arange(-40, 41)
+    i, j = (a.ravel() for a in np.meshgrid(index, index))
+    at = np.stack([(i + shear * j) * cell, j * cell, 0.0 * i], axis=1)
+    photons = photon_map(at, (cell, 0, 0), (shear * cell, cell, 0), flux=cell**2)
+    light = lit(photons, (cells * cell, 0, 0), (0, cells * cell, 0), image)
+    points = np.append(np.random.default_rng(4).uniform(-0.1, 0.1, (300, 2)), np.zeros((300, 1)), axis=1)
+    ripple = np.abs(first_channel(shaped(light), points, EXTENDED) - 1).max()
+    assert ripple < 0.02
+
+
+def test_light_without_extent_is_looked_up_as_it_is_without_the_columns():
+    at = np.random.default_rng(1).uniform(-0.1, 0.1, (50, 3)) * [1, 1, 0]
+    photons = photon_map(at, (0.03, 0, 0), (0.01, 0.02, 0))
+    points = np.random.default_rng(2).uniform(-0.1, 0.1, (200, 3)) * [1, 1, 0]
+    plain = first_channel(shaped(photons, half_pixel=0.004), points)
+    for image, a in ((LightImage.NONE, 0.1), (DISC, 1e-4)):
+        with_columns = shaped(lit(photons, (a, 0, 0), (0, a, 0), image), half_pixel=0.004)
+        np.testing.assert_array_equal(first_channel(with_columns, points, EXTENDED), plain)
+
+
+def test_images_that_move_and_curve_are_gathered_as_they_are_plainly():
+    random = np.random.default_rng(7)
+    count = 60
+    at, motion = random.uniform(-0.2, 0.2, (count, 3)) * [1, 1, 0], random.normal(0, 0.05, (count, 3)) * [1, 1, 0]
+    columns = random.normal(0, 0.03, (4, count, 3)) * [1, 1, 0]
+    bends = [random.normal(0, size, (count, 3)) * [1, 1, 0] for size in (0.02, 0.01, 0.005, 0.005)]
+    photons = photon_map(at, columns[0], columns[1], motion, trajectory=bends)
+    image = random.integers(0, 3, count).astype(np.int32)
+    photons = replace(photons, dxda=columns[2].astype(np.float32), dxdb=columns[3].astype(np.float32), image=image)
+    footprints = shaped(photons, half_pixel=0.002, moves=True)
+    points = queries(random.uniform(-0.2, 0.2, (400, 3)) * [1, 1, 0])
+    found = irradiance(footprints, points, EXTENDED).irradiance[:, 0]
+    plain = plain_gather(footprints, points, EXTENDED, ONE_THREAD).irradiance[:, 0]
+    assert plain.max() > 0
+    np.testing.assert_allclose(found, plain, rtol=2e-3, atol=2e-3 * plain.max())
+
+
+@pytest.mark.parametrize("kernel", ["epanechnikov", "gaussian"])
+def test_radial_kernels_are_widened_by_the_light(kernel):
+    photons = lit(photon_map([(0, 0, 0)], (0.1, 0, 0), (0, 0.1, 0)), (0.1, 0, 0), (0, 0.1, 0))
+    positions, area = grid((-0.6, -0.6), (0.6, 0.6), (600, 600))
+
+    def spread(footprints, form):
+        weights = first_channel(footprints, positions, form) * area
+        # Kernels that are cut have an edge, which is one step of the grid wide.
+        assert weights.sum() == pytest.approx(1, abs=6e-3)
+        return float((weights * positions[:, 0] ** 2).sum())
+
+    narrow = photon_map([(0, 0, 0)], (0.1, 0, 0), (0, 0.1, 0))
+    added = spread(shaped(photons, kernel=kernel), GatherForm(kernel, extended=True)) - spread(
+        shaped(narrow, kernel=kernel), GatherForm(kernel)
+    )
+    assert added == pytest.approx(0.25 * 0.1**2, rel=0.02)

@@ -1,0 +1,141 @@
+"""The columns D_a x, D_b x of lights with extent: against rays of the float64 oracle through the same first hit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.photons.traced import Written, emission_of, traced
+from tests.view.scenes import WATER, bumpy, floor, looking_down, quad, turned
+from tpdwarp.scene.description import (
+    EmissionProfile,
+    Extent,
+    ExtentShape,
+    Interaction,
+    LightAtShutter,
+    LightKind,
+    Material,
+    SceneAtShutter,
+    Shutter,
+)
+from usd_scenes.oracle import surfaces_of, trace
+
+STILL = Shutter.still(4)
+MIRROR = Material(Interaction.MIRROR, color=(1.0, 1.0, 1.0))
+AXES = turned((0.3, 0.2, 0.5))
+SPANS = np.array([0.2 * AXES[0], 0.1 * AXES[1]])
+LAMP = LightAtShutter("/lamp", LightKind.POINT, (1.0, 1.0, 1.0), np.array([0.2, 0.1, 4.0]), AXES)
+LIGHTS = {
+    "sun": replace(LAMP, kind=LightKind.DISTANT, extent=Extent(ExtentShape.ROUND, math.radians(1.0))),
+    "sphere": replace(LAMP, extent=Extent(ExtentShape.ROUND, 0.2)),
+    "disk": replace(LAMP, profile=EmissionProfile.COSINE, extent=Extent(ExtentShape.DISK, 0.0, SPANS)),
+    "rect": replace(LAMP, profile=EmissionProfile.COSINE, extent=Extent(ExtentShape.RECT, 0.0, SPANS)),
+    "tube": replace(
+        LAMP, profile=EmissionProfile.SINE, extent=Extent(ExtentShape.CYLINDER, 0.1, SPANS * [[1.0], [0.0]])
+    ),
+}
+# One part in so many of the light: what is left of second order is as small a part of D_a x.
+STEP = 1e-4
+
+
+def scene_of(light: LightAtShutter, meshes) -> SceneAtShutter:
+    return SceneAtShutter(STILL, tuple(meshes), (light,), looking_down())
+
+
+def water():
+    return [floor(), bumpy("/water", WATER, 1.0, False)]
+
+
+def water_under_a_lens():
+    return [*water(), bumpy("/more", Material(Interaction.DIELECTRIC, ior=1.5), 2.0, False)]
+
+
+def directions_across(light: LightAtShutter, w: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """Columns D ω [n, 2, 3] of directions from the places on the light to a point, times a place's deviation."""
+    extent = light.extent
+    frames = np.stack([np.linalg.svd(direction[None])[2][1:] for direction in w])
+    if light.kind == LightKind.DISTANT:
+        return 0.5 * math.sin(extent.radius) * frames
+    d = np.linalg.norm(origin - light.position, axis=1)[:, None, None]
+    if extent.shape == ExtentShape.ROUND:
+        return 0.5 * extent.radius * frames / d
+    if extent.shape == ExtentShape.CYLINDER:
+        across = np.cross(extent.spans[0], w)
+        across *= 0.5 * extent.radius / np.linalg.norm(across, axis=1, keepdims=True)
+        spans = np.stack([np.broadcast_to(extent.spans[0] / math.sqrt(3), w.shape), across], axis=1)
+    else:
+        deviation = 0.5 if extent.shape == ExtentShape.DISK else 1 / math.sqrt(3)
+        spans = np.broadcast_to(deviation * extent.spans, (len(w), 2, 3))
+    along = np.einsum("nkj,nj->nk", spans, w)[:, :, None] * w[:, None]
+    return (along - spans) / d
+
+
+@pytest.mark.parametrize("meshes", [water, water_under_a_lens])
+@pytest.mark.parametrize("name", LIGHTS)
+def test_the_light_spans_what_rays_from_its_places_through_the_first_surface_do(name, meshes):
+    scene = scene_of(LIGHTS[name], meshes())
+    result = traced(Written(scene), 256, shutter=STILL)
+    rows = np.flatnonzero(result.masks == 0)
+    photons = result.photons.rows(rows)
+    surfaces = surfaces_of(scene)
+    origins, w = emission_of(result, rows=rows)
+    middle = trace(surfaces, origins, w, 4.0)
+    first = middle.points[0]
+    w /= np.linalg.norm(w, axis=1, keepdims=True)
+    columns = directions_across(LIGHTS[name], w, first)
+    kept = middle.landed & np.all(np.abs(middle.positions - photons.positions) < 1e-3, axis=1)
+    moved = []
+    for k in (0, 1):
+        ends = []
+        for sign in (1, -1):
+            turned_w = w + sign * STEP * columns[:, k]
+            path = trace(surfaces, first - 0.5 * turned_w, turned_w, 4.0, along=middle)
+            ends.append(path.positions)
+            kept &= path.landed
+        moved.append((ends[0] - ends[1]) / (2 * STEP))
+    truth = np.einsum("kni,knj->nij", moved, moved)
+    spread = np.einsum("ni,nj->nij", photons.dxda, photons.dxda) + np.einsum("ni,nj->nij", photons.dxdb, photons.dxdb)
+    box = LIGHTS[name].extent.shape in (ExtentShape.RECT, ExtentShape.CYLINDER)
+    spread *= (1.0 / 3.0) if box else 0.25
+    assert kept.sum() > 0.7 * len(rows) > 20
+    size = np.sqrt(np.einsum("nii->n", truth))[kept, None, None]
+    # Paths near the edges of triangles take the next one: few do.
+    apart = np.abs(spread[kept] - truth[kept]).max(axis=(1, 2)) / size[:, 0, 0] ** 2
+    assert np.quantile(apart, 0.9) < 2e-3
+
+
+def test_a_flat_interface_spreads_the_sun_by_its_depth():
+    light = LightAtShutter("/sun", LightKind.DISTANT, (1.0,) * 3, extent=Extent(ExtentShape.ROUND, math.radians(2.5)))
+    sheet = quad("/water", (-2, -2), (2, 2), 1.0, WATER)
+    result = traced(Written(scene_of(light, [floor(), sheet])), 64, shutter=STILL)
+    expected = math.sin(math.radians(2.5)) / 1.33
+    for column in (result.photons.dxda, result.photons.dxdb):
+        np.testing.assert_allclose(np.linalg.norm(column, axis=1), expected, rtol=1e-5)
+    np.testing.assert_allclose(np.einsum("ni,ni->n", result.photons.dxda, result.photons.dxdb), 0, atol=1e-9)
+
+
+def test_a_plane_mirror_spreads_a_lamp_by_the_distances_after_and_before_it():
+    """Through a point of the mirror, d from the lamp and d' from the floor, the lamp is seen d'/d as large."""
+    extent = Extent(ExtentShape.ROUND, 0.1)
+    light = LightAtShutter("/lamp", LightKind.POINT, (1.0,) * 3, np.array([0.0, 0.0, 0.5]), extent=extent)
+    scene = scene_of(light, [floor(), quad("/mirror", (-0.1, -0.1), (0.1, 0.1), 2.0, MIRROR, up=False)])
+    photons = traced(Written(scene), 64, shutter=STILL).photons
+    np.testing.assert_allclose(np.linalg.norm(photons.dxda, axis=1), 0.1 * 2.0 / 1.5, rtol=0.02)
+
+
+def test_scenes_without_extent_carry_no_columns():
+    light = replace(LIGHTS["sun"], extent=None)
+    assert len(traced(Written(scene_of(light, water())), 64, shutter=STILL).photons.dxda) == 0
+
+
+def test_columns_ride_on_moving_surfaces_as_they_do_on_still_ones():
+    still = scene_of(LIGHTS["sun"], water())
+    moving = replace(
+        still, shutter=Shutter(4, 3.5, 4.5), meshes=(still.meshes[0], bumpy("/water", WATER, 1.0, True))
+    )
+    one, other = (traced(Written(scene), 128, shutter=scene.shutter).photons for scene in (still, moving))
+    assert len(one) == len(other)
+    np.testing.assert_allclose(one.dxda, other.dxda, rtol=1e-6, atol=1e-9)

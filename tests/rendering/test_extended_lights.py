@@ -1,0 +1,182 @@
+"""Whole frames under lights with extent: closed forms, limits, and splits against sums over points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, quad, steady
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.frame import render_frame
+from tpdwarp.scene.description import (
+    EmissionProfile,
+    Extent,
+    ExtentShape,
+    Interaction,
+    LightAtShutter,
+    LightKind,
+    Material,
+    MeshAtShutter,
+    Shutter,
+)
+from tpdwarp.settings import Settings
+from usd_scenes.oracle.closed_forms import fresnel_reflectance
+
+STILL, OPEN = Shutter(0, 0, 0), Shutter(0, 0, 1)
+BELOW = looking_down(height=0.6)
+
+
+def sun(degrees: float, **changes) -> LightAtShutter:
+    return replace(SUN, extent=Extent(ExtentShape.ROUND, math.radians(0.5 * degrees)) if degrees else None, **changes)
+
+
+def irradiance(source, width=48, height=40, shutter=STILL, **settings) -> np.ndarray:
+    """Irradiance from photons, first channel, float64."""
+    options = {"photons": 1 << 14, "samples": 4, "threads": 1, "aovs": ("irradiance",), "light_splits": 1, **settings}
+    frame = render_frame(RenderContext(source, Settings(**options)), shutter, width, height)
+    return frame.channels["irradiance.R"].astype(np.float64)
+
+
+def beauty(source, width=48, height=40, shutter=STILL, **settings) -> np.ndarray:
+    options = {"photons": 1 << 14, "samples": 4, "threads": 1, "light_splits": 1, **settings}
+    return render_frame(RenderContext(source, Settings(**options)), shutter, width, height).channels["R"].astype(float)
+
+
+def relative(found: np.ndarray, truth: np.ndarray) -> float:
+    """Root mean square of the error by that of the truth."""
+    return float(np.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2)))
+
+
+@pytest.mark.parametrize("degrees", [2.0, 6.0])
+def test_the_edge_of_light_through_a_flat_interface_is_as_wide_as_the_sun_makes_it(degrees):
+    """Within the penumbra, the part of the disc on one side of a chord; elsewhere as without extent."""
+    depth = 1.0
+    sheet = quad("/water", (-1, -1), (0, 1), depth, WATER)
+    radius = depth * math.tan(math.asin(math.sin(math.radians(0.5 * degrees)) / 1.33))
+    half = 2.0 * radius
+    camera = looking_down((-half, half, -half / 4, half / 4), height=0.5)
+    found = irradiance(steady([floor(), sheet], (sun(degrees),), camera), 64, 16, photons=1 << 18).mean(axis=0)
+    x = (np.arange(64) + 0.5) / 32 - 1
+    s = np.clip(-half * x / radius, -1, 1)
+    # Bent towards the vertical, light meets the floor as much nearer to it, which cancels at first order.
+    passed = 1 - fresnel_reflectance(0.0, 1.0, 1.33)
+    expected = passed * (0.5 + (np.arcsin(s) + s * np.sqrt(1 - s**2)) / math.pi)
+    # Cells of a three hundredth, and the soft edge of the disc, a fifth of its radius wide.
+    np.testing.assert_allclose(found, expected, atol=0.02)
+    np.testing.assert_allclose(found.mean(), expected.mean(), rtol=5e-3)
+
+
+def lens(focal_length: float, aperture: float, ior: float = 1.5, rings: int = 48, sides: int = 96) -> MeshAtShutter:
+    """A thin biconvex lens about the origin, its axis vertical, with smooth normals."""
+    radius = 2.0 * (ior - 1.0) * focal_length
+    r = aperture * np.linspace(0, 1, rings + 1)[1:]
+    turn = 2 * np.pi * np.arange(sides) / sides
+    x, y = (np.outer(r, f(turn)).ravel() for f in (np.cos, np.sin))
+    height = np.sqrt(radius**2 - x**2 - y**2) - math.sqrt(radius**2 - aperture**2)
+    top = np.concatenate([[[0, 0, radius - math.sqrt(radius**2 - aperture**2)]], np.stack([x, y, height], axis=1)])
+    up = top + np.array((0, 0, math.sqrt(radius**2 - aperture**2)))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    around, next_one = np.arange(sides), (np.arange(sides) + 1) % sides
+    faces = [np.stack([0 * around, 1 + around, 1 + next_one], axis=1)]
+    for ring in range(rings - 1):
+        a, b = 1 + ring * sides, 1 + (ring + 1) * sides
+        faces.append(np.stack([a + around, b + around, b + next_one], axis=1))
+        faces.append(np.stack([a + around, b + next_one, a + next_one], axis=1))
+    upper = np.concatenate(faces)
+    points = np.concatenate([top, top * [1, 1, -1]])
+    normals = np.concatenate([up, up * [1, 1, -1]])
+    triangles = np.concatenate([upper, upper[:, ::-1] + len(top)]).astype(np.int32)
+    glass = Material(Interaction.DIELECTRIC, ior=ior)
+    return MeshAtShutter("/lens", points, triangles, normals=normals, normal_indices=triangles, materials=(glass,))
+
+
+def test_a_thin_lens_makes_an_image_of_the_sun():
+    """A disc of f · 0.53° across, all of one irradiance: that of the aperture, by the ratio of the areas."""
+    focal_length, aperture, angle = 1.0, 0.04, math.radians(0.53)
+    radius = focal_length * math.tan(0.5 * angle)
+    body = lens(focal_length, aperture)
+    body = replace(body, points=body.points + np.array((0, 0, focal_length)))
+    half = 1.6 * radius
+    camera = looking_down((-half, half, -half, half), height=0.5)
+    found = irradiance(steady([floor(1.0), body], (sun(0.53),), camera), 48, 48, photons=1 << 14)
+    passed = (1 - fresnel_reflectance(0.0, 1.0, 1.5)) ** 2
+    expected = passed * (aperture / radius) ** 2
+    middles = half * ((np.arange(48) + 0.5) / 24 - 1)
+    distance = np.hypot(*np.meshgrid(middles, middles))
+    assert found[distance < 0.7 * radius].mean() == pytest.approx(expected, rel=0.02)
+    assert found[distance > 1.3 * radius].max() < 0.01 * expected
+    across = 2 * math.sqrt((found > 0.5 * expected).sum() * (2 * half / 48) ** 2 / math.pi)
+    assert across == pytest.approx(focal_length * angle, rel=0.02)
+
+
+def water_and_lamp(light, moving=False):
+    return steady([floor(), bumpy("/water", WATER, 1.0, moving)], (light,), BELOW)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_as_the_sun_shrinks_the_frame_tends_to_that_of_parallel_light(moving):
+    shutter = OPEN if moving else STILL
+    parallel = irradiance(water_and_lamp(sun(0), moving), shutter=shutter, photons=4096)
+    errors = [
+        relative(irradiance(water_and_lamp(sun(degrees), moving), shutter=shutter, photons=4096), parallel)
+        for degrees in (4.0, 1.0, 0.25)
+    ]
+    # What blurs goes with the square of the angle where it is small beside cells and pixels; below a tenth of a pixel
+    # it is left out.
+    assert errors[1] < 0.5 * errors[0] and errors[2] < 0.5 * errors[1] and errors[2] < 0.01
+
+
+LAMP = LightAtShutter("/lamp", LightKind.POINT, (4.0, 4.0, 4.0), np.array([0.3, 0.2, 3.0]))
+SPANS = np.array([[0.4, 0.0, 0.0], [0.0, 0.25, 0.0]])
+LIGHTS = {
+    "sun": sun(5.0),
+    "sphere": replace(LAMP, extent=Extent(ExtentShape.ROUND, 0.3)),
+    "disk": replace(LAMP, profile=EmissionProfile.COSINE, extent=Extent(ExtentShape.DISK, 0.0, SPANS)),
+    "rect": replace(LAMP, profile=EmissionProfile.COSINE, extent=Extent(ExtentShape.RECT, 0.0, SPANS)),
+    "tube": replace(
+        LAMP, profile=EmissionProfile.SINE, extent=Extent(ExtentShape.CYLINDER, 0.1, SPANS * [[1.0], [0.0]])
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "moving"), [*((name, False) for name in LIGHTS), ("sun", True), ("rect", True)]
+)
+def test_light_from_all_of_a_light_is_the_mean_of_that_from_its_places(name, moving):
+    source, shutter = water_and_lamp(LIGHTS[name], moving), OPEN if moving else STILL
+    truth = irradiance(source, 24, 20, shutter, estimator="accumulation", accumulation_times=64, photons=1 << 13)
+    found = irradiance(source, 24, 20, shutter, photons=1 << 15, segments=4 if moving else 1)
+    # So many places err by 1/64 or so of what the light spans; the mesh is of facets 0.5 wide.
+    assert relative(found, truth) < 0.03
+
+
+def test_splits_of_a_light_approach_the_mean_of_its_places():
+    """A lamp that is as large as its distance from the glass."""
+    near = replace(LAMP, position=np.array([0.3, 0.2, 1.8]), profile=EmissionProfile.COSINE)
+    light = replace(near, extent=Extent(ExtentShape.RECT, 0.0, SPANS))
+    source = water_and_lamp(light)
+    truth = irradiance(source, 24, 20, estimator="accumulation", accumulation_times=256, photons=1 << 13)
+    errors = [relative(irradiance(source, 24, 20, photons=1 << 16, light_splits=n), truth) for n in (1, 4, 16)]
+    assert errors[1] < 0.7 * errors[0] and errors[2] < errors[1] and errors[2] < 0.03
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_splitting_a_light_changes_no_power(name):
+    source = water_and_lamp(LIGHTS[name])
+    context = [
+        RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1, light_splits=count)) for count in (1, 9)
+    ]
+    one, other = (render_frame(c, STILL, 16, 16).energy for c in context)
+    assert other.sent == pytest.approx(one.sent, rel=0.01)
+
+
+def test_direct_light_and_photons_share_out_the_light_at_the_edge_of_clear_glass():
+    """An index of one bends nothing: what it takes from direct light comes as photons, edges and all."""
+    clear = quad("/clear", (-1, -1), (0, 1), 0.5, Material(Interaction.DIELECTRIC, ior=1.0))
+    source = steady([floor(), clear], (sun(5.0),), looking_down((-0.1, 0.1, -0.1, 0.1), height=0.4))
+    found = math.pi * beauty(source, 32, 32, photons=1 << 16, samples=16)
+    # Sixteen samples look at 64 places, so that a pixel errs by up to 1/16 there; their means do by less.
+    np.testing.assert_allclose(found.mean(axis=0), 1.0, atol=0.02)

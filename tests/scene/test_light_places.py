@@ -1,0 +1,124 @@
+"""Lights with extent cut into parts, and into points: together they are the light."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tpdwarp.scene.description import (
+    EmissionProfile,
+    Extent,
+    ExtentShape,
+    LightAtShutter,
+    LightKind,
+    SceneAtShutter,
+    Shutter,
+)
+from tpdwarp.scene.light_places import parts_of, place_lights, split_lights, whole_of
+
+SPANS = np.array([[0.3, 0.1, 0.0], [-0.05, 0.2, 0.1]])
+SPANS_MOTION = np.array([[0.0, 0.0, 0.1], [0.02, 0.0, 0.0]])
+PLACE = np.array([1.0, 2.0, 3.0])
+TILT = 0.1
+
+
+def point(extent: Extent, profile: EmissionProfile = EmissionProfile.UNIFORM) -> LightAtShutter:
+    return LightAtShutter("/lamp", LightKind.POINT, (4.0, 2.0, 1.0), PLACE, profile=profile, extent=extent)
+
+
+SPHERE = point(Extent(ExtentShape.ROUND, 0.5))
+DISK = point(Extent(ExtentShape.DISK, 0.0, SPANS, SPANS_MOTION), EmissionProfile.COSINE)
+RECT = point(Extent(ExtentShape.RECT, 0.0, SPANS, SPANS_MOTION), EmissionProfile.COSINE)
+TUBE = point(Extent(ExtentShape.CYLINDER, 0.1, np.array([[0.7, 0, 0], [0, 0, 0]])), EmissionProfile.SINE)
+SUN = LightAtShutter("/sun", LightKind.DISTANT, (4.0, 2.0, 1.0), extent=Extent(ExtentShape.ROUND, TILT))
+LIGHTS = {"sphere": SPHERE, "disk": DISK, "rect": RECT, "tube": TUBE, "sun": SUN}
+
+
+def scene(light: LightAtShutter) -> SceneAtShutter:
+    return SceneAtShutter(Shutter.still(0), (), (light,))
+
+
+def variance(light: LightAtShutter) -> np.ndarray:
+    """Covariance [3, 3] of the power of a light over its places (a sun's: over the sines of its directions)."""
+    extent = light.extent
+    if extent is None:
+        return np.zeros((3, 3))
+    if light.kind == LightKind.DISTANT:
+        return 0.25 * math.sin(extent.radius) ** 2 * np.diag([1.0, 1.0, 0.0])
+    if extent.shape == ExtentShape.ROUND:
+        return 0.25 * extent.radius**2 * np.eye(3)
+    if extent.shape == ExtentShape.CYLINDER:
+        axis = np.outer(extent.spans[0], extent.spans[0])
+        return axis / 3.0 + 0.25 * extent.radius**2 * np.diag([0.0, 1.0, 1.0])
+    return (0.25 if extent.shape == ExtentShape.DISK else 1.0 / 3.0) * extent.spans.T @ extent.spans
+
+
+def places(lights: list[LightAtShutter]) -> np.ndarray:
+    """Where lights stand, shape [n, 3]; of suns, the sines of the directions that they come from."""
+    if lights[0].kind == LightKind.DISTANT:
+        return np.array([light.axes[2] * [1, 1, 0] for light in lights])
+    return np.array([light.position for light in lights])
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+@pytest.mark.parametrize("count", [4, 9, 64])
+def test_parts_have_the_power_the_middle_and_the_variance_of_the_whole(name, count):
+    light = LIGHTS[name]
+    parts = parts_of(light, count)
+    assert len({part.path for part in parts}) == len(parts) and {whole_of(part.path) for part in parts} == {light.path}
+    there = places(parts)
+    np.testing.assert_allclose(there.mean(axis=0), places([light])[0], atol=1e-12)
+    # Places on a disc or ball are spread evenly to a part of 1/√N or so of what they leave to their own extent.
+    spread = np.cov(there.T, bias=True) + np.mean([variance(part) for part in parts], axis=0)
+    allowed = 1e-12 if name in ("rect", "tube") else 0.5 / math.sqrt(count)
+    np.testing.assert_allclose(spread, variance(light), atol=allowed * np.trace(variance(light)))
+    if name != "sun":
+        np.testing.assert_allclose(np.sum([part.power for part in parts], axis=0), light.power, rtol=1e-12)
+
+
+def test_the_parts_of_a_sun_give_its_irradiance_across_its_direction():
+    parts = parts_of(SUN, 32)
+    total = np.sum([np.array(part.power) * part.axes[2, 2] for part in parts], axis=0)
+    np.testing.assert_allclose(total, SUN.power, rtol=1e-12)
+    for part in parts:
+        np.testing.assert_allclose(part.axes @ part.axes.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(part.axes) > 0
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_places_have_the_variance_of_the_light(name):
+    light, count = LIGHTS[name], 1024
+    lights = [place_lights(scene(light), number, count).lights[0] for number in range(count)]
+    assert all(found.extent is None and found.path == light.path for found in lights)
+    there = places(lights)
+    np.testing.assert_allclose(there.mean(axis=0), places([light])[0], atol=5e-3 * math.sqrt(np.trace(variance(light))))
+    np.testing.assert_allclose(np.cov(there.T, bias=True), variance(light), atol=1e-2 * np.trace(variance(light)))
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 1), (0.6, 0, 0.8), (0.48, 0.6, 0.64)])
+def test_a_sphere_looks_like_a_disc_of_one_radiance_from_everywhere(axis):
+    """Places of a uniform disc lie within the radius r for the part r² of them."""
+    count = 4096
+    there = places([place_lights(scene(SPHERE), number, count).lights[0] for number in range(count)]) - PLACE
+    across = np.linalg.norm(there - np.outer(there @ axis, axis), axis=1) / SPHERE.extent.radius
+    for radius in (0.25, 0.5, 0.75, 0.9):
+        assert np.mean(across < radius) == pytest.approx(radius**2, abs=0.01)
+
+
+def test_a_part_moves_with_its_place_on_the_light():
+    for part in parts_of(RECT, 4):
+        place = np.linalg.lstsq(SPANS.T, part.position - PLACE, rcond=None)[0]
+        np.testing.assert_allclose(part.position_motion, place @ SPANS_MOTION, atol=1e-12)
+
+
+def test_one_part_is_the_light_itself():
+    whole = scene(SPHERE)
+    assert split_lights(whole, 1) is whole
+
+
+def test_lights_without_extent_are_not_split():
+    bare = LightAtShutter("/lamp", LightKind.POINT, (1.0, 1.0, 1.0))
+    whole = SceneAtShutter(Shutter.still(0), (), (bare, SPHERE))
+    assert split_lights(whole, 8).lights[0] is bare and len(split_lights(whole, 8).lights) == 9

@@ -1,0 +1,157 @@
+"""Grids of keyframes: D_t x, x and ln Φ as functions of the place on a light, interpolated on the device."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.photons.photon_map import PhotonMap
+
+# Photons of the four around a place that have to have taken a path for its values to be valid.
+FEWEST_CORNERS = wp.constant(3)
+
+
+@wp.struct
+class GridArrays:
+    """The photons of one lattice on one path, by cell: ``u · size[1] + v`` from cell ``first`` on.
+
+    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ.
+    """
+
+    first: wp.vec2d
+    size: wp.vec2i
+    path: wp.array(dtype=wp.int64)
+    dxdt: wp.array(dtype=wp.vec3)
+    position: wp.array(dtype=wp.vec3)
+    log_flux: wp.array(dtype=wp.float32)
+
+
+@wp.struct
+class Riders:
+    """Photons that are looked up: their place on the light at mid shutter, their shift over the whole of it, paths.
+
+    Places are in steps of the lattice of the photons; ``scale`` and ``offset`` make them steps of the grid's.
+    """
+
+    emission: wp.array(dtype=wp.vec2)
+    shift: wp.array(dtype=wp.vec2)
+    path: wp.array(dtype=wp.uint32)
+    scale: wp.vec2d
+    offset: wp.vec2d
+
+
+@wp.struct
+class StateArrays:
+    """What was found, one row a photon; ``drift`` is how far it has moved over the light, in cells of the grid."""
+
+    dxdt: wp.array(dtype=wp.vec3d)
+    position: wp.array(dtype=wp.vec3d)
+    log_flux: wp.array(dtype=wp.float64)
+    drift: wp.array(dtype=wp.float64)
+    valid: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Corner:
+    """A photon of a grid beside a place: its values, and whether it took the path that is looked for."""
+
+    dxdt: wp.vec3d
+    position: wp.vec3d
+    log_flux: wp.float64
+    valid: int
+
+
+@wp.func
+def corner_at(grid: GridArrays, u: int, v: int, path: wp.uint32) -> Corner:
+    """The photon of a cell; none outside of the grid."""
+    out = Corner()
+    if u >= 0 and v >= 0 and u < grid.size[0] and v < grid.size[1]:
+        k = u * grid.size[1] + v
+        if grid.path[k] == wp.int64(path):
+            out.dxdt = wp.vec3d(grid.dxdt[k])
+            out.position = wp.vec3d(grid.position[k])
+            out.log_flux = wp.float64(grid.log_flux[k])
+            out.valid = 1
+    return out
+
+
+@wp.func
+def on_plane_of(missing: Corner, a: Corner, b: Corner, opposite: Corner) -> Corner:
+    """A corner, or where it is missing, what lies there on the plane through the others."""
+    out = missing
+    if missing.valid == 0:
+        out.dxdt = a.dxdt + b.dxdt - opposite.dxdt
+        out.position = a.position + b.position - opposite.position
+        out.log_flux = a.log_flux + b.log_flux - opposite.log_flux
+    return out
+
+
+@wp.kernel(enable_backward=False)
+def interpolate(
+    base: int,
+    # In
+    grid: GridArrays,
+    riders: Riders,
+    rows: wp.array(dtype=wp.int32),
+    part: wp.float64,
+    # Out
+    out: StateArrays,
+):
+    """Values at the places that photons have at the part ``part`` (−½ … ½) of the shutter, bilinearly."""
+    i = rows[base + wp.tid()]
+    half = wp.float64(0.5)
+    moved = part * wp.vec2d(riders.shift[i])
+    out.drift[i] = wp.max(wp.abs(wp.cw_mul(moved, riders.scale)))
+    place = wp.cw_mul(wp.vec2d(riders.emission[i]) + moved, riders.scale) + riders.offset - grid.first
+    place = place - wp.vec2d(half, half)
+    last = wp.vec2d(wp.float64(grid.size[0] - 1), wp.float64(grid.size[1] - 1))
+
+    # ---- Outside the outermost photons, by up to a cell, it is as on the line that they make
+    beyond = wp.max(wp.max(-place), wp.max(place - last))
+    place = wp.max(wp.min(place, last), wp.vec2d())
+    u = wp.min(int(wp.floor(place[0])), wp.max(grid.size[0] - 2, 0))
+    v = wp.min(int(wp.floor(place[1])), wp.max(grid.size[1] - 2, 0))
+    x = place[0] - wp.float64(u)
+    y = place[1] - wp.float64(v)
+    path = riders.path[i]
+    a = corner_at(grid, u, v, path)
+    b = corner_at(grid, u + 1, v, path)
+    c = corner_at(grid, u, v + 1, path)
+    d = corner_at(grid, u + 1, v + 1, path)
+    count = a.valid + b.valid + c.valid + d.valid
+    if beyond < wp.float64(1.0) and count >= FEWEST_CORNERS:
+        p = on_plane_of(a, b, c, d)
+        q = on_plane_of(b, a, d, c)
+        r = on_plane_of(c, a, d, b)
+        s = on_plane_of(d, b, c, a)
+        one = wp.float64(1.0)
+        out.dxdt[i] = (one - y) * ((one - x) * p.dxdt + x * q.dxdt) + y * ((one - x) * r.dxdt + x * s.dxdt)
+        out.position[i] = (one - y) * ((one - x) * p.position + x * q.position) + y * (
+            (one - x) * r.position + x * s.position
+        )
+        out.log_flux[i] = (one - y) * ((one - x) * p.log_flux + x * q.log_flux) + y * (
+            (one - x) * r.log_flux + x * s.log_flux
+        )
+        out.valid[i] = 1
+
+
+def grid_of(photons: PhotonMap, rows: np.ndarray, launcher: Launcher) -> GridArrays:
+    """The grid of those ``rows`` of photons, which are of one lattice and on one path."""
+    cell = np.floor(photons.emission[rows]).astype(np.int64)
+    first = cell.min(axis=0)
+    size = cell.max(axis=0) - first + 1
+    at = (cell - first) @ [size[1], 1]
+
+    def column(values: np.ndarray, dtype: object, empty: int = 0) -> wp.array:
+        filled = np.full((int(size.prod()), *values.shape[1:]), empty, values.dtype)
+        filled[at] = values
+        return launcher.array(filled, dtype)
+
+    flux = np.log(np.maximum(photons.flux[rows].max(axis=1), np.finfo(np.float32).tiny))
+    out = GridArrays()
+    out.first, out.size = wp.vec2d(*map(float, first)), wp.vec2i(*map(int, size))
+    out.path = column(photons.path[rows].astype(np.int64), wp.int64, -1)
+    out.dxdt, out.position = (column(getattr(photons, name)[rows], wp.vec3) for name in ("dxdt", "position"))
+    out.log_flux = column(flux.astype(np.float32), wp.float32)
+    return out

@@ -1,0 +1,114 @@
+"""Light splits: into how many parts lights with extent are cut for a given number of photons.
+
+Light from the place (a, b) on a light lands x(a, b); a footprint takes x + a D_a x + b D_b x for it. What that misses
+goes with the square of (a, b), so that N parts, 1/√N as wide each, miss 1/N of it. Where irradiance changes over a
+length L, a miss e errs by e/L of the light; L is no less than what the light's image itself is across. Light that takes
+another path from the rim of the light than from its middle errs by a part of itself, in a band that is 1/√N as wide.
+N parts share the photons, so that what footprints h wide blur, h²/(8L²), grows by N. Together, up to a factor:
+
+    e/(2 L N) + c/√N + h² N/(8 L²)
+
+as means over the photons of a coarse trace, weighted by flux. Photons from the rim are traced from the point of the
+first surface at which those from the middle meet it, so that each has its own e.
+
+Beyond the paper, whose lights are points or parallel.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tpdwarp.clock import Clock
+from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.path_tags import PathTags
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.scene.device.loading import LoadedScene
+
+# Photons of the trace from which the number of parts is chosen. Chosen, not derived.
+PILOT_PHOTONS = 4096
+# Photons that a part has at least, and parts that a light has at most: each is a lattice to trace. Chosen, not derived.
+FEWEST_PHOTONS = 256
+MOST_SPLITS = 256
+# Stills looked at, spread over the animation.
+MOST_STILLS = 2
+# Places on the light, by its coordinates: the ends of its axes.
+RIM = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+# Light that takes another path from some places errs by so much of itself: a quarter, as light that begins or ends
+# within the shutter does.
+CHANGED_ERROR = 0.25
+# More parts have to lessen the error by more than this part.
+LEAST_GAIN = 0.1
+
+
+def best_split_count(tracer: PhotonTracer) -> int:
+    """The number of parts for the lights of an animation: one number for all frames, lest they flicker.
+
+    Args:
+        tracer: Traces with one part a light.
+    """
+    photons = tracer.settings.photons
+    if tracer.settings.estimator != "tpd" or photons < 2 * FEWEST_PHOTONS:
+        return 1
+    clock = Clock()
+    stills = tracer.source.reference_shutters()
+    chosen = stills[:: max(1, -(-len(stills) // MOST_STILLS))]
+    totals = np.zeros(len(candidates(photons)))
+    for still in chosen:
+        loaded = tracer.load(still, clock)
+        if loaded.requirements.extended_lights and loaded.requirements.caustics:
+            totals += _errors(tracer, loaded, candidates(photons), clock)
+    if not totals.any():
+        return 1
+    return int(candidates(photons)[np.argmax(totals <= (1.0 + LEAST_GAIN) * totals.min())])
+
+
+def candidates(photons: int) -> np.ndarray:
+    """Powers of two that leave each part enough photons."""
+    most = max(1, min(MOST_SPLITS, photons // FEWEST_PHOTONS))
+    return 2 ** np.arange(int(np.log2(most)) + 1)
+
+
+def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock: Clock) -> np.ndarray:
+    """The error of the light in one still, up to a factor, for each number of parts."""
+    photons = tracer.settings.photons
+    plan = tracer.plan(min(photons, PILOT_PHOTONS), clock)
+    tags = PathTags(loaded.scene, plan.photons).of(loaded.scene)
+    middle, _ = tracer.trace(loaded, plan, clock, tags=tags)
+    spread = middle.image > 0
+    if not spread.any():
+        return np.zeros(len(counts))
+    middle = middle.rows(spread)
+    missed, changed = np.zeros(len(middle)), np.zeros(len(middle))
+    for place in RIM:
+        rim, _ = tracer.trace(loaded, plan, clock, tags=tags, place=place)
+        e, same = _missed(middle, rim, place)
+        missed += np.where(same, e**2, 0.0) / len(RIM)
+        changed += ~same / len(RIM)
+    flux = middle.flux.sum(axis=1, dtype=np.float64)
+    flux /= flux.sum()
+    length = _length(middle, plan)
+    size = np.abs(np.linalg.norm(np.cross(middle.dxdu, middle.dxdv), axis=1)) * plan.photons / photons
+    n = counts[:, None].astype(np.float64)
+    first_order = np.minimum(0.5 * np.sqrt(missed) / length / n, 1.0)
+    blur = np.minimum(size * n / (8.0 * length**2), 1.0)
+    return ((first_order + CHANGED_ERROR * changed / np.sqrt(n) + blur) * flux).sum(axis=1)
+
+
+def _missed(middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """How far from where first order has them photons from a place on the light land, and whether on the same path."""
+    order = np.argsort(rim.ids)
+    at = order[np.searchsorted(rim.ids[order], middle.ids).clip(max=len(order) - 1)] if len(order) else None
+    if at is None:
+        return np.zeros(len(middle)), np.zeros(len(middle), bool)
+    same = (rim.ids[at] == middle.ids) & (rim.path[at] == middle.path) & (rim.receiver[at] == middle.receiver)
+    expected = middle.position + place[0] * middle.dxda + place[1] * middle.dxdb
+    return np.linalg.norm(rim.position[at] - expected, axis=1), same
+
+
+def _length(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
+    """Over which length irradiance changes, at least: across the light's image, and across a pilot's footprint."""
+    image = np.linalg.norm(photons.dxda, axis=1) ** 2 + np.linalg.norm(photons.dxdb, axis=1) ** 2
+    area = np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1)
+    typical = np.median(area) * plan.photons / PILOT_PHOTONS
+    return np.sqrt(2.0 * image + typical)

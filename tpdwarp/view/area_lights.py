@@ -1,0 +1,434 @@
+"""Lights with extent on the device, and direct light from them.
+
+Unshadowed irradiance is known in closed form: of a sphere and of the sun's disc (Snyder 1996), a disk (its light
+vector, Fock 1924), a rectangle (Lambert 1760). It is multiplied by the share of the light that nothing hides, which a
+few stratified places on the light tell; so there is noise in penumbras only. That of a cylinder is that of a line on
+its visible side, by quadrature.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.device import Launcher
+from tpdwarp.scene.description import ExtentShape, LightAtShutter, LightKind
+from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.intersection import occluded
+from tpdwarp.scene.device.presence import share_that_passes
+from tpdwarp.scene.device.shaping import shaped
+from tpdwarp.scene.device.textures import TextureArrays
+from tpdwarp.scene.normalization import Normalization
+from tpdwarp.view.lights import FAR
+
+# Strata of the light along either of its axes, of one camera sample; the samples of a pixel share out each of them.
+# Chosen, not derived: four samples a pixel then look at sixteen places.
+STRATA = wp.constant(2)
+ROUND = wp.constant(int(ExtentShape.ROUND))
+DISK = wp.constant(int(ExtentShape.DISK))
+CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
+PI = wp.constant(math.pi)
+# A sphere whose distance is more than this many radii is a flat disc where the horizon cuts it: that errs by the square
+# of the ratio, 0.4 %, of what is little there, while the closed form of the sphere loses digits.
+FLAT_FROM = wp.constant(16.0)
+# A point is never nearer to the middle of a sphere than its radius, and a little: within it nothing is defined.
+OUTSIDE = wp.constant(1.0001)
+# A flat light farther off than so many times its size is a point: that errs by the square of the ratio, 0.1 %, and the
+# sum over the edges of a polygon by its rounding, 6e-8 by that square.
+POINT_FROM = wp.constant(30.0)
+# Edges of the polygon that stands for a disk which the horizon cuts; of equal area, it errs by 0.1 %.
+EDGES = wp.constant(24)
+EDGE_SCALE = wp.constant(math.sqrt(2.0 * math.pi / (24 * math.sin(2.0 * math.pi / 24))))
+# A disk counts as a circle where its axes differ by no more than this part, and as an ellipse elsewhere.
+CIRCLE = wp.constant(1.0e-3)
+# Nodes of Gauss's rule along half a cylinder, and their weights.
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
+GAUSS_NODES = wp.constant(wp.types.vector(length=8, dtype=wp.float32)(*NODES.astype(np.float32)))
+GAUSS_WEIGHTS = wp.constant(wp.types.vector(length=8, dtype=wp.float32)(*WEIGHTS.astype(np.float32)))
+# How far before its axis, in radii, the visible side of a cylinder lies on average over what is seen of it.
+VISIBLE_SIDE = wp.constant(0.25 * math.pi)
+TURN = wp.constant(2.0 * math.pi)
+
+
+@wp.struct
+class AreaLightArrays:
+    """Lights with extent in the tracer's units, one row a light.
+
+    ``place`` is the direction of travel or the position, ``span_a`` and ``span_b`` are as in
+    :class:`tpdwarp.scene.description.Extent`; each changes by its motion over the shutter. ``facing`` is the normal of
+    what is flat. ``radius`` of parallel light is the sine of the half angle. ``shaping`` is that beside the profile.
+    """
+
+    distant: wp.array(dtype=wp.int32)
+    shape: wp.array(dtype=wp.int32)
+    place: wp.array(dtype=wp.vec3)
+    place_motion: wp.array(dtype=wp.vec3)
+    power: wp.array(dtype=wp.vec3)
+    radius: wp.array(dtype=wp.float32)
+    span_a: wp.array(dtype=wp.vec3)
+    span_a_motion: wp.array(dtype=wp.vec3)
+    span_b: wp.array(dtype=wp.vec3)
+    span_b_motion: wp.array(dtype=wp.vec3)
+    facing: wp.array(dtype=wp.vec3)
+    facing_motion: wp.array(dtype=wp.vec3)
+    shaping: wp.array(dtype=wp.vec3)
+
+
+def area_light_arrays(
+    lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher
+) -> AreaLightArrays:
+    """The kernel's view of those of ``lights`` that have an extent."""
+    chosen = [light for light in lights if light.extent is not None]
+    distant = [light.kind == LightKind.DISTANT for light in chosen]
+    scale = normalization.scale
+    rows: dict[str, list[object]] = {
+        "place": [
+            -light.axes[2] if far else normalization.points(light.position[None])[0]
+            for light, far in zip(chosen, distant, strict=True)
+        ],
+        "place_motion": [
+            -light.axes_motion[2] if far else light.position_motion * scale
+            for light, far in zip(chosen, distant, strict=True)
+        ],
+        "power": [normalization.light_power(light) for light in chosen],
+        "span_a": [scale * light.extent.spans[0] for light in chosen],
+        "span_a_motion": [scale * light.extent.spans_motion[0] for light in chosen],
+        "span_b": [scale * light.extent.spans[1] for light in chosen],
+        "span_b_motion": [scale * light.extent.spans_motion[1] for light in chosen],
+        "facing": [-light.axes[2] for light in chosen],
+        "facing_motion": [-light.axes_motion[2] for light in chosen],
+        "shaping": [shaping_of_area(light) for light in chosen],
+    }
+    out = AreaLightArrays()
+    for name, values in rows.items():
+        setattr(out, name, launcher.array(np.array(values, np.float32).reshape(-1, 3), wp.vec3))
+    out.distant = launcher.array(np.array(distant, np.int32), wp.int32)
+    out.shape = launcher.array(np.array([light.extent.shape for light in chosen], np.int32), wp.int32)
+    radii = [
+        math.sin(light.extent.radius) if far else scale * light.extent.radius
+        for light, far in zip(chosen, distant, strict=True)
+    ]
+    out.radius = launcher.array(np.array(radii, np.float32), wp.float32)
+    return out
+
+
+def shaping_of_area(light: LightAtShutter) -> tuple[float, float, float]:
+    """Angle, softness and focus of a light for kernels, without its profile, which its shape says."""
+    shaping = light.shaping
+    return (-1.0, 0.0, 0.0) if shaping is None else (shaping.angle, shaping.softness, shaping.focus)
+
+
+@wp.struct
+class AreaLight:
+    """A light with extent at a time, as seen from a point: ``d`` leads to its middle, or is the direction there."""
+
+    distant: bool
+    shape: int
+    d: wp.vec3
+    radius: float
+    a: wp.vec3
+    b: wp.vec3
+    facing: wp.vec3
+
+
+@wp.func
+def light_seen_from(lights: AreaLightArrays, k: int, x: wp.vec3, time: float) -> AreaLight:
+    """Light ``k`` from x at ``time`` in the shutter."""
+    out = AreaLight()
+    place = lights.place[k] + time * lights.place_motion[k]
+    out.distant = lights.distant[k] == 1
+    out.shape = lights.shape[k]
+    out.radius = lights.radius[k]
+    if out.distant:
+        out.d = -wp.normalize(place)
+    else:
+        out.d = place - x
+    out.a = lights.span_a[k] + time * lights.span_a_motion[k]
+    out.b = lights.span_b[k] + time * lights.span_b_motion[k]
+    out.facing = wp.normalize(lights.facing[k] + time * lights.facing_motion[k])
+    return out
+
+
+@wp.func
+def round_irradiance(cosine: float, h: float) -> float:
+    """Irradiance of a sphere at h radii distance, by that of a point of the same intensity at normal incidence.
+
+    ``cosine`` is that of the direction to its middle; where the horizon cuts the sphere, see Snyder (1996).
+    """
+    sine = 1.0 / h
+    if cosine >= sine:
+        return cosine
+    if cosine <= -sine:
+        return 0.0
+    if h > FLAT_FROM:
+        q = cosine * h
+        rest = wp.sqrt(wp.max(1.0 - q * q, 0.0))
+        share = 0.5 + (wp.asin(wp.clamp(q, -1.0, 1.0)) + q * rest) / PI
+        return sine * (q * share + 2.0 / (3.0 * PI) * rest * rest * rest)
+    h2 = h * h
+    k2 = wp.max(1.0 - h2 * cosine * cosine, 0.0)
+    root = wp.sqrt(h2 - 1.0)
+    angle = wp.acos(wp.clamp(-cosine * root / wp.sqrt(1.0 - cosine * cosine), -1.0, 1.0))
+    return (cosine * angle - wp.sqrt(k2) * root + h2 * wp.atan(wp.sqrt(k2) / root)) / PI
+
+
+@wp.func
+def edge_term(p: wp.vec3, q: wp.vec3, n: wp.vec3) -> float:
+    """An edge's part of Lambert's sum: the angle that it subtends, by the cosine of its plane's normal to n."""
+    normal = wp.cross(p, q)
+    length = wp.length(normal)
+    if length <= 0.0:
+        return 0.0
+    return wp.dot(n, normal) / length * wp.atan2(length, wp.dot(p, q))
+
+
+@wp.func
+def corner(light: AreaLight, number: int) -> wp.vec3:
+    """A corner of the polygon that a flat light is, from the point that looks at it."""
+    if light.shape == DISK:
+        angle = TURN * float(number) / float(EDGES)
+        return light.d + EDGE_SCALE * (wp.cos(angle) * light.a + wp.sin(angle) * light.b)
+    u = wp.where(number == 0 or number == 3, -1.0, 1.0)
+    v = wp.where(number == 0 or number == 1, -1.0, 1.0)
+    return light.d + u * light.a + v * light.b
+
+
+@wp.func
+def polygon_irradiance(light: AreaLight, n: wp.vec3) -> float:
+    """Irradiance of a flat light of unit radiance by Lambert's formula, cut by the horizon."""
+    count = int(4)
+    if light.shape == DISK:
+        count = int(EDGES)
+    total = float(0.0)
+    leaves = wp.vec3(0.0, 0.0, 0.0)
+    enters = wp.vec3(0.0, 0.0, 0.0)
+    cut = bool(False)
+    p = corner(light, 0)
+    for number in range(count):
+        q = corner(light, (number + 1) % count)
+        height_p = wp.dot(n, p)
+        height_q = wp.dot(n, q)
+        if height_p > 0.0 or height_q > 0.0:
+            start = p
+            end = q
+            if height_p <= 0.0:
+                start = p + (height_p / (height_p - height_q)) * (q - p)
+                enters = start
+                cut = True
+            if height_q <= 0.0:
+                end = p + (height_p / (height_p - height_q)) * (q - p)
+                leaves = end
+                cut = True
+            total += edge_term(start, end, n)
+        p = q
+    if cut:
+        total += edge_term(leaves, enters, n)
+    return 0.5 * wp.abs(total)
+
+
+@wp.func
+def disk_irradiance(light: AreaLight, n: wp.vec3) -> float:
+    """Irradiance of a circular disk above the horizon, by that of its intensity along its normal: its light vector."""
+    z = -wp.dot(light.d, light.facing)
+    outward = -light.d - z * light.facing
+    rho = wp.length(outward)
+    r2 = wp.length_sq(light.a)
+    t = rho * rho + z * z - r2
+    s = rho * rho + z * z + r2
+    q = wp.sqrt(t * t + 4.0 * r2 * z * z)
+    axial = float(0.0)
+    if t > 0.0:
+        axial = 2.0 * z * z / (q * (q + t))
+    else:
+        axial = 0.5 * (q - t) / (q * r2)
+    total = -axial * wp.dot(n, light.facing)
+    if rho > 0.0:
+        total -= 2.0 * z * rho / (q * (q + s)) * wp.dot(n, outward) / rho
+    return total
+
+
+@wp.func
+def unshadowed_irradiance(light: AreaLight, n: wp.vec3) -> float:
+    """Irradiance of a light that nothing hides, by its power: its largest intensity, or its irradiance."""
+    distance = wp.length(light.d)
+    cosine = wp.dot(n, light.d) / distance
+    if light.shape == ROUND:
+        if light.distant:
+            return round_irradiance(cosine, 1.0 / light.radius)
+        h = wp.max(distance / light.radius, OUTSIDE)
+        return round_irradiance(cosine, h) / (h * h * light.radius * light.radius)
+    if light.shape == CYLINDER:
+        total = float(0.0)
+        axis = wp.normalize(light.a)
+        across = light.d - wp.dot(light.d, axis) * axis
+        apart = wp.max(wp.length(across), light.radius)
+        # The strip that is seen lies before the axis, and is as much narrower.
+        nearer = 1.0 - VISIBLE_SIDE * light.radius / apart
+        for node in range(8):
+            d = light.d + GAUSS_NODES[node] * light.a - (1.0 - nearer) * across
+            w = wp.normalize(d)
+            sine = wp.length(wp.cross(axis, w))
+            total += 0.5 * GAUSS_WEIGHTS[node] * wp.max(wp.dot(n, w), 0.0) * sine / wp.length_sq(d)
+        return nearer * total
+    height = -wp.dot(light.d, light.facing)
+    if height <= 0.0:
+        return 0.0
+    a2 = wp.length_sq(light.a)
+    b2 = wp.length_sq(light.b)
+    if distance * distance > POINT_FROM * POINT_FROM * (a2 + b2):
+        return wp.max(cosine, 0.0) * height / (distance * distance * distance)
+    area = 4.0 * wp.length(wp.cross(light.a, light.b))
+    if light.shape == DISK:
+        area *= 0.25 * PI
+        reach = wp.sqrt(wp.dot(n, light.a) * wp.dot(n, light.a) + wp.dot(n, light.b) * wp.dot(n, light.b))
+        if wp.dot(n, light.d) + reach <= 0.0:
+            return 0.0
+        if wp.dot(n, light.d) >= reach and wp.abs(a2 - b2) <= CIRCLE * a2:
+            return disk_irradiance(light, n)
+    return polygon_irradiance(light, n) / area
+
+
+@wp.struct
+class PlaceOnLight:
+    """A place on a light: direction there, distance, and by how much it lights a point, up to a factor."""
+
+    w: wp.vec3
+    distance: float
+    weight: float
+
+
+@wp.func
+def across_of(middle: wp.vec3) -> wp.vec3:
+    """A unit vector across a direction."""
+    if wp.abs(middle[0]) > 0.5:
+        return wp.normalize(wp.vec3(middle[2], 0.0, -middle[0]))
+    return wp.normalize(wp.vec3(0.0, -middle[2], middle[1]))
+
+
+@wp.func
+def highest_place(light: AreaLight, n: wp.vec3) -> wp.vec2:
+    """The place on a light that stands highest above the horizon, but for a tenth of the light around it."""
+    a = light.a
+    b = light.b
+    if light.shape == ROUND:
+        middle = wp.normalize(light.d)
+        a = across_of(middle)
+        b = wp.cross(middle, a)
+    if light.shape == ROUND or light.shape == DISK:
+        turn = wp.atan2(wp.dot(n, b), wp.dot(n, a)) / TURN
+        return wp.vec2(0.9, turn - wp.floor(turn))
+    return wp.vec2(0.5 + 0.45 * wp.sign(wp.dot(n, a)), 0.5 + 0.45 * wp.sign(wp.dot(n, b)))
+
+
+@wp.func
+def place_on_light(light: AreaLight, n: wp.vec3, place: wp.vec2) -> PlaceOnLight:
+    """The place on a light at ``place`` in the unit square, whose squares of equal area are lights of equal power."""
+    out = PlaceOnLight()
+    distance = wp.length(light.d)
+    middle = light.d / distance
+    radius = wp.sqrt(place[0])
+    x = radius * wp.cos(TURN * place[1])
+    y = radius * wp.sin(TURN * place[1])
+    if light.shape == ROUND:
+        sine = light.radius
+        out.distance = FAR
+        if not light.distant:
+            sine = 1.0 / wp.max(distance / light.radius, OUTSIDE)
+        across = across_of(middle)
+        up = wp.cross(middle, across)
+        off = sine * radius
+        forward = wp.sqrt(wp.max(1.0 - off * off, 0.0))
+        out.w = forward * middle + sine * (x * across + y * up)
+        if not light.distant:
+            # The surface of the sphere lies before its middle.
+            rest = wp.sqrt(wp.max(light.radius * light.radius - distance * distance * off * off, 0.0))
+            out.distance = wp.max(distance * forward - rest, 0.0)
+        out.weight = wp.max(wp.dot(n, out.w), 0.0) / wp.max(forward, 1.0e-3)
+        return out
+    d = light.d + x * light.a + y * light.b
+    if light.shape != DISK:
+        d = light.d + (2.0 * place[0] - 1.0) * light.a
+        if light.shape == CYLINDER:
+            d += (2.0 * place[1] - 1.0) * light.radius * wp.normalize(wp.cross(light.a, d))
+        else:
+            d += (2.0 * place[1] - 1.0) * light.b
+    out.distance = wp.length(d)
+    out.w = d / out.distance
+    emitted = -wp.dot(out.w, light.facing)
+    if light.shape == CYLINDER:
+        emitted = wp.length(wp.cross(wp.normalize(light.a), out.w))
+    out.weight = wp.max(wp.dot(n, out.w), 0.0) * wp.max(emitted, 0.0) / (out.distance * out.distance)
+    return out
+
+
+@wp.func
+def within(place: wp.vec2) -> wp.vec2:
+    """A place moved into the unit square by whole numbers."""
+    return wp.vec2(place[0] - wp.floor(place[0]), place[1] - wp.floor(place[1]))
+
+
+@cache
+def area_irradiance(share: wp.Function) -> wp.Function:
+    """The function that sums what lights with extent send to a point.
+
+    Args:
+        share: What part of the light from a place on a light is counted: share(surfaces, textures, x, place, offset)
+            with a :class:`PlaceOnLight`.
+    """
+
+    @wp.func
+    def irradiance(
+        surfaces: Surfaces,
+        textures: TextureArrays,
+        lights: AreaLightArrays,
+        x: wp.vec3,
+        n: wp.vec3,
+        n_g: wp.vec3,
+        offset: wp.vec3,
+        place: wp.vec2,
+    ) -> wp.vec3:
+        total = wp.vec3(0.0, 0.0, 0.0)
+        for k in range(lights.power.shape[0]):
+            light = light_seen_from(lights, k, x, surfaces.time)
+            mean = unshadowed_irradiance(light, n)
+            if mean > 0.0:
+                counted = float(0.0)
+                whole = float(0.0)
+                for number in range(STRATA * STRATA + 1):
+                    cell = wp.vec2(float(number % STRATA), float(number // STRATA))
+                    if number < STRATA * STRATA:
+                        there = place_on_light(light, n, (cell + within(place)) / float(STRATA))
+                    elif whole == 0.0:
+                        # All of them lie below the horizon, which does not hide all of the light.
+                        there = place_on_light(light, n, highest_place(light, n))
+                    else:
+                        break
+                    whole += there.weight
+                    if there.weight > 0.0 and wp.dot(n_g, there.w) > 0.0:
+                        part = share(surfaces, textures, x, there, offset)
+                        if part > 0.0:
+                            counted += there.weight * part * shaped(lights.shaping[k], light.facing, -there.w)
+                if counted > 0.0:
+                    total += lights.power[k] * (mean * counted / whole)
+        return total
+
+    return irradiance
+
+
+@wp.func
+def visible_share(
+    surfaces: Surfaces, textures: TextureArrays, x: wp.vec3, there: PlaceOnLight, offset: wp.vec3
+) -> float:
+    """1 for a place on a light that nothing hides, else 0; whatever is specular hides it too."""
+    return wp.where(occluded(surfaces, x, there.w, offset, there.distance), 0.0, 1.0)
+
+
+@wp.func
+def passing_share(
+    surfaces: Surfaces, textures: TextureArrays, x: wp.vec3, there: PlaceOnLight, offset: wp.vec3
+) -> float:
+    """As :func:`visible_share`, where surfaces that are there in part let the rest of the light pass."""
+    return share_that_passes(surfaces, textures, x, there.w, offset, there.distance)
