@@ -26,7 +26,7 @@ from tpdwarp.rendering.frame import Frame
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.record import LandedPhotons
 
-def render_frame(context, shutter, width, height, **_):
+def render_frame(context, shutter, width, height, *_, **more):
     if shutter.frame > 1:
         print("busy", flush=True)
         time.sleep(60)
