@@ -29,7 +29,6 @@ from tpdwarp.scene.device.intersection import along, closest_hit, occluded
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.presence import presence_at
 from tpdwarp.scene.device.textures import TextureArrays, absorbed_within
-from tpdwarp.scene.light_places import whole_of
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import LightSettings
 
@@ -459,8 +458,7 @@ def trace_photons(
                 rows["ids"] = _ids(cells[keep], patch, masks[keep], lattice, plan.id_count)
                 if recording:
                     rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
-                light = lattice.light if plan.splits == 1 else whole_of(lattice.light)
-                rows["light"] = np.full(len(keep), lights.index(light), np.int16)
+                rows["light"] = np.full(len(keep), lights.index(plan.light_of(lattice)), np.int16)
                 landed.append(rows)
             cells, masks = reported_paths(cells, masks, reported)
             # Before the next pass makes its own.
