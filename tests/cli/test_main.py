@@ -24,14 +24,16 @@ from tpdwarp.jobs import frame_work
 from tpdwarp.cli import main
 from tpdwarp.rendering.frame import Frame
 from tpdwarp.photons.energy import EnergyAccount
-from tpdwarp.photons.record import LandedPhotons
+from tpdwarp.photons.record import LandedPhotons, PhotonRecord
 
-def render_frame(context, shutter, width, height, **_):
+def render_frame(context, shutter, width, height, *_, **__):
     if shutter.frame > 1:
         print("busy", flush=True)
         time.sleep(60)
     grey = {name: np.ones((height, width), np.float32) for name in "RGBA"}
-    return Frame(LandedPhotons([], ()), EnergyAccount(sent=1.0), {}, grey, context.source.at(shutter).camera)
+    landed, numbers = LandedPhotons([], ()), np.zeros(0, np.int64)
+    landed.record = PhotonRecord(numbers, *[np.zeros((0, 3))] * 6, np.zeros((0, 2)), numbers, numbers, ())
+    return Frame(landed, EnergyAccount(sent=1.0), {}, grey, context.source.at(shutter).camera)
 
 frame_work.render_frame = render_frame
 # Shells start what runs in the background with it ignored.

@@ -238,13 +238,13 @@ def test_two_renders_into_one_folder_share_the_frames(stage, tmp_path, monkeypat
     fake = FakeRenderer(monkeypatch)
     real, first = fake.render, []
 
-    def render_and_begin_another(context, shutter, width, height, **more):
+    def render_and_begin_another(*given, **more):
         if not first:
             first.append(threading.Thread(target=tpdwarp.render, args=(stage, tmp_path / "a.##.exr"), kwargs=SMALL))
             first[0].start()
             while len(fake.rendered) < 2:
                 time.sleep(0.01)
-        return real(context, shutter, width, height, **more)
+        return real(*given, **more)
 
     monkeypatch.setattr(frame_work, "render_frame", render_and_begin_another)
     result = tpdwarp.render(stage, tmp_path / "a.##.exr", **SMALL)

@@ -138,14 +138,15 @@ def disc_axes(light: wp.mat22, total: wp.mat22, distance: float) -> Axes:
 @wp.func
 def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: float) -> Axes:
     """Axes of a B-spline footprint J that is averaged over a pixel and the image of its light."""
+    singular = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
     by_light = light_variance(light)
     by_pixel = (_outer(pixel.p) + _outer(pixel.q)) / 12.0
+    singular = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
     if light.image == IMAGE_NONE or wp.trace(by_light) <= NEGLIGIBLE * wp.trace(by_pixel):
-        return axes_of(j[0, 0], j[0, 1], j[1, 0], j[1, 1], pixel, distance)
+        return axes_of(singular, j[0, 0], j[0, 1], j[1, 0], j[1, 1], pixel, distance)
     both = parallelogram_of(by_light + by_pixel)
     lit = wp.trace(by_light) > wp.trace(by_pixel)
     limit = wp.where(lit, FINE, 1.0)
-    singular = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
     if wp.length_sq(both.q) > 0.0:
         in_both = in_sides(both, j)
         sigma = singular_values(in_both[0, 0], in_both[0, 1], in_both[1, 0], in_both[1, 1])

@@ -115,12 +115,16 @@ class EmissionPlan:
         lattice = np.searchsorted([entry.first_id for entry in self.lattices], number, side="right") - 1
         return mask, lattice, number < self.planned_ids
 
+    def light_of(self, lattice: Lattice) -> str:
+        """Prim path of the light that a lattice lies on, or on a part of."""
+        return lattice.light if self.splits == 1 else whole_of(lattice.light)
+
     @property
     def starved_lights(self) -> int:
         """How many of several lights have so few photons that what they light is a few dozen cells across."""
         counts: dict[str, float] = {}
         for lattice in self.lattices:
-            light = lattice.light if self.splits == 1 else whole_of(lattice.light)
+            light = self.light_of(lattice)
             # Ids repeat after twice as many cells along either side.
             counts[light] = counts.get(light, 0.0) + math.prod(lattice.wrap) / 4.0
         return sum(count < FEWEST_OF_SEVERAL for count in counts.values()) if len(counts) > 1 else 0
@@ -378,7 +382,8 @@ def _patch(
         patch.extent_shape, radius = int(light.extent.shape), light.extent.radius
         distant = light.kind == LightKind.DISTANT
         patch.extent_radius = math.sin(radius) if distant else radius * normalization.scale
-        patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in normalization.scale * light.extent.spans)
+        spans = light.extent.spans if distant else normalization.scale * light.extent.spans
+        patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in spans)
     diameter = 2.0 * float(np.linalg.norm(magnitude))
     patch.near = patch.start + (distance - diameter if diameter < NEARBY * distance else 0.0)
     patch.power = wp.vec3(*normalization.light_power(light))

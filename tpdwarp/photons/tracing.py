@@ -458,7 +458,7 @@ def trace_photons(
                 rows["ids"] = _ids(cells[keep], patch, masks[keep], lattice, plan.id_count)
                 if recording:
                     rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
-                rows["light"] = np.full(len(keep), lights.index(lattice.light), np.int16)
+                rows["light"] = np.full(len(keep), lights.index(plan.light_of(lattice)), np.int16)
                 landed.append(rows)
             cells, masks = reported_paths(cells, masks, reported)
             # Before the next pass makes its own.
