@@ -9,13 +9,12 @@ that is on average
 
 and √K times as much light as for one segment lies within a cell of where light ends; light that begins or ends within
 the shutter, or whose flux grows along a straight trajectory, errs by a part of it ∝ 1/K. All are means over the photons
-of a coarse trace, weighted by flux and by how bright their light is, as the mean square of irradiance is. L comes from
-the footprints themselves: irradiance goes with the inverse of their area; h is each photon's own width, which vanishes
-with L at folds. D_t x is known from keyframes as the shutter opens and closes, as it is for trajectories, which go
-straight where keyframes disagree: so a few segments more may be far better. A curved trajectory that knows D_t x at the
-times ±σ misses (s⁴ − 2σ² s²)/24 of D_tttt x at the part s of the shutter, and that is as large as D_tt x by the ratio
-of D_ttt x to D_t x, as in a swing. (Those that know where they pass miss less, but axes that follow to first order only
-err more.)
+of a coarse trace, weighted by flux and by the root of how bright their light is. L comes from the footprints
+themselves: irradiance goes with the inverse of their area; h is each photon's own width, which vanishes with L at
+folds. D_t x is known from keyframes as the shutter opens and closes, as it is for trajectories, which go straight where
+keyframes disagree: so a few segments more may be far better. A curved trajectory that knows D_t x at the times ±σ
+misses (s⁴ − 2σ² s²)/24 of D_tttt x at the part s of the shutter, and that is as large as D_tt x by the ratio of D_ttt x
+to D_t x, as in a swing. (Those that know where they pass miss less, but axes that follow to first order only err more.)
 
 Where motion breaks between two time samples of a stage, a curved trajectory that leads past the break errs by 0.03 of
 the change of D_t x there, as
@@ -121,7 +120,7 @@ class SegmentErrors:
     """Errors of the light of photons, as parts of it, for one segment; one row a photon.
 
     Attributes:
-        weight: Of each photon's in their mean: its flux, times how bright its light is.
+        weight: Of each photon's in their mean: its flux, times the root of how bright its light is.
         straight, curved: In time, for straight and for curved trajectories.
         disagreement: Of keyframes, as a part of D_t x; infinite where trajectories never curve.
         blur: In space.
@@ -255,8 +254,8 @@ def _errors(
     flux = photons.flux.sum(axis=1).astype(np.float64)
     areas = np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1)
     # Of the mean square error of irradiance, each photon's light has a part that goes with its flux and with how bright
-    # it is.
-    weight = flux * flux / np.maximum(areas, max(np.quantile(areas, FINEST), np.finfo(float).tiny))
+    # it is; the root of that counts, since the brightest light is that of a few photons of a coarse trace.
+    weight = flux * np.sqrt(flux / np.maximum(areas, max(np.quantile(areas, FINEST), np.finfo(float).tiny)))
     span = 1.0 - KEYFRAME_DURATION
     second = np.linalg.norm(after.dxdt - before.dxdt, axis=1) / span
     third = np.linalg.norm(before.dxdt + after.dxdt - 2.0 * photons.dxdt, axis=1) * (2.0 / span) ** 2
