@@ -170,7 +170,8 @@ def test_splitting_a_light_changes_no_power(name):
         RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1, light_splits=count)) for count in (1, 9)
     ]
     one, other = (render_frame(c, STILL, 16, 16).energy for c in context)
-    assert other.sent == pytest.approx(one.sent, rel=0.01)
+    # Light from all of a lamp goes with the mean of 1/d², which the lamp widens by (0.4/2)²/3.
+    assert other.sent == pytest.approx(one.sent, rel=0.02)
 
 
 def test_direct_light_and_photons_share_out_the_light_at_the_edge_of_clear_glass():

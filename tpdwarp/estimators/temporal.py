@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, light_of
 from tpdwarp.footprints.shaping import PixelSize
@@ -15,9 +17,10 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.changing import PARTS, changing_cells, in_middle_of_cell
+from tpdwarp.trajectories.changing import changing_cells
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
+from tpdwarp.trajectories.parts import traced_in_parts
 
 
 class Temporal:
@@ -75,7 +78,7 @@ def _along_keyframes(
     keyframes = ShutterKeyframes.over(tracer, plan, seen, clock)
     tags = keyframes.tags.of(seen.scene)
     photons, account = tracer.trace(seen, plan, clock, weight=weight, tags=tags, **options)
-    changing = None
+    changing, light = None, float(photons.flux.sum(dtype=np.float64))
     if tracer.settings.emission == "lattice":
         changing = changing_cells(keyframes, photons, plan, clock)
     if changing:
@@ -87,13 +90,8 @@ def _along_keyframes(
     account.add(fitted)
     traced = [photons]
     if changing:
-        for part, shutter in enumerate(seen.scene.shutter.segments(PARTS)):
-            loaded = tracer.load(shutter, clock)
-            chosen = changing.of_part(part)
-            photons, more = tracer.trace(loaded, plan, clock, weight=weight / PARTS, chosen=chosen, **options)
-            photons = in_middle_of_cell(photons, part)
-            time = (part + 0.5) / PARTS - 0.5
-            traced.append(replace(photons, time=time, duration=1.0 / PARTS, part=part + 1))
-            account.add(more)
+        parts, more = traced_in_parts(tracer, keyframes, changing, seen.scene.shutter, weight, light, clock, **options)
+        account.add(more)
+        traced += parts
         account.counts["cells traced again in time"] = len(changing)
     return traced, account

@@ -95,7 +95,9 @@ def shape_footprints(
     pieces = pieces_of(out, launcher)
     size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
     clamped, limited = (int(flags.numpy().sum(dtype=np.int64)) for flags in (out.clamped, out.growth_limited))
-    bvh = wp.Bvh(pieces.lower, pieces.upper)
+    # On the CPU it is built in half the time that the default takes, and walked through no slower.
+    constructor = None if launcher.device.is_cuda else "cubql"
+    bvh = wp.Bvh(pieces.lower, pieces.upper, constructor=constructor)
     return FootprintMap(out, pieces, bvh, durations, moves, curved, shaded, 0.5 * size, clamped, limited, count)
 
 

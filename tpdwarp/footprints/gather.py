@@ -327,7 +327,7 @@ def gathered(
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
         leaves = leaves_of(queries, count, launcher)
         inputs = [*photons, time_window(lookup), count, queries, leaves, out]
-        launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=16)
+        launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=1)
     return out
 
 

@@ -138,6 +138,7 @@ def disc_axes(light: wp.mat22, total: wp.mat22, distance: float) -> Axes:
 @wp.func
 def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: float) -> Axes:
     """Axes of a B-spline footprint J that is averaged over a pixel and the image of its light."""
+    singular = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
     by_light = light_variance(light)
     by_pixel = (_outer(pixel.p) + _outer(pixel.q)) / 12.0
     singular = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])

@@ -382,7 +382,8 @@ def _patch(
         patch.extent_shape, radius = int(light.extent.shape), light.extent.radius
         distant = light.kind == LightKind.DISTANT
         patch.extent_radius = math.sin(radius) if distant else radius * normalization.scale
-        patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in normalization.scale * light.extent.spans)
+        spans = light.extent.spans if distant else normalization.scale * light.extent.spans
+        patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in spans)
     diameter = 2.0 * float(np.linalg.norm(magnitude))
     patch.near = patch.start + (distance - diameter if diameter < NEARBY * distance else 0.0)
     patch.power = wp.vec3(*normalization.light_power(light))

@@ -65,6 +65,12 @@ def columns_at(patch: Patch, beam: Beam) -> LightColumns:
     if patch.domain == 0:
         out.dwda = patch.extent_radius * patch.axis_u
         out.dwdb = patch.extent_radius * patch.axis_v
+        if patch.extent_shape != ROUND:
+            # A part of the sun's disc.
+            out.dwda = patch.span_a - beam.w * wp.dot(beam.w, patch.span_a)
+            out.dwdb = patch.span_b - beam.w * wp.dot(beam.w, patch.span_b)
+            if patch.extent_shape != DISK:
+                out.image = IMAGE_PARALLELOGRAM
         return out
     d = wp.length(beam.x - patch.position)
     a = patch.span_a

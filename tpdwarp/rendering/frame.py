@@ -159,16 +159,17 @@ def render_frame(
     )
     photons = FramePhotons()
     for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
-        view = CameraView(
-            part.scenes,
-            settings,
-            context.normalization,
-            context.launcher,
-            width,
-            height,
-            clock,
-            *((None, None) if region.is_whole else region_order(region)),
-        )
+        with clock.stage("view"):
+            view = CameraView(
+                part.scenes,
+                settings,
+                context.normalization,
+                context.launcher,
+                width,
+                height,
+                clock,
+                *((None, None) if region.is_whole else region_order(region)),
+            )
         fields = context.light_groups.fields(part, None, context.tracer, clock)
         part.energy.add(expose(film, fields, view.look(), part.weight, clock))
         photons.add(part)

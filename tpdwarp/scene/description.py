@@ -211,7 +211,7 @@ class Extent:
         shape: What it is.
         radius: Of what is round, and of a cylinder: scene units; of parallel light: half the angle of its disc [rad].
         spans: Half of a disk or rectangle along its x and y axes, half of a cylinder along its axis (and zero), in the
-            world at mid shutter, shape [2, 3].
+            world at mid shutter, shape [2, 3]; of a part of the sun's disc, sines.
         spans_motion: Change of ``spans`` over the shutter, shape [2, 3].
     """
 

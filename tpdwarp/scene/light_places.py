@@ -3,6 +3,7 @@
 A sphere of one radiance sends the same light, ray by ray, as a cloud of points that shine alike in all directions, of a
 density 1/√(R² − r²) at the distance r from its middle: the integral of that along any chord is the same. So its places
 lie in it, and not on it, and none of them is ever turned away. A cylinder (its side) is such a cloud about its axis.
+Its parts are those of the disc as which it is seen from what is specular.
 
 Beyond the paper, whose lights are points or parallel.
 """
@@ -27,9 +28,10 @@ def split_lights(scene: SceneAtShutter, count: int) -> SceneAtShutter:
     """``scene`` with each light that has an extent cut into about ``count`` smaller ones, which cover it together."""
     if count == 1 or all(light.extent is None for light in scene.lights):
         return scene
+    middle = _middle_of_glass(scene)
     lights: list[LightAtShutter] = []
     for light in scene.lights:
-        lights += [light] if light.extent is None else parts_of(light, count)
+        lights += [light] if light.extent is None else parts_of(light, count, middle)
     return replace(scene, lights=tuple(lights))
 
 
@@ -42,8 +44,12 @@ def place_lights(scene: SceneAtShutter, number: int, count: int) -> SceneAtShutt
     return replace(scene, lights=tuple(lights))
 
 
-def parts_of(light: LightAtShutter, count: int) -> list[LightAtShutter]:
-    """About ``count`` lights of equal power and size that make up ``light``; their paths are its own with a number."""
+def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = None) -> list[LightAtShutter]:
+    """About ``count`` lights of equal power that make up ``light``; their paths are its own with a number.
+
+    Rectangles are cut into rectangles, cylinders along their axis, and what is round into a disc in its middle and
+    rings of pieces around it, nearly rectangles of its area. A sphere is the disc that is seen from ``seen_from``.
+    """
     extent = light.extent
     if extent.shape in (ExtentShape.RECT, ExtentShape.CYLINDER):
         a, b = np.linalg.norm(extent.spans, axis=1)
@@ -52,24 +58,78 @@ def parts_of(light: LightAtShutter, count: int) -> list[LightAtShutter]:
             across = round(max(1.0, min(math.sqrt(count * a / b), count)))
         down = max(1, round(count / across))
         steps = [(2.0 * np.arange(n) + 1.0) / n - 1.0 for n in (across, down)]
-        places = np.array([(u, v, 0.0) for v in steps[1] for u in steps[0]])
-        shrink = np.array([[1.0 / across], [1.0 / down]])
-        smaller = Extent(extent.shape, extent.radius, shrink * extent.spans, shrink * extent.spans_motion)
+        size = np.array([[1.0 / across, 0.0], [0.0, 1.0 / down]])
+        pieces = [(np.array([u, v]), size) for v in steps[1] for u in steps[0]]
+        shapes = [extent.shape] * len(pieces)
     else:
-        # Places have the variance that their own extent leaves of the whole: 1 − 1/N of it.
-        places = np.array([_spread(light, number, count) for number in range(count)])
-        places = math.sqrt(1.0 - 1.0 / count) * (places - places.mean(axis=0))
-        shrink = 1.0 / math.sqrt(count)
-        spans = shrink * extent.spans, shrink * extent.spans_motion
-        smaller = Extent(extent.shape, math.asin(shrink * math.sin(extent.radius)), *spans)
-        if light.kind != LightKind.DISTANT:
-            smaller = replace(smaller, radius=shrink * extent.radius)
+        pieces = pieces_of_disc(count)
+        shapes = [ExtentShape.DISK] + [ExtentShape.RECT] * (len(pieces) - 1)
+    spans, motions = _spans_across(light, seen_from)
     found = []
-    for number, place in enumerate(places):
-        part = _without_extent(light, place)
-        power = tuple(channel / len(places) for channel in part.power)
+    for number, ((place, sides), shape) in enumerate(zip(pieces, shapes, strict=True)):
+        part = _at(light, place, spans, motions)
+        power = tuple(channel / len(pieces) for channel in part.power)
+        smaller = Extent(shape, extent.radius, sides @ spans, sides @ motions)
         found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller))
     return found
+
+
+def pieces_of_disc(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The middle [2] and half sides (rows of [2, 2]) of pieces of equal area that a unit disc is cut into.
+
+    The first is a disc; ring k around it has 6 k pieces, along and across its radius. There are 1, 7, 19, … of them,
+    whichever is nearest to ``count``.
+    """
+    rings = max(range(32), key=lambda k: -abs(1 + 3 * k * (k + 1) - count))
+    total = 1 + 3 * rings * (rings + 1)
+    inner = 1.0 / math.sqrt(total)
+    pieces = [(np.zeros(2), inner * np.eye(2))]
+    for ring in range(1, rings + 1):
+        outer = math.sqrt((1 + 3 * ring * (ring + 1)) / total)
+        half = math.pi / (6 * ring)
+        # Its centre of mass, and a rectangle of its area.
+        radius = 2.0 / 3.0 * (outer**3 - inner**3) / (outer**2 - inner**2) * math.sin(half) / half
+        depth = 0.5 * (outer - inner)
+        width = half * (outer**2 - inner**2) / (4.0 * depth)
+        for number in range(6 * ring):
+            turn = 2.0 * half * number
+            along = np.array([math.cos(turn), math.sin(turn)])
+            pieces.append((radius * along, np.array([depth * along, width * along[::-1] * (-1.0, 1.0)])))
+        inner = outer
+    return pieces
+
+
+def _middle_of_glass(scene: SceneAtShutter) -> np.ndarray | None:
+    """The middle of what is specular; None where nothing is."""
+    corners = [bound for mesh in scene.meshes if mesh.specular for bound in (mesh.points.min(0), mesh.points.max(0))]
+    return 0.5 * (np.min(corners, axis=0) + np.max(corners, axis=0)) if corners else None
+
+
+def _spans_across(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Half of a light along two axes [2, 3] and their motion; of a sun, sines along its x and y."""
+    extent = light.extent
+    if light.kind == LightKind.DISTANT:
+        sine = math.sin(extent.radius)
+        return sine * light.axes[:2], sine * light.axes_motion[:2]
+    if extent.shape != ExtentShape.ROUND:
+        return extent.spans, extent.spans_motion
+    direction = light.axes[2] if seen_from is None else seen_from - light.position
+    w = direction / max(float(np.linalg.norm(direction)), np.finfo(float).tiny)
+    u = np.cross(np.eye(3)[int(np.argmin(np.abs(w)))], w)
+    u /= np.linalg.norm(u)
+    return extent.radius * np.array([u, np.cross(w, u)]), np.zeros((2, 3))
+
+
+def _at(light: LightAtShutter, place: np.ndarray, spans: np.ndarray, motions: np.ndarray) -> LightAtShutter:
+    """The light at one place of it, by coordinates [2] along its spans."""
+    if light.kind == LightKind.DISTANT:
+        return _without_extent(light, np.append(place, 0.0))
+    return replace(
+        light,
+        position=light.position + place @ spans,
+        position_motion=light.position_motion + place @ motions,
+        extent=None,
+    )
 
 
 def whole_of(path: str) -> str:

@@ -116,9 +116,22 @@ class ChangingCells:
         """Chooses these cells at mid shutter, their photons in the middle of each."""
         return _riding(self.cells, self.plan, 0.0)
 
-    def of_part(self, number: int) -> Callable[[Lattice, Patch], ChosenCells]:
-        """Chooses these cells where they lie in the middle of part ``number`` of the shutter, from 0 on."""
-        part = (number + 0.5) / PARTS - 0.5
+    def of_photons(self, maps: list[PhotonMap]) -> ChangingCells:
+        """Those of these cells that photons of ``maps`` stand for."""
+        found = {}
+        for number, mine in self.cells.items():
+            theirs = np.concatenate([_cells(photons, self.plan, number)[1] for photons in maps])
+            if len(theirs):
+                window = Window.around(theirs)
+                taken = window.grid(dtype=bool)
+                taken[window.at(theirs)] = True
+                rows = window.holds(mine.cell) & taken[window.at(mine.cell)]
+                if rows.any():
+                    found[number] = ChosenCells(mine.cell[rows], mine.offset[rows])
+        return ChangingCells(found, self.plan)
+
+    def at(self, part: float, number: int) -> Callable[[Lattice, Patch], ChosenCells]:
+        """Chooses these cells where they lie at the part ``part`` (−½ … ½) of the shutter, at place ``number``."""
         moved = {
             lattice: ChosenCells(mine.cell, np.float32(part) * mine.offset + place_in_cell(mine.cell, number))
             for lattice, mine in self.cells.items()

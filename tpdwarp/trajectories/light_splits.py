@@ -29,7 +29,7 @@ from tpdwarp.scene.device.loading import LoadedScene
 PILOT_PHOTONS = 4096
 # Photons that a part has at least, and parts that a light has at most: each is a lattice to trace. Chosen, not derived.
 FEWEST_PHOTONS = 256
-MOST_SPLITS = 256
+MOST_SPLITS = 217
 # Stills looked at, spread over the animation.
 MOST_STILLS = 2
 # Places on the light, by its coordinates: the ends of its axes.
@@ -64,9 +64,10 @@ def best_split_count(tracer: PhotonTracer) -> int:
 
 
 def candidates(photons: int) -> np.ndarray:
-    """Powers of two that leave each part enough photons."""
-    most = max(1, min(MOST_SPLITS, photons // FEWEST_PHOTONS))
-    return 2 ** np.arange(int(np.log2(most)) + 1)
+    """Numbers of pieces that discs are cut into (1, 7, 19, …), of those that leave each part enough photons."""
+    rings = np.arange(9)
+    numbers = 1 + 3 * rings * (rings + 1)
+    return numbers[numbers <= max(1, min(MOST_SPLITS, photons // FEWEST_PHOTONS))]
 
 
 def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock: Clock) -> np.ndarray:

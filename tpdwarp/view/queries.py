@@ -187,6 +187,8 @@ class CameraView:
             still, moving = self._told_apart(seen, place, disturbed)
             apart = disturbed[place]
         if self._times > 1:
+            if self._merges and moving.any():
+                yield from self._moving_batches(seen, moving, slices, spots, numbers)
             for number in range(self._times):
                 for chosen in (moving, still & apart):
                     with self._clock.stage("view"):
@@ -231,6 +233,50 @@ class CameraView:
                 counts = self._merged(seen.queries, seen.arrays.weight, begins, spots)
             batch = self._rows_that_count(seen.queries, seen.arrays.weight.numpy(), counts, np.repeat(numbers, samples))
         yield batch
+
+    def _moving_batches(
+        self,
+        seen: VisiblePoints,
+        moving: np.ndarray,
+        slices: np.ndarray,
+        spots: np.ndarray | None,
+        numbers: np.ndarray,
+    ) -> Iterator[QueryBatch]:
+        """First paths of pixels that see one object move all the time, over the whole shutter; unset in ``moving`` [n].
+
+        Each sample is brought to mid shutter along its motion. Where they meet there, they are one point that moves.
+        """
+        samples, launcher = self._settings.samples, self._launcher
+        with self._clock.stage("view"):
+            receivers = seen.queries.receiver.numpy().reshape(-1, samples)
+            whole = moving.reshape(-1, samples).all(axis=1) & (receivers == receivers[:, :1]).all(axis=1)
+            rows = np.flatnonzero(np.repeat(whole, samples))
+            if not len(rows):
+                return
+            queries = rows_of(seen.queries, rows, launcher)
+            motion = queries.motion.numpy().astype(np.float64)
+            late = (slices[rows] + 0.5) / self._times - 0.5
+            queries.position = launcher.array((queries.position.numpy() - late[:, None] * motion), wp.vec3)
+            weights = launcher.array(seen.arrays.weight.numpy()[rows], wp.vec3)
+            begins = np.arange(len(rows) // samples + 1, dtype=np.int32) * samples
+            parts = None if spots is None else spots[rows]
+            counts = self._merged(queries, weights, begins, parts)
+
+            # ---- Of the spots, those all of whose samples meet
+            of_spot = np.arange(len(rows)) // samples
+            if parts is not None:
+                of_spot = of_spot * part_count(samples) ** 2 + parts
+            sizes = np.bincount(of_spot)
+            met = counts == sizes[of_spot]
+            complete = np.isin(of_spot, of_spot[met])
+            mean = np.stack([np.bincount(of_spot, motion[:, axis]) for axis in range(3)], axis=1)
+            mean /= np.maximum(sizes, 1)[:, None]
+            queries.motion = launcher.array(mean[of_spot], wp.vec3)
+            batch = self._rows_that_count(queries, weights.numpy(), np.where(met, counts, 0), numbers[rows // samples])
+            batch.moves = True
+            moving[rows[complete]] = False
+        if len(batch.pixels):
+            yield batch
 
     def _later_batches(
         self, rows: dict[str, np.ndarray], disturbed: np.ndarray, spots: np.ndarray | None, numbers: np.ndarray

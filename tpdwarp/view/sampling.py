@@ -56,9 +56,13 @@ def time_count(samples: int) -> int:
 
 def block_order(width: int, height: int) -> np.ndarray:
     """All pixels, block by block, so that what follows each other in the list lies together in the image."""
-    y, x = np.divmod(np.arange(width * height), width)
-    inner = [place % BLOCK // INNER_BLOCK for place in (x, y)]
-    return np.lexsort((x % INNER_BLOCK, y % INNER_BLOCK, *inner, x // BLOCK, y // BLOCK))
+    across, down = -(-width // BLOCK), -(-height // BLOCK)
+    y, x = np.indices((down * BLOCK, across * BLOCK))
+    numbers = np.where((x < width) & (y < height), y * width + x, -1)
+    inner = BLOCK // INNER_BLOCK, INNER_BLOCK
+    # Rows and columns of blocks, of blocks within these, of pixels within those.
+    numbers = numbers.reshape(down, *inner, across, *inner).transpose(0, 3, 1, 4, 2, 5).ravel()
+    return numbers[numbers >= 0]
 
 
 def region_order(region: ImageRegion) -> tuple[np.ndarray, np.ndarray]:

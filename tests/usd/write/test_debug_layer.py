@@ -13,6 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
 from tpdwarp.errors import FrameError, InputError
 from tpdwarp.photons.paths import PhotonPaths
 from tpdwarp.photons.record import PhotonRecord
+from tpdwarp.usd.read.debug_layer import DebugLayerReader
 from tpdwarp.usd.write.colors import STEPS, speed_colors
 from tpdwarp.usd.write.debug_layer import LEAST_CURVE_WIDTH, PRIMVARS, DebugLayerWriter, view_path
 from tpdwarp.usd.write.outlines import COARSE, FINE, MOST_FINE
@@ -575,3 +576,18 @@ def test_a_hundred_thousand_curves_take_less_than_ten_megabytes(tmp_path: Path, 
     write(path, scene, {2: record, 3: replace(record, positions=record.positions + 0.1)})
     curves = 2 * 3 * len(record)
     assert path.stat().st_size < 10e6 * curves / 1e5
+
+
+def test_columns_of_lights_with_extent_are_there_where_there_are_any(tmp_path: Path, scene: Path) -> None:
+    record, generator = photons(), np.random.default_rng(3)
+    a, b = generator.normal(size=(2, len(record), 3))
+    plain = write(tmp_path / "plain.usda", scene, {2.0: record})
+    stage = write(tmp_path / "lit.usda", scene, {2.0: replace(record, dxda=a, dxdb=b), 3.0: record})
+    for name in ("Photons", "Footprints"):
+        primvars = UsdGeom.PrimvarsAPI(prim(stage, name))
+        assert not UsdGeom.PrimvarsAPI(prim(plain, name)).HasPrimvar("tpd:DaX")
+        for label, column in (("tpd:DaX", a), ("tpd:DbX", b)):
+            np.testing.assert_allclose(np.array(primvars.GetPrimvar(label).Get(2.0)), column, rtol=1e-6)
+            assert not np.array(primvars.GetPrimvar(label).Get(3.0)).any()
+    read = DebugLayerReader(tmp_path / "lit.usda").at(2.0)
+    np.testing.assert_allclose(read.dxda, a, rtol=1e-6)

@@ -13,6 +13,8 @@ from tpdwarp.photons.record import PhotonRecord
 
 _POINTS = "/TPD/Photons"
 _DIFFERENTIALS = "/TPD/TimeDifferentials"
+# Those of layers whose lights have an extent, and what records call them.
+_LIGHT_COLUMNS = {"tpd:DaX": "dxda", "tpd:DbX": "dxdb"}
 _COLUMNS = {"tpd:flux": 3, "tpd:DuX": 3, "tpd:DvX": 3, "tpd:DtX": 3, "tpd:emission": 2, "tpd:bounces": 0}
 
 
@@ -70,9 +72,14 @@ class DebugLayerReader:
             name: self._array(self._primvars.GetPrimvar(name).GetAttr(), frame, name, width)
             for name, width in _COLUMNS.items()
         }
+        of_light = {
+            name: self._array(self._primvars.GetPrimvar(name).GetAttr(), frame, name, 3)
+            for name in _LIGHT_COLUMNS
+            if self._primvars.HasPrimvar(name)
+        }
         ids = self._array(self._points.GetIdsAttr(), frame, "ids", 0)
         receivers = self._array(self._primvars.GetPrimvar("tpd:receiver").GetAttr(), frame, "tpd:receiver", 0)
-        for name, values in {**columns, "ids": ids, "tpd:receiver": receivers}.items():
+        for name, values in {**columns, **of_light, "ids": ids, "tpd:receiver": receivers}.items():
             if len(values) != count:
                 message = f"frame {frame:g} has {len(values)} values for {count} photons"
                 raise InputError(message, file=self.path, prim=f"{_POINTS}.{name}")
@@ -94,6 +101,7 @@ class DebugLayerReader:
             bounces=columns["tpd:bounces"].astype(np.int32),
             receivers=receivers.astype(np.int32),
             receiver_paths=tuple(str(path) for path in paths),
+            **{column: of_light[name] for name, column in _LIGHT_COLUMNS.items() if name in of_light},
         )
 
     def time_differentials(self, frame: float) -> tuple[np.ndarray, np.ndarray]:

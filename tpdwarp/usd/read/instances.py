@@ -55,6 +55,7 @@ class Instancer:
         self._color_curve = flattened(primvar, warnings.file) if by_instance else None
         self._colors: tuple[float, np.ndarray | None] | None = None
         self._counted: tuple[float, int] | None = None
+        self._shown: tuple[float, dict[str, bool]] = (float("nan"), {})
         if UsdGeom.PrimvarsAPI(instancer).GetPrimvar("displayOpacity").HasValue():
             warnings(f"{self.path}.primvars:displayOpacity", "displayOpacity is not rendered: the surface is opaque")
         self.span = self._span()
@@ -112,6 +113,18 @@ class Instancer:
                 del self._matrices[next(iter(self._matrices))]
             self._matrices[key] = self._compute(time, frame)
         return usable(self._matrices[key][index], time, f"{self.path}[{index}]", self._warnings.file)
+
+    def shows(self, prim: Usd.Prim, root: Usd.Prim, frame: float) -> bool:
+        """Whether nothing from a prim up to its prototype's root is invisible at a time code.
+
+        What lies above a prototype's root concerns the prototype where it stands, and not where it is placed.
+        """
+        if self._shown[0] != frame:
+            self._shown = frame, {}
+        known, path = self._shown[1], str(prim.GetPath())
+        if path not in known:
+            known[path] = _is_shown(prim, root, frame)
+        return known[path]
 
     def color(self, index: int, frame: float) -> np.ndarray | None:
         """The display colour [3] that the instancer gives one instance at a time code, or None."""
@@ -205,21 +218,8 @@ class OfInstance:
         return (*self._transforms.jumps(self._prim), *of_instancer, *self._parent.jumps())
 
     def visible(self, frame: float) -> bool:
-        """Whether the instancer is visible, and nothing from the prim up to its prototype's root is invisible.
-
-        What lies above a prototype's root concerns the prototype where it stands, and not where it is placed.
-        """
-        if not self._parent.visible(frame):
-            return False
-        prim = self._prim
-        while prim:
-            attribute = UsdGeom.Imageable(prim).GetVisibilityAttr() if prim.IsA(UsdGeom.Imageable) else None
-            if attribute and text_at(attribute, frame) == UsdGeom.Tokens.invisible:
-                return False
-            if prim == self._root:
-                return True
-            prim = prim.GetParent()
-        return True
+        """Whether the instancer is visible, and what it places there."""
+        return self._parent.visible(frame) and self._instancer.shows(self._prim, self._root, frame)
 
     def color(self, frame: float) -> np.ndarray | None:
         return self._instancer.color(self._index, frame)
@@ -255,10 +255,14 @@ class InstancedMeshes:
         yield from self._below(self.instancer, self.instancer.path, self._placement, frame)
 
     def _below(self, instancer: Instancer, label: str, placement: Placement, frame: float) -> Iterator[PlacedMesh]:
+        named = {
+            id(prototype): [(mesh, _name_below(mesh, prototype.root), str(mesh.GetPath())) for mesh in prototype.meshes]
+            for prototype in instancer.prototypes
+        }
         for index, prototype in instancer.instances(frame):
-            for mesh in prototype.meshes:
-                name = f"{label}[{index}]{_name_below(mesh, prototype.root)}"
-                key = name, str(mesh.GetPath())
+            for mesh, below, path in named[id(prototype)]:
+                name = f"{label}[{index}]{below}"
+                key = name, path
                 if key not in self._made:
                     where = OfInstance(mesh, prototype.root, instancer, index, placement, self._transforms)
                     self._made[key] = self._make(name, mesh, where)
@@ -268,6 +272,17 @@ class InstancedMeshes:
                 where = OfInstance(prim, prototype.root, instancer, index, placement, self._transforms)
                 name = f"{label}[{index}]{_name_below(prim, prototype.root)}"
                 yield from self._below(nested, name, where, frame)
+
+
+def _is_shown(prim: Usd.Prim, root: Usd.Prim, frame: float) -> bool:
+    while prim:
+        attribute = UsdGeom.Imageable(prim).GetVisibilityAttr() if prim.IsA(UsdGeom.Imageable) else None
+        if attribute and text_at(attribute, frame) == UsdGeom.Tokens.invisible:
+            return False
+        if prim == root:
+            return True
+        prim = prim.GetParent()
+    return True
 
 
 def _name_below(prim: Usd.Prim, root: Usd.Prim) -> str:

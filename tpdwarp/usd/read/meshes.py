@@ -54,6 +54,7 @@ class OnStage:
     def __init__(self, prim: Usd.Prim, transforms: Transforms) -> None:
         self._prim, self._transforms = prim, transforms
         self.span = transforms.span(prim)
+        self._visible: tuple[float, bool] | None = None
 
     def world(self, time: float, frame: float) -> np.ndarray:
         return self._transforms.world(self._prim, time)
@@ -62,7 +63,11 @@ class OnStage:
         return self._transforms.jumps(self._prim)
 
     def visible(self, frame: float) -> bool:
-        return UsdGeom.Imageable(self._prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
+        # An instancer is asked once for each of its instances.
+        if self._visible is None or self._visible[0] != frame:
+            shown = UsdGeom.Imageable(self._prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
+            self._visible = frame, shown
+        return self._visible[1]
 
     def color(self, frame: float) -> np.ndarray | None:
         return None

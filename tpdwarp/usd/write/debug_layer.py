@@ -76,6 +76,12 @@ PRIMVARS: dict[str, tuple[Sdf.ValueTypeName, str]] = {
     "tpd:light": (Sdf.ValueTypeNames.IntArray, "Light that it comes from: index into tpd:lights."),
 }
 
+# Those that a layer has where the light of its first photons has an extent.
+LIGHT_PRIMVARS: dict[str, tuple[Sdf.ValueTypeName, str]] = {
+    "tpd:DaX": (Sdf.ValueTypeNames.Vector3fArray, "Derivative of the position by the place a on the light."),
+    "tpd:DbX": (Sdf.ValueTypeNames.Vector3fArray, "Derivative of the position by the place b on the light."),
+}
+
 
 def view_path(path: str | os.PathLike[str]) -> Path:
     """The view layer that goes with a debug layer: ``shot.view.usda`` for ``shot.debug.usdc`` and for ``shot.usdc``."""
@@ -184,6 +190,7 @@ class DebugLayerWriter:
         self._corners = FINE
         self._shades: dict[float, tuple[Shades, Shades]] = {}
         self._diameter: float | None = None
+        self._has_light_columns: bool | None = None
         self._origin: np.ndarray | None = None
 
         self._files = ExitStack()
@@ -304,6 +311,7 @@ class DebugLayerWriter:
             "tpd:receiver": integers(receivers),
             "tpd:light": integers(lights),
         }
+        values |= self._light_columns(record)
         for prim in prims:
             primvars = UsdGeom.PrimvarsAPI(prim)
             for name, value in values.items():
@@ -318,6 +326,24 @@ class DebugLayerWriter:
             "receiver": receivers.astype(np.float32) + 1.0,
             "light": lights.astype(np.float32) + 1.0,
         }
+
+    def _light_columns(self, record: PhotonRecord) -> dict[str, Vt.Vec3fArray]:
+        """D_a x and D_b x, where the first photons have them; zero in frames that do not."""
+        if self._has_light_columns is None and len(record):
+            self._has_light_columns = len(record.dxda) > 0
+            if self._has_light_columns:
+                for prim in self._prims():
+                    interpolation = UsdGeom.Tokens.uniform
+                    if prim.GetPrim() == self._points.GetPrim():
+                        interpolation = UsdGeom.Tokens.vertex
+                    for name, (kind, meaning) in LIGHT_PRIMVARS.items():
+                        primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(name, kind, interpolation)
+                        primvar.GetAttr().SetDocumentation(meaning)
+        if not self._has_light_columns:
+            return {}
+        none = np.zeros((len(record), 3))
+        columns = {"tpd:DaX": record.dxda, "tpd:DbX": record.dxdb}
+        return {name: vectors(column if len(column) else none) for name, column in columns.items()}
 
     def close(self) -> None:
         """Completes both layers and gives them their names. Later calls do nothing.

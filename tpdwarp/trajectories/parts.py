@@ -1,0 +1,103 @@
+"""Photons of changing cells, part by part of the shutter; parts in which light begins or ends in a rush are cut again.
+
+As total reflection ends, light leaves along the face and turns away from it as the root of the time: in an eighth of
+the shutter it may pass a large part of the picture, and carries least where it is fastest. So where a path begins or
+ends between two parts, and is fast beside the size of its cell, both are traced again in parts of their own.
+
+Beyond the paper, whose photons shine for the whole shutter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tpdwarp.clock import Clock
+from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.scene.description import Shutter
+from tpdwarp.trajectories.changing import LEAST_LIGHT, LEAST_SHARE, PARTS, ChangingCells, in_middle_of_cell
+from tpdwarp.trajectories.keyframes import ShutterKeyframes
+
+# A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
+# within what its cell blurs. Chosen, not derived.
+LONGEST_WAY = 4.0
+
+
+def traced_in_parts(
+    tracer: PhotonTracer,
+    keyframes: ShutterKeyframes,
+    changing: ChangingCells,
+    shutter: Shutter,
+    weight: float,
+    light: float,
+    clock: Clock,
+    **options: Any,
+) -> tuple[list[PhotonMap], EnergyAccount]:
+    """Photons of ``changing`` cells for each part of ``shutter``, and where their flux went.
+
+    Args:
+        keyframes: Whose tags tell paths apart.
+        weight: Part of the exposure that the shutter is.
+        light: Flux of all photons of the shutter; cells that rush are traced again where they have a part worth it.
+        options: Of the tracer.
+    """
+    account, maps = EnergyAccount(), []
+    plan = changing.plan
+
+    def traced(
+        cells: ChangingCells, piece: Shutter, middle: float, share: float, number: int
+    ) -> tuple[PhotonMap, EnergyAccount]:
+        loaded = tracer.load(piece, clock)
+        given = {"chosen": cells.at(middle, number), "tags": keyframes.tags.of(loaded.scene), **options}
+        photons, energy = tracer.trace(loaded, plan, clock, weight=weight * share, **given)
+        return replace(in_middle_of_cell(photons, number), time=middle, duration=share), energy
+
+    pieces, share = shutter.segments(PARTS), 1.0 / PARTS
+    middles = [(part + 0.5) * share - 0.5 for part in range(PARTS)]
+    for part, piece in enumerate(pieces):
+        photons, energy = traced(changing, piece, middles[part], share, part)
+        account.add(energy)
+        maps.append(replace(photons, part=part + 1))
+    for part, (piece, cells) in enumerate(zip(pieces, cells_that_rush(maps, changing, light), strict=True)):
+        if not len(cells):
+            continue
+        account.subtract(traced(cells, piece, middles[part], share, part)[1])
+        maps[part] = maps[part].rows(~cells.holds(maps[part]))
+        for number, smaller in enumerate(piece.segments(PARTS)):
+            photons, energy = traced(cells, smaller, middles[part] + share * middles[number], share**2, number)
+            account.add(energy)
+            maps.append(replace(photons, part=PARTS * (part + 1) + number + 1))
+    return maps, account
+
+
+def cells_that_rush(maps: list[PhotonMap], changing: ChangingCells, light: float) -> list[ChangingCells]:
+    """For each part, the cells that light rushes through on a path that begins or ends between it and one beside it.
+
+    None where they have hardly any of all ``light``.
+    """
+    keys = [np.stack([photons.ids, photons.path.astype(np.int64)], axis=1) for photons in maps]
+    names = np.unique(np.concatenate(keys), axis=0, return_inverse=True)[1].reshape(-1)
+    names = np.split(names, np.cumsum([len(photons) for photons in maps])[:-1])
+    rushing = [_rushes(photons) for photons in maps]
+    found: list[list[PhotonMap]] = [[] for _ in maps]
+    flux = 0.0
+    for part in range(len(maps) - 1):
+        for one, other in ((part, part + 1), (part + 1, part)):
+            alone = maps[one].rows(rushing[one] & ~np.isin(names[one], names[other]))
+            found[one].append(alone)
+            found[other].append(alone)
+            flux += float(alone.flux.sum(dtype=np.float64))
+    if flux <= LEAST_LIGHT * light:
+        return [ChangingCells({}, changing.plan)] * len(maps)
+    return [changing.of_photons(photons) for photons in found]
+
+
+def _rushes(photons: PhotonMap) -> np.ndarray:
+    """Which photons that matter go far in their part of the shutter, shape [n]."""
+    size = np.maximum(*(np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)))
+    way = np.linalg.norm(photons.dxdt - photons.receiver_motion, axis=1)
+    return (photons.share > LEAST_SHARE) & (way > LONGEST_WAY * size)
