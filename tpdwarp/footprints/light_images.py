@@ -141,7 +141,6 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
     singular = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
     by_light = light_variance(light)
     by_pixel = (_outer(pixel.p) + _outer(pixel.q)) / 12.0
-    singular = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
     if light.image == IMAGE_NONE or wp.trace(by_light) <= NEGLIGIBLE * wp.trace(by_pixel):
         return axes_of(singular, j[0, 0], j[0, 1], j[1, 0], j[1, 1], pixel, distance)
     both = parallelogram_of(by_light + by_pixel)

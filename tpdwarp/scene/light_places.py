@@ -80,7 +80,7 @@ def pieces_of_disc(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
     The first is a disc; ring k around it has 6 k pieces, along and across its radius. There are 1, 7, 19, … of them,
     whichever is nearest to ``count``.
     """
-    rings = max(range(32), key=lambda k: -abs(1 + 3 * k * (k + 1) - count))
+    rings = max(range(32), key=lambda k: (-abs(1 + 3 * k * (k + 1) - count), k))
     total = 1 + 3 * rings * (rings + 1)
     inner = 1.0 / math.sqrt(total)
     pieces = [(np.zeros(2), inner * np.eye(2))]

@@ -29,7 +29,7 @@ from tpdwarp.scene.device.loading import LoadedScene
 PILOT_PHOTONS = 4096
 # Photons that a part has at least, and parts that a light has at most: each is a lattice to trace. Chosen, not derived.
 FEWEST_PHOTONS = 256
-MOST_SPLITS = 217
+MOST_SPLITS = 91
 # Stills looked at, spread over the animation.
 MOST_STILLS = 2
 # Places on the light, by its coordinates: the ends of its axes.
