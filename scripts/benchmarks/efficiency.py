@@ -31,6 +31,7 @@ from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
+from tpdwarp.view.area_lights import area_light_arrays
 from tpdwarp.view.camera import Camera, camera_of, camera_ray
 from tpdwarp.view.lights import LightArrays, light_arrays, lit_from
 from tpdwarp.view.sampling import block_order, film_positions
@@ -156,6 +157,7 @@ def view_rate() -> dict[str, float]:
     width, height = context.source.resolution()
     camera = camera_of(loaded.scene.camera, width, height, context.normalization)
     lights = light_arrays(loaded.scene.lights, context.normalization, launcher)
+    areas = area_light_arrays(loaded.scene.lights, context.normalization, launcher)
     pixels = block_order(width, height)
     positions = film_positions(pixels, np.zeros(len(pixels), int), width, 1, 0)
     films = launcher.array(positions.astype(np.float32), wp.vec2)
@@ -163,7 +165,7 @@ def view_rate() -> dict[str, float]:
     out, surfaces = launcher.zeros(len(pixels), wp.float32), loaded.geometry.at(0.0, launcher)
 
     def looked() -> None:
-        list(visible_points(surfaces, lights, camera, films, items, loaded.requirements, launcher, moves=False))
+        list(visible_points(surfaces, lights, areas, camera, films, items, loaded.requirements, launcher, moves=False))
 
     bare = [surfaces, lights, camera, films, out]
     return _compared_with_bare("first hits of the camera", lambda: launcher(bare_view, len(pixels), bare), looked)

@@ -3,6 +3,7 @@
 
 .venv/bin/python scripts/benchmarks/solids.py                         # every scene whose truth is kept
 .venv/bin/python scripts/benchmarks/solids.py ball-gliding --quick    # 16 384 photons only
+.venv/bin/python scripts/benchmarks/solids.py --settings default --photons 16384 --photons 65536    # README's table
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from usd_scenes.stage import CAMERA, FRAME
 
 PHOTONS = (1 << 12, 1 << 14, 1 << 16, 1 << 18)
 MOST_PHOTONS = 1 << 20
-SETTINGS: dict[str, dict[str, Any]] = {"default": {}, "auto": {"segments": "auto"}}
+SETTINGS: dict[str, dict[str, Any]] = {"default": {}, "one": {"segments": 1}}
 SAMPLES = 4
 # A ball, a flat solid, an edge in time: together a few seconds at 16 384 photons.
 QUICK_SCENES = ("ball-gliding", "cube-turning", "board-over-water")
@@ -136,6 +137,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help=f"{QUICK_PHOTONS[0]} photons and default settings only")
     parser.add_argument("--most", action="store_true", help=f"also {MOST_PHOTONS} photons")
     parser.add_argument("--photons", type=int, action="append", help="photons a frame, in place of the usual numbers")
+    parser.add_argument("--settings", choices=SETTINGS, action="append", help="one: one segment; all by default")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
     options = parser.parse_args()
     for name in options.scene:
@@ -145,7 +147,7 @@ def main() -> int:
     if options.quick:
         rows = run(options.scene or QUICK_SCENES, QUICK_PHOTONS, ("default",))
     else:
-        rows = run(options.scene, photons)
+        rows = run(options.scene, photons, options.settings or tuple(SETTINGS))
     if options.json:
         options.json.write_text(json.dumps(rows, indent=2) + "\n")
     return 0

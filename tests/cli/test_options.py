@@ -115,6 +115,14 @@ def test_help_shows_documentation_choices_and_defaults(capsys, monkeypatch):
     assert "``" not in text and "None" not in text
 
 
+def test_every_option_says_what_it_does():
+    parser = argparse.ArgumentParser()
+    declare_settings(parser, ALL)
+    for action in parser._actions:
+        # Words before the default.
+        assert len(action.help.partition("[")[0].split()) >= 2, action.option_strings
+
+
 def test_sizes_are_written_as_people_do():
     texts = {"12G": 12 * 2**30, "512M": 2**29, "1.5 GiB": 1.5 * 2**30, "64kB": 2**16, "1000": 1000}
     assert {text: size(text) for text in texts} == texts

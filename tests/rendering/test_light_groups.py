@@ -104,6 +104,20 @@ def test_a_light_that_is_off_has_its_channels_all_the_same(lit):
     assert not rgb(channels, "caustic_practicals").any() and rgb(channels, "caustic_Sun").any()
 
 
+def test_lights_that_are_cut_into_parts_are_one_light(lit):
+    stage = Usd.Stage.Open(lit)
+    stage.SetEditTarget(stage.GetSessionLayer())
+    lamp = UsdLux.SphereLight(stage.GetPrimAtPath("/World/Lamp"))
+    lamp.CreateTreatAsPointAttr(False)
+    lamp.CreateRadiusAttr(0.2)
+    options = {**SMALL, "light_splits": 4, "aovs": ["caustic"], "light_groups": ["auto"]}
+    frame = tpdwarp.render_frame(stage, FRAME, **options)
+    assert set(frame.photons.light_paths) == {"/World/Sun", "/World/Lamp"}
+    parts = rgb(frame.channels, "caustic_Sun") + rgb(frame.channels, "caustic_practicals")
+    assert rgb(frame.channels, "caustic_practicals").any()
+    np.testing.assert_allclose(parts, rgb(frame.channels, "caustic"), rtol=3 * 2**-24, atol=1e-30)
+
+
 @pytest.mark.parametrize("estimator", ["pd", "distribution", "tdpm"])
 def test_other_estimators_keep_lights_apart_too(lit, estimator):
     options = {**SMALL, "estimator": estimator, "accumulation_times": 2, "tdpm_neighbours": 20, "exposure": 0.5}

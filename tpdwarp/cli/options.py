@@ -43,6 +43,7 @@ class SettingOption:
         metavar: How help names the value; one a value where there are several.
         also: What help adds to the field's documentation.
         alone: What the option means without a value; None where it needs one.
+        brief: What help says in the place of the field's documentation, where that begins at length.
     """
 
     field: str
@@ -51,40 +52,75 @@ class SettingOption:
     metavar: str | tuple[str, ...] | None = None
     also: str = ""
     alone: tuple[str, ...] | None = None
+    brief: str = ""
 
 
 PICTURE = (
     SettingOption("camera", ("-cam", "--camera"), metavar="CAMERA"),
     SettingOption("image_width", ("-w", "--imageWidth"), int, "PIXELS"),
     SettingOption("resolution", ("--resolution",), int, ("W", "H")),
-    SettingOption("crop", ("--crop",), float, ("X0", "Y0", "X1", "Y1")),
+    SettingOption(
+        "crop", ("--crop",), float, ("X0", "Y0", "X1", "Y1"), "0 … 1 from lower left, or pixels from upper left"
+    ),
     SettingOption("render_settings", ("-rs", "--renderSettingsPrimPath"), metavar="PATH"),
     SettingOption("purposes", ("--purposes",), names, "NAME,..."),
     SettingOption("mask", ("--mask",), names, "PATH,..."),
     SettingOption("complexity", ("--complexity",), complexity, "X", also=f"a number, or {'|'.join(COMPLEXITIES)}"),
     SettingOption("samples", ("--samples",), int, "S"),
-    SettingOption("view_cutoff", ("--view-cutoff",), float, "PART"),
-    SettingOption("refracted_radiance", ("--refracted-radiance",)),
+    SettingOption(
+        "view_cutoff",
+        ("--view-cutoff",),
+        float,
+        "PART",
+        brief="Part of a sample below which reflected views are given up.",
+    ),
+    SettingOption(
+        "refracted_radiance",
+        ("--refracted-radiance",),
+        brief="Radiance seen through an interface, by its index or not.",
+    ),
     SettingOption("aovs", ("--aov",), names, "NAME,...", also=", ".join(AOVS)),
     SettingOption("exr_type", ("--exr-type",), metavar="half|float"),
     SettingOption("light_groups", ("--light-groups",), names, "NAME=PATTERN,...", "auto if alone", ("auto",)),
-    SettingOption("view", ("--view",), metavar="AOV"),
+    SettingOption("view", ("--view",), metavar="AOV", brief="What PNG, JPEG and TIFF show instead of the beauty."),
     SettingOption("view_exposure", ("--view-exposure",), float, "STOPS"),
 )
 EXPOSURE = (
-    SettingOption("exposure", ("--exposure",), float, "FRAMES"),
+    SettingOption(
+        "exposure", ("--exposure",), float, "FRAMES", brief="How long the shutter is open from the frame on, in frames."
+    ),
     SettingOption("shutter", ("--shutter",), float, ("OPEN", "CLOSE")),
 )
 METHOD = (
     SettingOption("motion", ("--motion",)),
     SettingOption("photons", ("--photons",), int, "N"),
-    SettingOption("segments", ("--segments",), count_or_auto, "K|auto"),
-    SettingOption("light_splits", ("--light-splits",), count_or_auto, "N|auto"),
+    SettingOption(
+        "segments", ("--segments",), count_or_auto, "K|auto", brief="Parts of the shutter that are traced apart."
+    ),
+    SettingOption(
+        "light_splits",
+        ("--light-splits",),
+        count_or_auto,
+        "N|auto",
+        brief="Parts that a light with extent is cut into.",
+    ),
     SettingOption("bounces", ("--bounces",), int, "N"),
-    SettingOption("branch_cutoff", ("--branch-cutoff",), float, "PART"),
+    SettingOption(
+        "branch_cutoff",
+        ("--branch-cutoff",),
+        float,
+        "PART",
+        brief="Part of a photon below which reflections are given up.",
+    ),
     SettingOption("target_error", ("--target-error",), float, "X"),
-    SettingOption("estimator", ("--estimator",)),
-    SettingOption("accumulation_times", ("--accumulation-times",), int, "N"),
+    SettingOption("estimator", ("--estimator",), brief="How light is estimated from photons."),
+    SettingOption(
+        "accumulation_times",
+        ("--accumulation-times",),
+        int,
+        "N",
+        brief="Instants of accumulation, and for random times.",
+    ),
     SettingOption("tdpm_neighbours", ("--tdpm-neighbours",), int, "N"),
     SettingOption("tdpm_between", ("--tdpm-between",), int, "N"),
     SettingOption("kernel", ("--kernel",)),
@@ -261,7 +297,9 @@ def size(text: str) -> float:
 
 
 def _help(option: SettingOption) -> str:
-    text = _documentation().get(option.field, "").replace("``", "")
+    # What follows is for who reads the documentation: help is to fit two screens.
+    documented = _documentation().get(option.field, "").replace("``", "")
+    text = option.brief or re.split("; |: |, which |, whose ", documented)[0]
     text = re.sub(r"\b(?:None|empty) (?:takes|for)\b", "by default", text)
     default = next(field.default for field in fields(Settings) if field.name == option.field)
     if default not in (None, "", ()):
@@ -275,7 +313,10 @@ def _help(option: SettingOption) -> str:
 
 @cache
 def _documentation() -> dict[str, str]:
-    """What the docstring of :class:`Settings` says of each field."""
-    section = (Settings.__doc__ or "").partition("Attributes:")[2]
-    entries = re.findall(r"^\s+(\w+): (.*(?:\n(?!\s+\w+: ).*\S.*)*)", section, re.MULTILINE)
-    return {name: " ".join(text.split()) for name, text in entries}
+    """What the docstrings of the groups of :class:`Settings` say of each field."""
+    found: dict[str, str] = {}
+    for group in Settings.__mro__:
+        section = (group.__doc__ or "").partition("Attributes:")[2]
+        entries = re.findall(r"^\s+(\w+): (.*(?:\n(?!\s+\w+: ).*\S.*)*)", section, re.MULTILINE)
+        found |= {name: " ".join(text.split()) for name, text in entries}
+    return found

@@ -195,6 +195,12 @@ def tangent_frame(n: wp.vec3) -> TangentFrame:
 
 
 @wp.func
+def within_scene(axis: wp.vec2) -> wp.vec2:
+    """The axis of a light's image (beyond the paper), no longer than the scene: grazing light has endless ones."""
+    return axis * wp.min(1.0, LONGEST_AXIS / wp.max(wp.length(axis), 1.0e-30))
+
+
+@wp.func
 def singular_values(a: float, b: float, c: float, d: float) -> SingularValues:
     """The singular value decomposition of J = [[a, b], [c, d]] in closed form: M = J⁻¹ of Eq. 7 follows from it."""
     out = SingularValues()
@@ -462,8 +468,8 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
         axes = Axes()
         if wp.static(extended):
             light = LightOnPlane()
-            light.a = wp.vec2(wp.dot(frame.e1, images.dxda[i]), wp.dot(frame.e2, images.dxda[i]))
-            light.b = wp.vec2(wp.dot(frame.e1, images.dxdb[i]), wp.dot(frame.e2, images.dxdb[i]))
+            light.a = within_scene(wp.vec2(wp.dot(frame.e1, images.dxda[i]), wp.dot(frame.e2, images.dxda[i])))
+            light.b = within_scene(wp.vec2(wp.dot(frame.e1, images.dxdb[i]), wp.dot(frame.e2, images.dxdb[i])))
             light.image = images.image[i]
             axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, wp.length(x))
         elif wp.static(radial is None):

@@ -152,11 +152,11 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
         counts = [m for m in (4 * photons >> 2 * k for k in range(12)) if m >= FIRST_PHOTONS][::-1]
         return _ErrorInSpace.of(counts, [at(m, segments) for m in counts])
 
-    def in_time(photons: int, segments: int, fall: float) -> _ErrorInTime:
+    def in_time(photons: int, segments: int, fall: float, finest: bool = False) -> _ErrorInTime:
         if segments not in following:
             return _ErrorInTime(photons, 0.0, 1.0)
         # With fewer photons than are traced for keyframes, these are too few to show the error in time.
-        enough = min(4 * photons, max(photons, FEWEST_KEYFRAME_PHOTONS))
+        enough = 4 * photons if finest else min(4 * photons, max(photons, FEWEST_KEYFRAME_PHOTONS))
         jump, coarse = (_change(at(m, segments), at(m, following[segments])) for m in (enough, enough // 4))
         # Its part in space is as much smaller with more photons as the error in space; that in time stays.
         apart = (jump**2 - (fall * coarse) ** 2) / (1.0 - fall**2)
@@ -173,14 +173,15 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
     while True:
         space = in_space(photons, segments)
         time = in_time(photons, segments, space.fall)
-
-        def error(m: float, space: _ErrorInSpace = space, time: _ErrorInTime = time) -> float:
-            return math.hypot(space(m), time(m))
-
+        error = _both(space, time)
         if 4 * photons >= FEWEST_SEEN:
             most = min(4.0**LARGEST_EXTRAPOLATION * photons, MOST_PHOTONS / segments)
             if error(most) <= wanted:
                 fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
+                if time.photons < min(fewest, 4 * photons) and 2.0 * time(fewest) > wanted:
+                    # What few photons take for an error in time may go with more of them: more are looked at.
+                    error = _both(space, in_time(photons, segments, space.fall, finest=True))
+                    fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
                 return Choice(fewest, segments, error(fewest))
             if 4 * photons * segments >= MOST_PHOTONS:
                 return Choice(4 * photons, segments, error(4 * photons))
@@ -247,6 +248,11 @@ class _ErrorInSpace:
         beyond = max(0.0, math.log(photons / self.counts[-1]) / math.log(4))
         between = np.interp(math.log(photons), np.log(self.counts), np.log(errors))
         return math.exp(between) * self.fall**beyond
+
+
+def _both(space: _ErrorInSpace, time: _ErrorInTime) -> Callable[[float], float]:
+    """The error in space and in time together, by photons."""
+    return lambda photons: math.hypot(space(photons), time(photons))
 
 
 def _fewest(error: Callable[[float], float], wanted: float, least: int, most: float) -> int:

@@ -9,12 +9,12 @@ that is on average
 
 and √K times as much light as for one segment lies within a cell of where light ends; light that begins or ends within
 the shutter, or whose flux grows along a straight trajectory, errs by a part of it ∝ 1/K. All are means over the photons
-of a coarse trace, weighted by flux. L comes from the footprints themselves: irradiance goes with the inverse of their
-area; h is each photon's own width, which vanishes with L at folds. D_t x is known from keyframes as the shutter opens
-and closes, as it is for trajectories, which go straight where keyframes disagree: so a
-few segments more may be far better. A curved trajectory that knows D_t x at the times ±σ misses (s⁴ − 2σ² s²)/24 of
-D_tttt x at the part s of the shutter, and that is as large as D_tt x by the ratio of D_ttt x to D_t x, as in a swing.
-(Those that know where they pass miss less, but axes that follow to first order only err more.)
+of a coarse trace, weighted by flux and by the root of how bright their light is. L comes from the footprints
+themselves: irradiance goes with the inverse of their area; h is each photon's own width, which vanishes with L at
+folds. D_t x is known from keyframes as the shutter opens and closes, as it is for trajectories, which go straight where
+keyframes disagree: so a few segments more may be far better. A curved trajectory that knows D_t x at the times ±σ
+misses (s⁴ − 2σ² s²)/24 of D_tttt x at the part s of the shutter, and that is as large as D_tt x by the ratio of D_ttt x
+to D_t x, as in a swing. (Those that know where they pass miss less, but axes that follow to first order only err more.)
 
 Where motion breaks between two time samples of a stage, a curved trajectory that leads past the break errs by 0.03 of
 the change of D_t x there, as
@@ -72,6 +72,9 @@ MOST_PARTS = 8
 # Beyond this quantile D_tt x belongs to light that appears and vanishes at edges, which no trajectory follows. Chosen,
 # not derived.
 LARGEST_QUANTILE = 0.95
+# Footprints finer than this quantile of their areas lie at folds, where light is as bright as if they had it. Chosen,
+# not derived.
+FINEST = 0.05
 # What curved trajectories that lead past a break err by, as a part of what straight ones of a smooth motion do: 0.03 of
 # the change of D_t x, as above, over the 1/24 of those.
 BREAK_ERROR = 0.72
@@ -117,7 +120,7 @@ class SegmentErrors:
     """Errors of the light of photons, as parts of it, for one segment; one row a photon.
 
     Attributes:
-        weight: Of each photon's in their mean: its flux.
+        weight: Of each photon's in their mean: its flux, times the root of how bright its light is.
         straight, curved: In time, for straight and for curved trajectories.
         disagreement: Of keyframes, as a part of D_t x; infinite where trajectories never curve.
         blur: In space.
@@ -221,12 +224,12 @@ def _errors_over(tracer: PhotonTracer, whole: Shutter, plan: EmissionPlan) -> Se
     known = before.valid & after.valid
     # At borders of the lattice keyframes say nothing even in the middle of the shutter.
     begins = keyframes.at_middle(photons, plan).valid & ~known
+    curves = settings.path == "curved" and settings.kernel == "bspline" and settings.trace_at == "middle"
     rows = np.flatnonzero(known)
     if not len(rows):
         return None
     known = photons.rows(rows)
     share = plan.photons / settings.photons
-    curves = settings.path == "curved" and settings.kernel == "bspline" and settings.trace_at == "middle"
     passing = float(photons.flux[begins].sum() / photons.flux.sum())
     return _errors(known, before.rows(rows), after.rows(rows), plan, share, curves, passing)
 
@@ -249,6 +252,10 @@ def _errors(
         passing: Part of the light that begins or ends within the shutter.
     """
     flux = photons.flux.sum(axis=1).astype(np.float64)
+    areas = np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1)
+    # Of the mean square error of irradiance, each photon's light has a part that goes with its flux and with how bright
+    # it is; the root of that counts, since the brightest light is that of a few photons of a coarse trace.
+    weight = flux * np.sqrt(flux / np.maximum(areas, max(np.quantile(areas, FINEST), np.finfo(float).tiny)))
     span = 1.0 - KEYFRAME_DURATION
     second = np.linalg.norm(after.dxdt - before.dxdt, axis=1) / span
     third = np.linalg.norm(before.dxdt + after.dxdt - 2.0 * photons.dxdt, axis=1) * (2.0 / span) ** 2
@@ -256,10 +263,10 @@ def _errors(
     widths = [np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)]
     typical = [math.sqrt(share) * float(np.median(width)) for width in widths]
     if not max(typical) > 0:
-        return SegmentErrors(flux, *[0.0 * flux] * 2, apart, *[0.0 * flux] * 3)
+        return SegmentErrors(weight, *[0.0 * flux] * 2, apart, *[0.0 * flux] * 3)
     # Areas vanish at folds; no footprint is finer than the typical one.
     least = np.maximum(typical[0] * widths[1], typical[1] * widths[0])
-    logs = np.log(np.hypot(np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1), least))
+    logs = np.log(np.hypot(areas, least))
     # Cells are longer where light varies less, so each direction counts with its own.
     beside = neighbours(photons, plan)
     changes = [
@@ -287,7 +294,7 @@ def _errors(
         # trajectories keep theirs, which tells where light has moved on by the time.
         growth = sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
         error += 0.25 * np.abs(growth) * np.minimum(1.0, change * first)
-    return SegmentErrors(flux, *in_time, apart, blur**2 / 8.0, border, error)
+    return SegmentErrors(weight, *in_time, apart, blur**2 / 8.0, border, error)
 
 
 def _alone(photons: PhotonMap, plan: EmissionPlan, beside: Collection[Pairs]) -> np.ndarray:
