@@ -78,15 +78,18 @@ def kill_at_random(
             codes[number.name][ended.code] += 1
             if number in ASKED:
                 waits.append((ended.seconds, after_signal))
+        behind: set[str] = set()
         if out.exists():
             torn += sum(planes is None for planes in pixels(out).values())
             # A killed one leaves its own, until a later render has come as far as sweeping them.
-            left += len(set(leftovers(out)) - before) if number in ASKED and not over else 0
+            if number in ASKED and not over:
+                behind = set(leftovers(out)) - before
+            left += len(behind)
             if over:
                 shutil.rmtree(out)
-        tell(
-            f"{index + 1}/{count} {number.name} {'after its end' if over else ''} code {ended.code} {ended.err.strip()}"
-        )
+        when = "after its end" if over else ""
+        hidden = f" left behind: {', '.join(sorted(behind))}" if behind else ""
+        tell(f"{index + 1}/{count} {number.name} {when} code {ended.code} {ended.err.strip()}{hidden}")
     last = run(arguments)
     missing = lost(out, reference)
     quiet = folder / "undisturbed"

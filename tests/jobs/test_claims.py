@@ -1,12 +1,18 @@
 """Frames are claimed by one render at a time."""
 
+import inspect
+import signal
+import sys
 import time
+from collections.abc import Callable
+from types import FrameType
 
 import pytest
 
 from tpdwarp.io.locks import FileLock
 from tpdwarp.jobs import claims
 from tpdwarp.jobs.claims import ClaimedElsewhere, Claims, claim_path, sweep_claims
+from tpdwarp.stopping import Stopped
 
 
 def test_a_frame_is_claimed_by_one_and_free_afterwards(tmp_path):
@@ -57,3 +63,45 @@ def test_a_claim_that_shows_signs_of_life_does_not_expire(tmp_path, monkeypatch)
             with pytest.raises(ClaimedElsewhere), waiting.held(path):
                 pass
             time.sleep(0.1)
+
+
+def test_a_signal_between_any_two_steps_leaves_no_claim_behind(tmp_path):
+    path = str(tmp_path / "a.exr")
+
+    def claimed() -> None:
+        with Claims().held(path):
+            pass
+
+    step = 0
+    while _signalled_at(step, claimed):
+        assert list(tmp_path.iterdir()) == [], f"step {step}"
+        step += 1
+    # Some dozens of instructions, and none left over.
+    assert step > 50 and list(tmp_path.iterdir()) == []
+
+
+def _signalled_at(number: int, call: Callable[[], None]) -> bool:
+    """Whether ``call`` was left by a signal, before that instruction of the files that lock and claim."""
+    files = {inspect.getfile(FileLock), inspect.getfile(Claims)}
+    count = 0
+
+    def trace(frame: FrameType, event: str, _: object) -> object:
+        nonlocal count
+        if frame.f_code.co_filename not in files:
+            return None
+        frame.f_trace_opcodes = True
+        if event == "opcode":
+            count += 1
+            if count == number + 1:
+                raise Stopped(signal.SIGTERM)
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        call()
+    except Stopped:
+        return True
+    finally:
+        sys.settrace(before)
+    return False

@@ -35,44 +35,65 @@ class FileLock:
         if fcntl is None:
             return True
         work_begins()
-        while True:
-            try:
-                descriptor = os.open(self.path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
-            except OSError:
-                return True
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                os.close(descriptor)
-                if error.errno in _HELD:
-                    return False
-                with contextlib.suppress(OSError):
-                    os.unlink(self.path)
-                return True
-            except BaseException:
-                # A signal, after the file was made perhaps: what nobody holds does not stay behind.
-                with contextlib.suppress(OSError):
-                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    if self._is_at_its_path(descriptor):
-                        os.unlink(self.path)
-                os.close(descriptor)
-                raise
-            # Between opening and locking, its holder may have removed the file, and another made a new one.
-            if self._is_at_its_path(descriptor):
-                self._descriptor = descriptor
-                return True
-            os.close(descriptor)
+        try:
+            while True:
+                held = self._tried()
+                if held is not None:
+                    return held
+        except BaseException:
+            # A signal, after the file was made perhaps: what nobody holds does not stay behind.
+            self._abandon()
+            raise
 
     def release(self) -> None:
-        """Frees the lock and removes its file; does nothing where it is not held."""
+        """Frees the lock and removes its file; does nothing where it is not held.
+
+        It may be called again where a signal has cut it short.
+        """
         if self._descriptor is not None:
             with contextlib.suppress(OSError):
-                os.unlink(self.path)
-            os.close(self._descriptor)
+                if self._is_at_its_path():
+                    os.unlink(self.path)
+            self._close()
+
+    def _tried(self) -> bool | None:
+        """Whether it could be taken; None where it is to be tried again."""
+        # Kept before anything else can happen to it.
+        try:
+            self._descriptor = os.open(self.path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+        except OSError:
+            return True
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno not in _HELD:
+                self.release()
+                return True
+            self._close()
+            return False
+        # Between opening and locking, its holder may have removed the file, and another made a new one.
+        if self._is_at_its_path():
+            return True
+        self._close()
+        return None
+
+    def _abandon(self) -> None:
+        """Removes the file if nobody holds it."""
+        with contextlib.suppress(OSError):
+            if self._descriptor is None:
+                self._descriptor = os.open(self.path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self.release()
+        self._close()
+
+    def _close(self) -> None:
+        if self._descriptor is not None:
+            with contextlib.suppress(OSError):
+                os.close(self._descriptor)
             self._descriptor = None
 
-    def _is_at_its_path(self, descriptor: int) -> bool:
+    def _is_at_its_path(self) -> bool:
         try:
-            return os.path.samestat(os.fstat(descriptor), os.lstat(self.path))
+            return os.path.samestat(os.fstat(self._descriptor), os.lstat(self.path))
         except OSError:
             return False

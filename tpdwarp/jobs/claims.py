@@ -45,13 +45,17 @@ class Claims:
             ClaimedElsewhere: Another process holds it.
         """
         lock, ended = FileLock(claim_path(path)), threading.Event()
-        # A signal may come between any two lines.
+        # A signal may come between any two steps, also while cleaning up; further ones wait until this has unwound.
         try:
-            if lock.acquire():
-                threading.Thread(target=_beat, args=(lock.path, ended), name="tpdwarp-claim", daemon=True).start()
-            elif not self._expired(lock.path):
-                raise ClaimedElsewhere(path)
-            yield
+            try:
+                if lock.acquire():
+                    threading.Thread(target=_beat, args=(lock.path, ended), name="tpdwarp-claim", daemon=True).start()
+                elif not self._expired(lock.path):
+                    raise ClaimedElsewhere(path)
+                yield
+            finally:
+                ended.set()
+                lock.release()
         finally:
             ended.set()
             lock.release()
