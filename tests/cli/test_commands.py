@@ -39,10 +39,10 @@ def test_render_writes_frames_statistics_and_the_debug_layer(stage, tmp_path, ca
 def test_failed_frames_are_listed_at_the_end_with_code_1(stage, tmp_path, capsys, monkeypatch):
     real = frame_work.render_frame
 
-    def fail_at_2(context, shutter, width, height):
+    def fail_at_2(context, shutter, *size, **more):
         if shutter.frame == 2:
             raise FrameError("the lamp blew")
-        return real(context, shutter, width, height)
+        return real(context, shutter, *size, **more)
 
     monkeypatch.setattr(frame_work, "render_frame", fail_at_2)
     assert main(["render", stage, str(tmp_path / "a.##.exr"), *SMALL, "--progress", "none"]) == 1
