@@ -182,15 +182,22 @@ class EmissionPlan:
 
 
 def plan_emission(
-    source: SceneSource, photons: int, normalization: Normalization, *, square: bool = False, splits: int = 1
+    source: SceneSource,
+    photons: int,
+    normalization: Normalization,
+    *,
+    square: bool = False,
+    splits: int = 1,
+    stills: Sequence[SceneAtShutter] | None = None,
 ) -> EmissionPlan:
     """Lays out the lattices for ``photons`` photons a frame, shared between lights (see :func:`light_shares`).
 
     Args:
         square: Whether cells are square also where light varies in one direction alone.
         splits: Parts that each light with extent is cut into.
+        stills: The reference scenes of ``source``, where they have been read before.
     """
-    stills = reference_scenes(source, lambda scene: require_within_range(scene, normalization, source.file))
+    stills = reference_scenes(source, lambda scene: require_within_range(scene, normalization, source.file), stills)
     stills = [split_lights(scene, splits) for scene in stills]
     corners = [specular_corners(scene, normalization) for scene in stills]
     paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))

@@ -107,4 +107,5 @@ class PhotonTracer:
     def _planned(self, photons: int) -> EmissionPlan:
         if self._plans:
             return next(iter(self._plans.values())).with_photons(photons)
-        return plan_emission(self.source, photons, self.normalization, square=self._square, splits=self.splits)
+        options = {"square": self._square, "splits": self.splits, "stills": self.loader.stills_once()}
+        return plan_emission(self.source, photons, self.normalization, **options)

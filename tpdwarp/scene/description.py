@@ -367,22 +367,25 @@ class SceneSource(Protocol):
 
 
 def reference_scenes(
-    source: SceneSource, check: Callable[[SceneAtShutter], None] = lambda scene: None
+    source: SceneSource,
+    check: Callable[[SceneAtShutter], None] = lambda scene: None,
+    known: Sequence[SceneAtShutter] | None = None,
 ) -> list[SceneAtShutter]:
     """The scenes over the reference shutters of ``source``, but for those that cannot be used.
 
     Args:
         source: Where they come from.
         check: Called with each; raises where it cannot be used.
+        known: These scenes, where they have been read before.
 
     Raises:
         InputError: None of them can be.
     """
     scenes: list[SceneAtShutter] = []
     refused: InputError | None = None
-    for shutter in source.reference_shutters():
+    for still in source.reference_shutters() if known is None else known:
         try:
-            scene = source.at(shutter)
+            scene = source.at(still) if isinstance(still, Shutter) else still
             check(scene)
             scenes.append(scene)
         except InputError as error:

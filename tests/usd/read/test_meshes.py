@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, UsdGeom
 from tests.usd.stages import SQUARE, SmallStage, face_normals, mesh_named
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
-from tpdwarp.usd.read.meshes import PRIORITY
+from tpdwarp.usd.read.appearances import PRIORITY
 
 CORNERS = np.array(SQUARE)
 UP = np.array([0.0, 0.0, 1.0])

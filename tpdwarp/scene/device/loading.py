@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -54,6 +55,12 @@ class SceneLoader:
         stills = reference_scenes(source)
         self.extended_lights = any(light.extent is not None for still in stills for light in still.lights)
         self.normalization = _normalization(stills, source.file)
+        self._stills: Sequence[SceneAtShutter] | None = stills
+
+    def stills_once(self) -> Sequence[SceneAtShutter] | None:
+        """The reference scenes for the first who asks; None later, for they are not kept longer than that."""
+        stills, self._stills = self._stills, None
+        return stills
 
     def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
         """The scene over ``shutter``, at its middle with motions over the whole of it.

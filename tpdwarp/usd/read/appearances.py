@@ -15,6 +15,9 @@ from tpdwarp.usd.read.primvars import flattened
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.values import indices_at, text_at
 
+# Of nested dielectrics; see tpdwarp.scene.nesting.
+PRIORITY = "tpdwarp:priority"
+
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
@@ -33,6 +36,59 @@ class Appearance:
     coordinate_indices: np.ndarray | None
     kept: np.ndarray | None
     varies: bool
+
+
+class Appearances:
+    """What meshes look like, found once for all instances of one.
+
+    Args:
+        materials: Reads the bound materials.
+        warnings: Takes what is not supported, and names the file in errors.
+    """
+
+    def __init__(self, materials: Materials, warnings: WarnOnce) -> None:
+        self._materials, self._warnings = materials, warnings
+        self._known: dict[str, tuple[float, Topology, Appearance]] = {}
+        self._priorities: dict[str, int] = {}
+
+    def of(
+        self,
+        prim: Usd.Prim,
+        topology: Topology,
+        point_count: int,
+        frame: float,
+        given_color: Callable[[float], np.ndarray | None],
+    ) -> Appearance:
+        """As :func:`appearance_of`."""
+        arguments = self._materials, self._warnings, given_color
+        if given_color(frame) is not None:
+            return appearance_of(prim, topology, point_count, frame, *arguments)
+        path = str(prim.GetPath())
+        known = self._known.get(path)
+        if known is None or known[1] is not topology or (known[2].varies and known[0] != frame):
+            known = frame, topology, appearance_of(prim, topology, point_count, frame, *arguments)
+            self._known[path] = known
+        return known[2]
+
+    def priority(self, prim: Usd.Prim) -> int:
+        """``primvars:tpdwarp:priority`` of a mesh, or of what it inherits from; 0 without.
+
+        Where solids overlap the highest holds (:mod:`tpdwarp.scene.nesting`).
+        """
+        path = str(prim.GetPath())
+        if path not in self._priorities:
+            self._priorities[path] = self._priority(prim)
+        return self._priorities[path]
+
+    def _priority(self, prim: Usd.Prim) -> int:
+        primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(PRIORITY)
+        if not primvar or not primvar.HasValue():
+            return 0
+        value = primvar.Get(Usd.TimeCode.EarliestTime())
+        if not isinstance(value, int):
+            self._warnings(str(primvar.GetAttr().GetPath()), "is no whole number and is ignored (author an int)")
+            return 0
+        return value
 
 
 def appearance_of(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from pxr import Usd, UsdGeom
@@ -18,6 +19,8 @@ from tpdwarp.usd.read.transforms import Transforms, union, usable
 from tpdwarp.usd.read.values import ROWS, indices_at, text_at, value_at
 
 MATRICES_KEPT = 12
+# A mesh looks at no more times over a shutter: its middle, two beside it, and two at the end of an animation.
+WORLDS_KEPT = 6
 
 
 @dataclass
@@ -105,14 +108,22 @@ class Instancer:
         """Matrix of one instance to the instancer's own space, shape [4, 4], without its prototype's own transform.
 
         Raises:
-            InputError: Positions that do not match ``protoIndices``.
+            InputError: It cannot be used, or positions do not match ``protoIndices``.
+        """
+        return usable(self.matrices(time, frame)[index], time, f"{self.path}[{index}]", self._warnings.file)
+
+    def matrices(self, time: float, frame: float) -> np.ndarray:
+        """Those of all instances, as they are, shape [n, 4, 4].
+
+        Raises:
+            InputError: Positions do not match ``protoIndices``.
         """
         key = time, frame
         if key not in self._matrices:
             while len(self._matrices) >= MATRICES_KEPT:
                 del self._matrices[next(iter(self._matrices))]
             self._matrices[key] = self._compute(time, frame)
-        return usable(self._matrices[key][index], time, f"{self.path}[{index}]", self._warnings.file)
+        return self._matrices[key]
 
     def shows(self, prim: Usd.Prim, root: Usd.Prim, frame: float) -> bool:
         """Whether nothing from a prim up to its prototype's root is invisible at a time code.
@@ -191,38 +202,67 @@ class Instancer:
         return span
 
 
-class OfInstance:
-    """The placement of a prim below one instance's prototype."""
+class Below:
+    """What the instances of a prim below one prototype have in common, where its instancer stands.
+
+    Args:
+        prim: The prim.
+        root: Its prototype.
+        instancer: The instancer.
+        parent: Where that stands.
+        transforms: Transforms of the stage.
+    """
 
     def __init__(
-        self,
-        prim: Usd.Prim,
-        root: Usd.Prim,
-        instancer: Instancer,
-        index: int,
-        parent: Placement,
-        transforms: Transforms,
+        self, prim: Usd.Prim, root: Usd.Prim, instancer: Instancer, parent: Placement, transforms: Transforms
     ) -> None:
-        self._prim, self._root, self._instancer, self._index = prim, root, instancer, index
-        self._parent, self._transforms = parent, transforms
+        self.instancer = instancer
+        self._prim, self._root, self._parent, self._transforms = prim, root, parent, transforms
         inner = union(transforms.span(prim, root), transforms.own_span(root))
         self.span = union(union(inner, instancer.span), parent.span)
+        self._worlds: dict[tuple[float, float], np.ndarray] = {}
 
-    def world(self, time: float, frame: float) -> np.ndarray:
-        inner = self._transforms.below(self._prim, self._root, time) @ self._transforms.own(self._root, time)
-        with np.errstate(over="ignore", invalid="ignore"):
-            return inner @ self._instancer.matrix(self._index, time, frame) @ self._parent.world(time, frame)
+    def worlds(self, time: float, frame: float) -> np.ndarray:
+        """Local-to-world matrices of all instances, those of other prototypes too, shape [n, 4, 4]."""
+        key = time, frame
+        if key not in self._worlds:
+            while len(self._worlds) >= WORLDS_KEPT:
+                del self._worlds[next(iter(self._worlds))]
+            inner = self._transforms.below(self._prim, self._root, time) @ self._transforms.own(self._root, time)
+            with np.errstate(over="ignore", invalid="ignore"):
+                self._worlds[key] = (inner @ self.instancer.matrices(time, frame)) @ self._parent.world(time, frame)
+        return self._worlds[key]
 
+    @cached_property
     def jumps(self) -> tuple[Jump, ...]:
-        of_instancer = self._transforms.jumps(self._instancer.instancer.GetPrim())
+        of_instancer = self._transforms.jumps(self.instancer.instancer.GetPrim())
         return (*self._transforms.jumps(self._prim), *of_instancer, *self._parent.jumps())
 
     def visible(self, frame: float) -> bool:
         """Whether the instancer is visible, and what it places there."""
-        return self._parent.visible(frame) and self._instancer.shows(self._prim, self._root, frame)
+        return self._parent.visible(frame) and self.instancer.shows(self._prim, self._root, frame)
+
+
+class OfInstance:
+    """The placement of a prim below one instance's prototype."""
+
+    def __init__(self, below: Below, index: int) -> None:
+        self._below, self._index = below, index
+        self.span = below.span
+
+    def world(self, time: float, frame: float) -> np.ndarray:
+        # Asked first: it names the instance whose own matrix cannot be used.
+        self._below.instancer.matrix(self._index, time, frame)
+        return self._below.worlds(time, frame)[self._index]
+
+    def jumps(self) -> tuple[Jump, ...]:
+        return self._below.jumps
+
+    def visible(self, frame: float) -> bool:
+        return self._below.visible(frame)
 
     def color(self, frame: float) -> np.ndarray | None:
-        return self._instancer.color(self._index, frame)
+        return self._below.instancer.color(self._index, frame)
 
 
 class InstancedMeshes:
@@ -243,7 +283,8 @@ class InstancedMeshes:
         transforms: Transforms,
     ) -> None:
         self.instancer, self._placement, self._make, self._transforms = instancer, placement, make, transforms
-        self._made: dict[tuple[str, str], PlacedMesh] = {}
+        self._common: dict[tuple[str, int], dict[int, tuple[list, list]]] = {}
+        self._made: dict[tuple[str, int, int], PlacedMesh] = {}
 
     def meshes(self, frame: float) -> Iterator[PlacedMesh]:
         """The meshes of every instance at a time code; the same objects on later calls.
@@ -255,23 +296,29 @@ class InstancedMeshes:
         yield from self._below(self.instancer, self.instancer.path, self._placement, frame)
 
     def _below(self, instancer: Instancer, label: str, placement: Placement, frame: float) -> Iterator[PlacedMesh]:
-        named = {
-            id(prototype): [(mesh, _name_below(mesh, prototype.root), str(mesh.GetPath())) for mesh in prototype.meshes]
-            for prototype in instancer.prototypes
-        }
+        def of(prim: Usd.Prim, root: Usd.Prim) -> tuple[str, Below]:
+            return _name_below(prim, root), Below(prim, root, instancer, placement, self._transforms)
+
+        key = label, id(instancer)
+        if key not in self._common:
+            self._common[key] = {
+                id(prototype): (
+                    [(mesh, *of(mesh, prototype.root)) for mesh in prototype.meshes],
+                    [(nested, *of(nested.instancer.GetPrim(), prototype.root)) for nested in prototype.instancers],
+                )
+                for prototype in instancer.prototypes
+            }
+        common = self._common[key]
         for index, prototype in instancer.instances(frame):
-            for mesh, below, path in named[id(prototype)]:
-                name = f"{label}[{index}]{below}"
-                key = name, path
-                if key not in self._made:
-                    where = OfInstance(mesh, prototype.root, instancer, index, placement, self._transforms)
-                    self._made[key] = self._make(name, mesh, where)
-                yield self._made[key]
-            for nested in prototype.instancers:
-                prim = nested.instancer.GetPrim()
-                where = OfInstance(prim, prototype.root, instancer, index, placement, self._transforms)
-                name = f"{label}[{index}]{_name_below(prim, prototype.root)}"
-                yield from self._below(nested, name, where, frame)
+            meshes, instancers = common[id(prototype)]
+            for mesh, name, below in meshes:
+                # An instance may take another prototype, whose mesh of the same name is another.
+                made = label, index, id(below)
+                if made not in self._made:
+                    self._made[made] = self._make(f"{label}[{index}]{name}", mesh, OfInstance(below, index))
+                yield self._made[made]
+            for nested, name, below in instancers:
+                yield from self._below(nested, f"{label}[{index}]{name}", OfInstance(below, index), frame)
 
 
 def _is_shown(prim: Usd.Prim, root: Usd.Prim, frame: float) -> bool:

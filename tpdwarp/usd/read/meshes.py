@@ -10,10 +10,9 @@ from pxr import Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import MeshAtShutter, Shutter
-from tpdwarp.usd.read.appearances import Appearance, appearance_of
+from tpdwarp.usd.read.appearances import Appearance, Appearances
 from tpdwarp.usd.read.blobs import Blobs
 from tpdwarp.usd.read.jumps import Jump, settled
-from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.read.normals import transform_normals, unit
 from tpdwarp.usd.read.primitives import Primitive
@@ -21,9 +20,6 @@ from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import Transforms, union, usable
 from tpdwarp.usd.read.uv import CornerCoordinates, authored_points, corner_coordinates, planar_coordinates
-
-# Of nested dielectrics; see tpdwarp.scene.nesting.
-PRIORITY = "tpdwarp:priority"
 
 
 class Placement(Protocol):
@@ -83,7 +79,7 @@ class PlacedMesh:
         placement: Where it stands.
         animation: First and last time code of the stage.
         cubic: Whether motion is cubic.
-        materials: Reads the bound materials.
+        appearances: Reads what it looks like.
         warnings: Takes what is not supported, and names the file in errors.
     """
 
@@ -95,11 +91,11 @@ class PlacedMesh:
         placement: Placement,
         animation: tuple[float, float],
         cubic: bool,
-        materials: Materials,
+        appearances: Appearances,
         warnings: WarnOnce,
     ) -> None:
         self.label, self.prim, self.shape, self.placement = label, prim, shape, placement
-        self._cubic, self._materials, self._warnings = cubic, materials, warnings
+        self._cubic, self._appearances, self._warnings = cubic, appearances, warnings
         self._own_span = union(shape.span, placement.span)
         self.span = union(animation, self._own_span)
         self._geometry: _Geometry | None = None
@@ -127,14 +123,8 @@ class PlacedMesh:
             return None
         known = self._appearance
         if known is None or known[1].varies or known[0] is not geometry.topology:
-            appearance = appearance_of(
-                self.prim,
-                geometry.topology,
-                geometry.point_count,
-                shutter.frame,
-                self._materials,
-                self._warnings,
-                self.placement.color,
+            appearance = self._appearances.of(
+                self.prim, geometry.topology, geometry.point_count, shutter.frame, self.placement.color
             )
             self._appearance = geometry.topology, appearance
             self._whole = None
@@ -149,7 +139,7 @@ class PlacedMesh:
                     color_indices=appearance.color_indices,
                     coordinates=appearance.coordinates,
                     coordinate_indices=appearance.coordinate_indices,
-                    priority=priority_of(self.prim, self._warnings),
+                    priority=self._appearances.priority(self.prim),
                 ),
                 appearance.kept,
             )
@@ -221,20 +211,6 @@ class PlacedMesh:
 
     def _world(self, time: float, frame: float) -> np.ndarray:
         return usable(self.placement.world(time, frame), time, self.label, self._warnings.file)
-
-
-def priority_of(prim: Usd.Prim, warnings: WarnOnce) -> int:
-    """``primvars:tpdwarp:priority`` of a mesh, or of what it inherits from: where solids overlap the highest holds; 0
-    without."""
-    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(PRIORITY)
-    if not primvar or not primvar.HasValue():
-        return 0
-    path = str(primvar.GetAttr().GetPath())
-    value = primvar.Get(Usd.TimeCode.EarliestTime())
-    if not isinstance(value, int):
-        warnings(path, "is no whole number and is ignored (author an int)")
-        return 0
-    return value
 
 
 def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:

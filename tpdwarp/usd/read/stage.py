@@ -15,6 +15,7 @@ from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.io.image_region import ImageRegion
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import StageSettings
+from tpdwarp.usd.read.appearances import Appearances
 from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
 from tpdwarp.usd.read.composed_prims import composed_prims
@@ -86,6 +87,7 @@ class StageScene:
         self._cubic = settings.motion == "cubic"
         self._transforms = Transforms(self._cubic)
         self._materials = Materials(warnings, self._request.material_purpose)
+        self._appearances = Appearances(self._materials, warnings)
         self._skeletons = Skeletons(self._transforms)
         self._shapes: dict[str, Shape | Primitive | Blobs] = {}
         purposes = _purposes(settings, self._request)
@@ -438,7 +440,7 @@ class StageScene:
         if key not in self._shapes:
             self._shapes[key] = self._shape(prim, deformation)
         return PlacedMesh(
-            label, prim, self._shapes[key], placement, self._animation, self._cubic, self._materials, self.warnings
+            label, prim, self._shapes[key], placement, self._animation, self._cubic, self._appearances, self.warnings
         )
 
     def _shape(self, prim: Usd.Prim, deformation: Deformation | None) -> Shape | Primitive | Blobs:
