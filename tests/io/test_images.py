@@ -210,6 +210,25 @@ except FrameError as error:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("size", [2, 16])
+def test_a_small_frame_for_which_there_is_no_room_at_all_fails(tmp_path: Path, size: int) -> None:
+    """It fits into what its writer holds until it closes the file."""
+    program = f"""
+import resource, signal, numpy as np
+from tpdwarp.errors import FrameError
+from tpdwarp.io.images import write_frame
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, resource.RLIM_INFINITY))
+try:
+    write_frame({str(tmp_path / "a.exr")!r}, dict.fromkeys("RGBA", np.ones(({size}, {size}), np.float32)), {{}})
+except FrameError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.startswith(str(tmp_path / "a.exr") + ": cannot be written"), done
+    assert not list(tmp_path.iterdir())
+
+
 def test_png_that_came_out_short_fails_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def write_half(temporary: str, *others: Any) -> None:
         write_pixels(temporary, *others)

@@ -137,6 +137,7 @@ def write_frame(
             write_surely(temporary, path, spec, pixels)
         else:
             write_pixels(temporary, path, spec, pixels)
+            _check_end(temporary, path)
 
 
 def _depth(channel: str, wanted: str | None) -> str:
@@ -156,6 +157,22 @@ def write_pixels(temporary: str, path: str | os.PathLike[str], spec: oiio.ImageS
     if not (output and output.open(temporary, spec) and output.write_image(pixels) and output.close()):
         reason = output.geterror() if output else oiio.geterror()
         raise FrameError(f"{os.fspath(path)}: cannot be written: {' '.join(reason.split())}")
+
+
+def _check_end(temporary: str, path: str | os.PathLike[str]) -> None:
+    """Reads the last row back, since what a writer still holds as it closes a file may not find room, unsaid.
+
+    Raises:
+        FrameError: It is not there.
+    """
+    written, row = oiio.ImageInput.open(temporary), None
+    if written:
+        spec = written.spec()
+        end = spec.y + spec.height
+        row = written.read_scanlines(end - 1, end, 0, 0, spec.nchannels, "float")
+        written.close()
+    if row is None:
+        raise FrameError(f"{os.fspath(path)}: cannot be written: its end is missing (is the disk full?)")
 
 
 def write_surely(temporary: str, path: str | os.PathLike[str], spec: oiio.ImageSpec, pixels: np.ndarray) -> None:
