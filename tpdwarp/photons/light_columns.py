@@ -19,6 +19,7 @@ from tpdwarp.photons.emission import Patch
 from tpdwarp.scene.description import ExtentShape
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import Hit, normal_variation, shading_normal
+from tpdwarp.scene.device.shaping import across_of
 
 
 class LightImage(IntEnum):
@@ -76,10 +77,7 @@ def columns_at(patch: Patch, beam: Beam) -> LightColumns:
     a = patch.span_a
     b = patch.span_b
     if patch.extent_shape == ROUND:
-        across = wp.vec3(0.0, -beam.w[2], beam.w[1])
-        if wp.abs(beam.w[0]) > 0.5:
-            across = wp.vec3(beam.w[2], 0.0, -beam.w[0])
-        a = patch.extent_radius * wp.normalize(across)
+        a = patch.extent_radius * across_of(beam.w)
         b = wp.cross(beam.w, a)
     elif patch.extent_shape != DISK:
         out.image = IMAGE_PARALLELOGRAM

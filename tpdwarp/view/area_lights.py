@@ -19,7 +19,7 @@ from tpdwarp.scene.description import ExtentShape, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import occluded
 from tpdwarp.scene.device.presence import share_that_passes
-from tpdwarp.scene.device.shaping import shaped
+from tpdwarp.scene.device.shaping import across_of, shaped
 from tpdwarp.scene.device.textures import TextureArrays
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.view.lights import FAR
@@ -54,6 +54,8 @@ GAUSS_WEIGHTS = wp.constant(wp.types.vector(length=8, dtype=wp.float32)(*WEIGHTS
 # How far before its axis, in radii, the visible side of a cylinder lies on average over what is seen of it.
 VISIBLE_SIDE = wp.constant(0.25 * math.pi)
 TURN = wp.constant(2.0 * math.pi)
+# Random numbers that choose places on lights, the same ones in every frame; others than those of other choices.
+OF_LIGHTS = wp.constant(15485863)
 
 
 @wp.struct
@@ -301,14 +303,6 @@ class PlaceOnLight:
     w: wp.vec3
     distance: float
     weight: float
-
-
-@wp.func
-def across_of(middle: wp.vec3) -> wp.vec3:
-    """A unit vector across a direction."""
-    if wp.abs(middle[0]) > 0.5:
-        return wp.normalize(wp.vec3(middle[2], 0.0, -middle[0]))
-    return wp.normalize(wp.vec3(0.0, -middle[2], middle[1]))
 
 
 @wp.func

@@ -14,7 +14,7 @@ from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
 from tpdwarp.scene.device.textures import TextureArrays
-from tpdwarp.view.area_lights import AreaLightArrays, PlaceOnLight, area_irradiance
+from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, PlaceOnLight, area_irradiance
 from tpdwarp.view.camera import Camera
 from tpdwarp.view.lights import LightArrays, lit_from
 
@@ -23,8 +23,6 @@ SURFACE_AOVS = ("albedo", "shadow", "vector", "id", "cryptomatte")
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Dielectric surfaces that a shadow ray goes through. Chosen, not derived: a stack of sixteen panes.
 MOST_CROSSED = wp.constant(32)
-# Random numbers that choose places on lights.
-OF_LIGHTS = wp.constant(15485863)
 
 
 @wp.struct

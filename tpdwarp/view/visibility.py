@@ -25,7 +25,7 @@ from tpdwarp.scene.device.presence import presence_at, share_that_passes
 from tpdwarp.scene.device.textures import TextureArrays, absorbed_within, on_plane, textured_color
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
-from tpdwarp.view.area_lights import AreaLightArrays, area_irradiance, passing_share, visible_share
+from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, passing_share, visible_share
 from tpdwarp.view.camera import Camera, camera_ray, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, lit_from
@@ -42,8 +42,6 @@ DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Random numbers that choose places on the lens are others than those that keep rays off edges.
 OF_LENS = wp.constant(104729)
-# And so are those that choose places on lights, the same ones in every frame.
-OF_LIGHTS = wp.constant(15485863)
 TURN = wp.constant(6.283185307179586)
 
 

@@ -38,6 +38,14 @@ def shaping_axis(light: LightAtShutter) -> tuple[np.ndarray, np.ndarray]:
 
 
 @wp.func
+def across_of(w: wp.vec3) -> wp.vec3:
+    """A unit vector across a direction ω, from which the disc that a sphere looks like there is spanned."""
+    if wp.abs(w[0]) > 0.5:
+        return wp.normalize(wp.vec3(w[2], 0.0, -w[0]))
+    return wp.normalize(wp.vec3(0.0, -w[2], w[1]))
+
+
+@wp.func
 def shaped(shaping: wp.vec3, axis: wp.vec3, w: wp.vec3) -> float:
     """Intensity along ω over that along the unit ``axis``, as :class:`tpdwarp.scene.description.Shaping` has it."""
     if shaping[0] < 0.0:

@@ -110,10 +110,7 @@ class Light:
             angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
             return f"a disc of {angle:g} degrees" if angle else ""
         sizes = [] if self._shape is None else self._sizes(frame)
-        point = self._shape is UsdLux.SphereLight and number_at(
-            UsdLux.SphereLight(self.prim).GetTreatAsPointAttr(), frame
-        )
-        if not sizes or not all(sizes) or point:
+        if not sizes or not all(sizes) or self._asks_to_be_a_point(frame):
             return ""
         names, _ = AREAS[self._shape]
         given = ", ".join(f"{name} {size:g}" for name, size in zip(names, sizes, strict=True))
@@ -148,12 +145,10 @@ class Light:
             angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), time)
             return Extent(ExtentShape.ROUND, math.radians(0.5 * min(angle, 180.0))) if angle > 0 else None
         sizes = self._sizes(time)
-        if not all(sizes):
+        if not all(sizes) or self._asks_to_be_a_point(time):
             return None
         rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation)
         if self._shape is UsdLux.SphereLight:
-            if number_at(UsdLux.SphereLight(self.prim).GetTreatAsPointAttr(), time):
-                return None
             return Extent(ExtentShape.ROUND, sizes[0] * float(abs(np.linalg.det(rows))) ** (1.0 / 3.0))
         if self._shape is UsdLux.CylinderLight:
             radius, length = sizes
@@ -163,6 +158,10 @@ class Light:
         shape = ExtentShape.DISK if self._shape is UsdLux.DiskLight else ExtentShape.RECT
         half = np.array(sizes * 2 if shape == ExtentShape.DISK else [0.5 * size for size in sizes])[:, None]
         return Extent(shape, 0.0, half * rows[:2], half * motion[:2])
+
+    def _asks_to_be_a_point(self, frame: float) -> bool:
+        sphere = UsdLux.SphereLight(self.prim) if self._shape is UsdLux.SphereLight else None
+        return sphere is not None and bool(number_at(sphere.GetTreatAsPointAttr(), frame))
 
     def _sizes(self, frame: float) -> list[float]:
         """The sizes in its own space of a light that has an area there."""
@@ -274,18 +273,15 @@ class Light:
 
     def _warn_unsupported(self) -> None:
         shaping, shadow = UsdLux.ShapingAPI(self.prim), UsdLux.ShadowAPI(self.prim)
-        if self.kind == LightKind.DISTANT and (
-            _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True)
-            or _authored(shaping.GetShapingFocusAttr(), 0.0)
-        ):
+        asks_for_cone = _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
+            shaping.GetShapingFocusAttr(), 0.0
+        )
+        if asks_for_cone and self.kind == LightKind.DISTANT:
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
         texture = UsdLux.RectLight(self.prim).GetTextureFileAttr() if self._shape is UsdLux.RectLight else None
         if texture and texture.HasAuthoredValue():
             self._warnings(self.path, "the rectangle's texture is not rendered: it is of its colour all over")
-        if self._shape is UsdLux.CylinderLight and (
-            _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True)
-            or _authored(shaping.GetShapingFocusAttr(), 0.0)
-        ):
+        if asks_for_cone and self._shape is UsdLux.CylinderLight:
             self._warnings(self.path, "the shaping of a cylinder is not rendered")
         ies = shaping.GetShapingIesFileAttr()
         if ies and ies.HasAuthoredValue():
