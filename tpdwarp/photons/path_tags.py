@@ -35,7 +35,8 @@ class PathTags:
         least = min(1.0, FEWEST_PHOTONS_ON_FACET / photons)
         # Of a surface that is written twice, rays meet now the one, now the other.
         first: dict[tuple[int, int], str] = {}
-        self._names = {mesh.path: first.setdefault(_shape_of(mesh), mesh.path) for mesh in scene.meshes}
+        single = [mesh for mesh in scene.meshes if not mesh.copies]
+        self._names = {mesh.path: first.setdefault(_shape_of(mesh), mesh.path) for mesh in single}
         self._facets = {mesh.path: facets_of(mesh, least) for mesh in scene.meshes if mesh.specular}
 
     def of(self, scene: SceneAtShutter) -> np.ndarray:
@@ -48,8 +49,9 @@ class PathTags:
         facets = self._facets.get(mesh.path)
         if facets is None or len(facets) != count:
             facets = np.zeros(count, np.int32)
-        name = self._names.get(mesh.path, mesh.path)
-        return np.int32(crc32(name.encode()) & 0x7FFFFF00) ^ facets
+        names = mesh.copies or (self._names.get(mesh.path, mesh.path),)
+        hashes = np.fromiter((crc32(name.encode()) for name in names), np.uint32, len(names)) & np.uint32(0x7FFFFF00)
+        return np.repeat(hashes.astype(np.int32), count // len(names)) ^ facets
 
 
 def _shape_of(mesh: MeshAtShutter) -> tuple[int, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,10 +120,14 @@ def geometry_of(
     normals, normal_motions, normal_indices = [], [], []
     colors, color_indices, material_of, object_of = [], [], [], []
     materials: dict[Material, int] = {}
-    vertex_count = normal_count = color_count = 0
+    vertex_count = normal_count = color_count = object_count = 0
+    boxes = []
     # A frame may show nothing at all; a tree of triangles wants at least one.
-    for number, mesh in enumerate(scene.meshes or (NOTHING,)):
+    for mesh in scene.meshes or (NOTHING,):
+        copies = len(mesh.objects)
         points.append(normalization.points(mesh.points))
+        by_object = points[-1].reshape(copies, -1, 3)
+        boxes.append(np.stack([by_object.min(axis=1), by_object.max(axis=1)], axis=1))
         if moves:
             motions.append(_or_zeros(mesh.motions, mesh.points) * normalization.scale)
         triangles.append(mesh.triangles + vertex_count)
@@ -140,17 +145,20 @@ def geometry_of(
         slots = np.array([materials.setdefault(m, len(materials)) for m in mesh.materials], np.int32)
         chosen = mesh.triangle_materials
         material_of.append(slots[chosen] if chosen is not None else np.full(len(mesh.triangles), slots[0], np.int32))
-        object_of.append(np.full(len(mesh.triangles), number, np.int32))
+        numbers = np.arange(object_count, object_count + copies, dtype=np.int32)
+        object_of.append(np.repeat(numbers, len(mesh.triangles) // copies))
+        object_count += copies
 
     corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
     mesh = _mesh(vertices, corners, launcher)
     owners, materials_of = np.concatenate(object_of), np.concatenate(material_of)
     table = list(materials)
     diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
-    boxes = np.array([(placed.min(axis=0), placed.max(axis=0)) for placed in points])
     nesting = nesting_of(scene)
-    media = np.full(len(boxes), -1, np.int32) if nesting is None else nesting.media
-    separated = separate_coincident(mesh, corners, owners, diffuse, boxes, media, launcher)
+    media = np.full(object_count, -1, np.int32)
+    if nesting is not None:
+        media = np.repeat(nesting.media, [len(mesh.objects) for mesh in scene.meshes])
+    separated = separate_coincident(mesh, corners, owners, diffuse, np.concatenate(boxes), media, launcher)
     if separated is not None:
         mesh.points.assign(separated)
         mesh.refit()
@@ -173,7 +181,7 @@ def geometry_of(
     surfaces.medium_of = launcher.array(media, wp.int32)
     indices = np.zeros(0) if nesting is None else nesting.indices
     surfaces.medium_index = launcher.array(indices.astype(np.float32), wp.float32)
-    paths = tuple(mesh.path for mesh in scene.meshes)
+    paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
     return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, tuple(table))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +25,7 @@ class Appearance:
     Attributes:
         kept: Whether each triangle is there, shape [m]; None where all are.
         varies: Whether any of this may change with time.
+        has_given_color: Whether its one colour is the given one.
     """
 
     materials: tuple[Material, ...]
@@ -36,6 +36,7 @@ class Appearance:
     coordinate_indices: np.ndarray | None
     kept: np.ndarray | None
     varies: bool
+    has_given_color: bool = False
 
 
 class Appearances:
@@ -57,11 +58,11 @@ class Appearances:
         topology: Topology,
         point_count: int,
         frame: float,
-        given_color: Callable[[float], np.ndarray | None],
+        given_color: np.ndarray | None,
     ) -> Appearance:
         """As :func:`appearance_of`."""
         arguments = self._materials, self._warnings, given_color
-        if given_color(frame) is not None:
+        if given_color is not None:
             return appearance_of(prim, topology, point_count, frame, *arguments)
         path = str(prim.GetPath())
         known = self._known.get(path)
@@ -98,7 +99,7 @@ def appearance_of(
     frame: float,
     materials: Materials,
     warnings: WarnOnce,
-    given_color: Callable[[float], np.ndarray | None],
+    given_color: np.ndarray | None,
 ) -> Appearance:
     """Materials and display colours of a mesh at a time code.
 
@@ -109,7 +110,7 @@ def appearance_of(
         frame: Time code.
         materials: Reads the bound materials.
         warnings: Takes what is not supported, and names the file in errors.
-        given_color: Gives the colour [3] of a mesh without display colours at a time code, or None.
+        given_color: The colour [3] of a mesh without display colours, or None.
 
     Raises:
         InputError: Unusable material inputs.
@@ -137,12 +138,12 @@ def appearance_of(
         [s.by_display_color and s.material.interaction == Interaction.DIFFUSE for s in surfaces], dtype=bool
     )
     colors = indices = None
-    colors_vary = False
+    colors_vary = has_given_color = False
     if open_to_color.any():
         colors, indices, colors_vary = _display_colors(prim, topology, point_count, frame, warnings)
-        if colors is None and (given := given_color(frame)) is not None:
-            colors, indices = given[None], np.zeros(topology.triangles.shape, dtype=np.int32)
-            colors_vary = True
+        if colors is None and given_color is not None:
+            colors, indices = given_color[None], np.zeros(topology.triangles.shape, dtype=np.int32)
+            colors_vary = has_given_color = True
         _warn_of_opacity(prim, warnings)
     if indices is not None and not open_to_color.all():
         indices = np.where(open_to_color[triangle_materials][:, None], indices, -1).astype(np.int32)
@@ -159,6 +160,7 @@ def appearance_of(
         coordinate_indices,
         ~absent[triangle_materials] if absent.any() else None,
         subsets_vary or colors_vary or coordinates_vary or any(surface.varies for surface in surfaces),
+        has_given_color,
     )
 
 
