@@ -7,6 +7,7 @@ triangles have one tag where they belong to one smooth surface, or to one plane 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
@@ -50,8 +51,15 @@ class PathTags:
         if facets is None or len(facets) != count:
             facets = np.zeros(count, np.int32)
         names = mesh.copies or (self._names.get(mesh.path, mesh.path),)
-        hashes = np.fromiter((crc32(name.encode()) for name in names), np.uint32, len(names)) & np.uint32(0x7FFFFF00)
-        return np.repeat(hashes.astype(np.int32), count // len(names)) ^ facets
+        return np.repeat(_hashes_of(names), count // len(names)) ^ facets
+
+
+# A scene is loaded for several times of a shutter, with the same names each time.
+@lru_cache(maxsize=1024)
+def _hashes_of(names: tuple[str, ...]) -> np.ndarray:
+    """A number for each name, whose last eight bits are zero, shape [n] int32."""
+    hashes = np.fromiter((crc32(name.encode()) for name in names), np.uint32, len(names))
+    return (hashes & np.uint32(0x7FFFFF00)).astype(np.int32)
 
 
 def _shape_of(mesh: MeshAtShutter) -> tuple[int, int]:

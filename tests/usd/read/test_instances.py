@@ -177,7 +177,7 @@ def test_only_the_instance_whose_place_is_no_number_is_left_out(small):
     assert [m.path for m in small.open().at(Shutter.still(1)).meshes] == ["/Many[1]/Ball"]
 
 
-def crowd(small, count=100):
+def crowd(small, count=300):
     """Instances of two prototypes that move; some are mirrored, and each has a colour of its own."""
     rng = np.random.default_rng(3)
     many = instancer(small, positions=(), prototypes=("/Many/Ball", "/Many/Box"))
@@ -233,7 +233,7 @@ def test_of_many_only_the_instance_whose_place_is_no_number_is_left_out(small):
     many.GetPositionsAttr().Set(positions)
     scene = small.open()
     paths = [mesh.path for mesh in scene.at(Shutter.still(1)).objects()]
-    assert len(paths) == 99 and not any(path.startswith("/Many[7]") for path in paths)
+    assert len(paths) == 299 and not any(path.startswith("/Many[7]") for path in paths)
     assert len([m for m in scene.warnings.messages if "/Many[7]" in m]) == 1
 
 

@@ -96,6 +96,15 @@ def _mesh(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> wp.M
     )
 
 
+def _refitted(geometry: Geometry | None, points: np.ndarray, triangles: np.ndarray) -> wp.Mesh | None:
+    """The mesh of ``geometry`` moved to ``points``; None where it has other triangles."""
+    if geometry is None or not np.array_equal(geometry.surfaces.triangles.numpy(), triangles):
+        return None
+    geometry.mesh.points.assign(points)
+    geometry.mesh.refit()
+    return geometry.mesh
+
+
 def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
     filled = [a for a in arrays if len(a)]
     if not filled:
@@ -108,12 +117,19 @@ NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
 
 
 def geometry_of(
-    scene: SceneAtShutter, normalization: Normalization, launcher: Launcher, *, with_motions: bool
+    scene: SceneAtShutter,
+    normalization: Normalization,
+    launcher: Launcher,
+    *,
+    with_motions: bool,
+    instead_of: Geometry | None = None,
 ) -> Geometry:
     """Packs the meshes of ``scene`` into one geometry on the launcher's device.
 
     Args:
         with_motions: Whether kernels will read motions (also where only a light or the camera moves).
+        instead_of: The same scene a little earlier, which is good no longer then: its BVH is refitted where it has the
+            same triangles, which takes a tenth of the time that building one does.
     """
     moves = with_motions
     points, motions, triangles = [], [], []
@@ -126,8 +142,7 @@ def geometry_of(
     for mesh in scene.meshes or (NOTHING,):
         copies = len(mesh.objects)
         points.append(normalization.points(mesh.points))
-        by_object = points[-1].reshape(copies, -1, 3)
-        boxes.append(np.stack([by_object.min(axis=1), by_object.max(axis=1)], axis=1))
+        boxes.append(_boxes(points[-1], copies))
         if moves:
             motions.append(_or_zeros(mesh.motions, mesh.points) * normalization.scale)
         triangles.append(mesh.triangles + vertex_count)
@@ -150,7 +165,7 @@ def geometry_of(
         object_count += copies
 
     corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
-    mesh = _mesh(vertices, corners, launcher)
+    mesh = _refitted(instead_of, vertices, corners) or _mesh(vertices, corners, launcher)
     owners, materials_of = np.concatenate(object_of), np.concatenate(material_of)
     table = list(materials)
     diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
@@ -183,6 +198,13 @@ def geometry_of(
     surfaces.medium_index = launcher.array(indices.astype(np.float32), wp.float32)
     paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
     return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, tuple(table))
+
+
+def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
+    """Least and greatest corner of each of several copies of a mesh, shape [copies, 2, 3]."""
+    # Coordinate by coordinate, which is ten times as fast.
+    by_coordinate = np.ascontiguousarray(points.reshape(copies, -1, 3).transpose(2, 0, 1))
+    return np.stack([by_coordinate.min(axis=2), by_coordinate.max(axis=2)]).transpose(2, 0, 1)
 
 
 def _or_zeros(values: np.ndarray | None, like: np.ndarray) -> np.ndarray:

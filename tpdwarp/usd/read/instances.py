@@ -230,6 +230,7 @@ class Below:
         inner = union(transforms.span(prim, root), transforms.own_span(root))
         self.span = union(union(inner, instancer.span), parent.span)
         self._worlds: dict[tuple[float, float], np.ndarray] = {}
+        self._mirrored: tuple[float, np.ndarray] | None = None
 
     def worlds(self, time: float, frame: float) -> np.ndarray:
         """Local-to-world matrices of all instances, those of other prototypes too, shape [n, 4, 4]."""
@@ -244,13 +245,15 @@ class Below:
 
     def mirrored(self, frame: float) -> np.ndarray:
         """Which instances their matrices mirror at a time code, shape [n]; none where these cannot be used."""
-        try:
-            worlds = self.worlds(frame, frame)
-        except InputError:
-            # Said where the instances are placed.
-            return np.zeros(len(indices_at(self.instancer.instancer.GetProtoIndicesAttr(), frame)), bool)
-        with np.errstate(invalid="ignore", over="ignore"):
-            return np.linalg.det(worlds[:, :3, :3]) < 0
+        if self._mirrored is None or self._mirrored[0] != frame:
+            try:
+                with np.errstate(invalid="ignore", over="ignore"):
+                    found = np.linalg.det(self.worlds(frame, frame)[:, :3, :3]) < 0
+            except InputError:
+                # Said where the instances are placed.
+                found = np.zeros(len(indices_at(self.instancer.instancer.GetProtoIndicesAttr(), frame)), bool)
+            self._mirrored = frame, found
+        return self._mirrored[1]
 
     @cached_property
     def jumps(self) -> tuple[Jump, ...]:

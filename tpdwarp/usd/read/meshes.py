@@ -233,8 +233,8 @@ class PlacedMesh:
 
     def _worlds(self, time: float, frame: float) -> np.ndarray:
         matrices = self.placement.worlds(time, frame)
-        worst = matrices[np.argmax(np.abs(matrices).max(axis=(1, 2)))]
-        usable(worst, time, self.label, self._warnings.file)
+        # The one with the largest number in it, or one that is none.
+        usable(matrices[np.argmax(np.abs(matrices)) // 16], time, self.label, self._warnings.file)
         return matrices
 
 
