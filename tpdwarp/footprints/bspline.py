@@ -68,6 +68,14 @@ def averaged_bspline(x: Lanes, width: float) -> Lanes:
 
 
 @wp.func
+def _along_axis(x: Lanes, width: float) -> Lanes:
+    """b, averaged over a box (beyond the paper) where it has any, which costs twice as much."""
+    if width > 0.0:
+        return averaged_bspline(x, width)
+    return quadratic_bspline(x)
+
+
+@wp.func
 def _double_tail(x: Lanes) -> Lanes:
     """∫ of the tail from |x| on, plus |x|/2, which second differences do not see: even, convex (beyond the paper)."""
     distance = wp.abs(x)
@@ -221,69 +229,22 @@ def trajectory_extent(trajectory: Trajectory, axis: int) -> float:
 def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Function:
     """w(u, v, trajectory) of a B-spline footprint (beyond the paper) at queries, by lanes.
 
-    Queries (u, v) are relative to where it stands at mid shutter. ``extended`` says whether there may be soft discs,
-    the images of lights with extent.
+    It is ∫ b(y − x(s)) ds over s ∈ [−½, ½], by two Gauss nodes for each cell that the footprint moves, of which only
+    those are visited that lie inside the support of any query. The nodes do not depend on the queries (u, v), which are
+    relative to where it stands at mid shutter, so that translates by one cell sum to one while they sweep, too.
 
-    Averages over a filter width cost twice what the B-spline does, so axes without one have functions of their own.
-    """
-    plain = _weight_along_trajectory(moves, curved, False, 0)
-    box_u = _weight_along_trajectory(moves, curved, True, 0)
-    box_v = _weight_along_trajectory(moves, curved, False, 1)
-    both = _weight_along_trajectory(moves, curved, True, 1)
-    thin = _weight_along_trajectory(moves, curved, True, 2)
-    disc = _weight_along_trajectory(moves, curved, True, 3)
-
-    @wp.func
-    def weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
-        width = trajectory.filter_width
-        if wp.static(extended):
-            if width[2] < 0.0:
-                return disc(u, v, trajectory)
-        if width[2] > 0.0:
-            return thin(u, v, trajectory)
-        if width[0] > 0.0:
-            if width[1] > 0.0:
-                return both(u, v, trajectory)
-            return box_u(u, v, trajectory)
-        if width[1] > 0.0:
-            return box_v(u, v, trajectory)
-        return plain(u, v, trajectory)
-
-    return weight
-
-
-@cache
-def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: int) -> wp.Function:
-    """∫ b(y − x(s)) ds over s ∈ [−½, ½] (beyond the paper), by two Gauss nodes for each cell that it moves.
-
-    Only nodes inside the support of any query are visited.
-
-    The nodes do not depend on y, so that translates by one cell sum to one while they sweep, too.
+    ``extended`` says whether there may be soft discs, the images of lights with extent.
     """
 
     @wp.func
     def tensor(u: Lanes, v: Lanes, width: wp.vec3) -> Lanes:
-        """b(y_u) b(y_v), each averaged over its boxes where it has any."""
-        along_u = Lanes(0.0)
-        along_v = Lanes(0.0)
-        if wp.static(boxes_v == 3):
-            return soft_disc(u, v, -width[2])
-        if wp.static(boxes_v == 2):
-            # Thin footprints may be long beside a pixel, and then have no box along them.
-            along_u = quadratic_bspline(u)
-            if width[0] > 0.0:
-                along_u = averaged_bspline(u, width[0])
-        elif wp.static(box_u):
-            along_u = averaged_bspline(u, width[0])
-        else:
-            along_u = quadratic_bspline(u)
-        if wp.static(boxes_v == 2):
-            along_v = twice_averaged_bspline(v, width[1], width[2])
-        elif wp.static(boxes_v == 1):
-            along_v = averaged_bspline(v, width[1])
-        else:
-            along_v = quadratic_bspline(v)
-        return wp.cw_mul(along_u, along_v)
+        """b(y_u) b(y_v), each averaged over its boxes where it has any (they cost twice what b does)."""
+        if wp.static(extended):
+            if width[2] < 0.0:
+                return soft_disc(u, v, -width[2])
+        if width[2] > 0.0:
+            return wp.cw_mul(_along_axis(u, width[0]), twice_averaged_bspline(v, width[1], width[2]))
+        return wp.cw_mul(_along_axis(u, width[0]), _along_axis(v, width[1]))
 
     @wp.func
     def still(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
