@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from tpdwarp.io.locks import FileLock
 from tpdwarp.stopping import pause
 
-# Another process that compiles is waited for so long: all kernels take 15 to 100 s on a machine of two busy cores.
-LONGEST_WAIT_SECONDS = 300.0
+# Another process that compiles is waited for so long, then its work is done a second time: all kernels take 15 to 100 s
+# on a machine of two busy cores, and one that is starved by others must not hold everybody up.
+LONGEST_WAIT_SECONDS = 100.0
 POLL_SECONDS = 0.05
 # A process needs its next kernel within that time of the last, so that it is not overtaken by one that would have to
-# compile the headers first (2 s).
-KEPT_SECONDS = 1.5
+# compile the headers first (2 s). Of four processes on two cores one needed 1.2 s from a kernel to the next.
+KEPT_SECONDS = 4.0
 
 
 class CompilerToken:
