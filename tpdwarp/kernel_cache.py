@@ -20,7 +20,7 @@ from typing import Any
 
 import warp as wp
 
-from tpdwarp.compiler_lock import compiled_once, lock_of
+from tpdwarp.compiler_lock import Compilers, lock_of
 from tpdwarp.errors import logger, shortened
 from tpdwarp.io.digests import has_its_digests, note_digests
 from tpdwarp.io.files import host_name, is_running
@@ -35,6 +35,7 @@ class KernelCache:
     """The cache that this process uses; one a process, as Warp has one."""
 
     def __init__(self) -> None:
+        self._compilers = Compilers()
         self._swept: set[str] = set()
         self._roomy: set[str] = set()
 
@@ -88,7 +89,7 @@ class KernelCache:
         if not os.path.isdir(self._folder(module, block_dim)):
             self._require_room()
         folder = self._folder(module, block_dim)
-        with compiled_once(folder):
+        with self._compilers.compiled_once(folder):
             if os.path.isdir(folder):
                 module.load(device, block_dim)
                 return
