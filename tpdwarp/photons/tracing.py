@@ -484,6 +484,8 @@ def trace_photons(
     lights = tuple(light.path for light in scene.lights)
     device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     links = links_of(scene.lights, geometry.paths)
+    if needs.linked and not len(links):
+        links = np.zeros((len(lights), len(geometry.paths)), np.int32)
     bands = bands_of(geometry, nesting_of(scene), launcher) if needs.dispersive else [Band(0, geometry.surfaces)]
     emitting = ((band, *found) for band in bands for found in plan.patches(scene))
     for band, lattice, patch in emitting:

@@ -14,7 +14,7 @@ from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.read.normals import unit
 from tpdwarp.usd.read.primvars import require_finite
-from tpdwarp.usd.read.samples import sample_times
+from tpdwarp.usd.read.samples import SampledArray, sample_times
 from tpdwarp.usd.read.shapes import ShapeAtShutter
 from tpdwarp.usd.read.skinning import Deformation
 from tpdwarp.usd.read.topology import Topology
@@ -82,6 +82,7 @@ class Blobs:
     def __init__(self, prim: Usd.Prim, warnings: WarnOnce, deformation: Deformation | None = None) -> None:
         self.path, self._prim, self._warnings = str(prim.GetPath()), prim, warnings
         self._deformation = deformation
+        self._deformed = None if deformation is None else SampledArray(deformation.times, self._deformed_at)
         self._base = UsdGeom.PointBased(prim)
         self.span: tuple[float, float] | None = None
         moving = self._base.GetVelocitiesAttr().HasAuthoredValue()
@@ -123,14 +124,21 @@ class Blobs:
         return self._tubes(points, first, frame)
 
     def _points(self, time: float, frame: float) -> np.ndarray:
-        if self._deformation is not None:
-            stored = value_at(self._base.GetPointsAttr(), time, ROWS)
-            found = np.zeros((0, 3)) if stored is None else self._deformation.points(stored, time)
+        if self._deformed is not None:
+            deformed = self._deformed.at(time)
+            found = np.zeros((0, 3)) if deformed is None else deformed
         else:
             computed = self._base.ComputePointsAtTimes([time], frame)
             found = np.array(computed[0] if len(computed) else [], dtype=np.float64).reshape(-1, 3)
         require_finite(found, self._warnings.file, f"{self.path}.points", time)
         return found
+
+    def _deformed_at(self, time: float | None) -> np.ndarray | None:
+        """The points as skeleton and blend shapes leave them at one of their sample times."""
+        # What has one sample or none is the same at any time.
+        time = time or 0.0
+        stored = value_at(self._base.GetPointsAttr(), time, ROWS)
+        return None if stored is None else self._deformation.points(stored, time)
 
     def _widths(self, frame: float, count: int, spread: dict[str, np.ndarray | None]) -> np.ndarray:
         """Width of each element; ``spread`` has those of a primvar's interpolations, None for one each."""

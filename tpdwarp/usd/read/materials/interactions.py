@@ -12,8 +12,9 @@ from tpdwarp.usd.read.materials.physical import Physical
 
 # Up to this roughness r a microfacet lobe is narrower (r² < .0049) than the sun's disc (.0046 rad): smooth.
 SMOOTH = 0.07
-# Up to this the lobe (.09 rad) is a blurred mirror rather than a surface that shines everywhere.
-MIRROR_LIKE = 0.3
+# Up to this (.3, in single precision) the lobe (.09 rad) is a blurred mirror rather than a surface that shines
+# everywhere.
+MIRROR_LIKE = 0.3 + 1e-6
 # Weights are authored in single precision and by hand: this near to 0 or 1 they are.
 NEARLY = 0.01
 # A tint of nothing would absorb without end: after its depth this much is left, which is no step of eight bits.
