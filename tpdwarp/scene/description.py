@@ -99,7 +99,7 @@ class Material:
         cutout: Presence over the surface, which multiplies ``presence`` where the mesh has texture coordinates; None
             for the same everywhere.
         threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
-        diffuse_share: Share of a dielectric that is diffuse, of albedo ``color``.
+        diffuse_share: Share of a dielectric or mirror that is diffuse, of albedo ``color``.
         transmittance: What a dielectric lets through of what it refracts, each time.
         emission: Radiance that a diffuse surface gives off, to both sides; it is seen, and lights nothing.
         absorption: Of light inside a dielectric, exp(−absorption · distance) is left (Beer's law) [1/scene unit].

@@ -15,6 +15,8 @@ SMOOTH = 0.07
 # Up to this (.3, in single precision) the lobe (.09 rad) is a blurred mirror rather than a surface that shines
 # everywhere.
 MIRROR_LIKE = 0.3 + 1e-6
+# Less metal than this is left out: it would reflect no more than varnish does.
+LEAST_METAL = 0.05
 # Weights are authored in single precision and by hand: this near to 0 or 1 they are.
 NEARLY = 0.01
 # A tint of nothing would absorb without end: after its depth this much is left, which is no step of eight bits.
@@ -59,10 +61,12 @@ def _present(physical: Physical, path: str, warn: Callable[[str, str], None], wa
         if transmission > 1 - NEARLY:
             return clear
         return replace(clear, diffuse_share=1.0 - transmission, texture=_texture(physical))
-    if physical.metalness >= 0.5 and physical.roughness <= MIRROR_LIKE:
-        return _mirror(physical, path, warn)
+    if physical.metalness >= LEAST_METAL and physical.roughness <= MIRROR_LIKE:
+        mirror = _mirror(physical, path, warn)
+        share = 1.0 - physical.metalness
+        return replace(mirror, diffuse_share=share, texture=_texture(physical)) if share > NEARLY else mirror
     if physical.metalness > NEARLY:
-        warn("metalness", "metal that is rough or partial is rendered as diffuse")
+        warn("metalness", "metal that is rough, or hardly any, is rendered as diffuse")
     texture, emission = _texture(physical), physical.emission
     return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, texture, emission=emission)
 
@@ -96,8 +100,6 @@ def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None],
 
 
 def _mirror(physical: Physical, path: str, warn: Callable[[str, str], None]) -> Material:
-    if physical.metalness < 1 - NEARLY:
-        warn("metalness", "partial metalness is rendered as metal")
     color = physical.base_color
     if physical.base_image is not None:
         warn("base_color", "is a texture on metal, of which the mean colour is rendered")
