@@ -191,8 +191,11 @@ def test_light_passes_what_throws_no_shadow():
     roof = quad("/roof", (0, 0, 2), (9, 0, 0), (0, 9, 0), DIFFUSE)
     open_sky = through(floor(half=9.0), slab)
     under_roof = through(floor(half=9.0), slab, roof, passed=frozenset({"/roof"}))
-    assert under_roof.energy.deposited == pytest.approx(open_sky.energy.deposited, rel=1e-5)
-    np.testing.assert_allclose(under_roof.photons.positions, open_sky.photons.positions, atol=ROUNDING)
+    # What the glass reflects lights the roof from below.
+    on_floor = under_roof.photons.positions[:, 2] < 0.1
+    assert (~on_floor).any()
+    np.testing.assert_allclose(under_roof.photons.positions[on_floor], open_sky.photons.positions, atol=ROUNDING)
+    np.testing.assert_allclose(under_roof.photons.flux[on_floor], open_sky.photons.flux, rtol=1e-6)
     assert len(through(floor(half=9.0), slab, roof).photons) == 0
     # What throws no shadow is lit all the same, by light that glass has bent.
     on_floor = through(floor(half=9.0), slab, passed=frozenset({"/floor"}))

@@ -67,19 +67,23 @@ def clipped(*planes, **options) -> CameraAtShutter:
         ([(0, 0, -1, -1.5)], 2.0),
         ([(0, 0, -1, -2.5)], 3.0),
         ([(0, 0, -2, -5)], 3.0),
-        ([(0, 0, -1, -3.5)], -1.0),
+        ([(0, 0, -1, -3.5)], None),
         ([(0, 0, 1, 2.5)], 2.0),
-        ([(0, 0, 1, 1.5)], -1.0),
+        ([(0, 0, 1, 1.5)], None),
         ([(0, 0, -1, -2.5), (0, 0, 1, 3.5)], 3.0),
-        ([(0, 0, -1, -2.5), (0, 0, 1, 2.9)], -1.0),
+        ([(0, 0, -1, -2.5), (0, 0, 1, 2.9)], None),
         # Across the view: half of the image.
         ([(1, 0, 0, 0.1)], 2.0),
-        ([(1, 0, 0, -0.1)], -1.0),
+        ([(1, 0, 0, -0.1)], None),
     ],
 )
 def test_a_clipping_plane_cuts_off_what_lies_beyond_it(planes, depth):
     camera = clipped(*planes) if planes else looking_down()
-    np.testing.assert_allclose(seen([floor(), CARD], camera).depths[0], depth, atol=POSITION)
+    found = seen([floor(), CARD], camera).depths[0]
+    if depth is None:
+        assert found < 0
+    else:
+        np.testing.assert_allclose(found, depth, atol=POSITION)
 
 
 def test_a_clipping_plane_rides_with_the_camera():
@@ -126,10 +130,12 @@ def test_a_rough_mirror_shows_the_surroundings_as_far_apart_as_its_facets_send_i
     camera = looking_down(height=1.0, window=(-1e-6, 1e-6, -1e-6, 1e-6))
     count = 4096
     found = seen([mirror, ceiling], camera, films=np.full((count, 2), SIZE / 2))
-    assert (found.receivers == 1).all()
+    there = found.receivers == 1
+    # Facets steeper than .8 send light past the ceiling, one in eighty.
+    assert there.mean() > 0.98
     # A facet that is off by the angle a sends light off by 2a. Half of GGX's slopes lie within α/√3 along an axis.
     expected = 2.0 * math.tan(2.0 * math.atan(width / math.sqrt(3.0)))
-    medians = np.median(np.abs(found.positions[:, :2]), axis=0)
+    medians = np.median(np.where(there[:, None], np.abs(found.positions[:, :2]), np.inf), axis=0)
     # The density at the median of |x| is 3√3/(4α), so that the median of n has a deviation of 2α/(3√3 √n), 1 % here;
     # three of them, and facets that tilt across the axis too, which shortens what lies along it by their square.
     np.testing.assert_allclose(medians, expected, rtol=0.03 + 2 * width**2)
