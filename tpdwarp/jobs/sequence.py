@@ -234,6 +234,8 @@ def prepared(
         InputError: Something cannot be used.
     """
     names = FrameNames(out)
+    if PRODUCT in names.template:
+        raise InputError(f"takes no {PRODUCT} (choose with --product)", names.template)
     groups = ("light groups",) if settings.light_groups else ()
     check_format(names.template, (*settings.aovs, *groups), settings.view)
     if curves is not None and debug_layer is None:

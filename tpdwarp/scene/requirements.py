@@ -114,7 +114,9 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
     interactions = [{material.interaction for material in mesh.materials} for mesh in scene.meshes]
     dielectrics = any(Interaction.DIELECTRIC in kinds for kinds in interactions)
     mirrors = any(Interaction.MIRROR in kinds for kinds in interactions)
-    materials = {material for mesh in scene.meshes for material in mesh.materials}
+    # Instances share theirs.
+    shared = {id(mesh.materials): mesh.materials for mesh in scene.meshes}
+    materials = {material for group in shared.values() for material in group}
     partial = any(material.partial for material in materials)
     return Requirements(
         moving_meshes=tuple(mesh.path for mesh in scene.meshes if mesh.moves),

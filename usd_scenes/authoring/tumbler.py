@@ -74,7 +74,7 @@ def write_lathed(
 
 
 def write_ice(writer: SceneWriter, number: int, tilt: float, speed: float) -> None:
-    """A cube of ice, on one side of the glass or the other, tilted, turning and bobbing."""
+    """A cube of ice, on one side of the glass or the other, tilted, turning and bobbing; at rest without a speed."""
     corners = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float32)
     faces = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
     normals = np.repeat(corners[faces].mean(axis=1), 4, axis=0)
@@ -84,6 +84,10 @@ def write_ice(writer: SceneWriter, number: int, tilt: float, speed: float) -> No
     side = 1.0 - 2.0 * number
     place, turn = mesh.AddTranslateOp(), mesh.AddRotateZOp(UsdGeom.XformOp.PrecisionDouble)
     mesh.AddRotateXOp().Set(tilt)
+    if not speed:
+        place.Set(Gf.Vec3d(side * DISTANCE, 0.0, float(WATER[-1][1] - 0.6 * HALF_SIDE)))
+        turn.Set(0.0)
+        return
     for time in writer.times:
         gone = time - writer.times[0]
         height = WATER[-1][1] - 0.6 * HALF_SIDE + side * BOB * np.sin(2.0 * np.pi * gone / PERIOD)

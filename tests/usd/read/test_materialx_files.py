@@ -124,6 +124,25 @@ def test_a_graph_that_feeds_itself_ends(small):
     assert found is not None
 
 
+def test_graphs_that_double_with_every_level_end(small):
+    levels = "".join(
+        f"""<nodedef name="ND_{k}" node="n{k}"><output name="out" type="float"/></nodedef>
+        <nodegraph name="G_{k}" nodedef="ND_{k}">
+          <n{k - 1} name="a" type="float"/><n{k - 1} name="b" type="float"/>
+          <add name="c" type="float"><input name="in1" type="float" nodename="a"/>
+          <input name="in2" type="float" nodename="b"/></add><output name="out" type="float" nodename="c"/>
+        </nodegraph>"""
+        for k in range(1, 40)
+    )
+    text = f"""<materialx version="1.38">{levels}<n39 name="x" type="float"/>
+      <standard_surface name="S" type="surfaceshader"><input name="transmission" type="float" nodename="x"/>
+      </standard_surface>
+      <surfacematerial name="Glass" type="material"><input name="surfaceshader" type="surfaceshader" nodename="S"/>
+      </surfacematerial></materialx>"""
+    _, warnings = bound(small, text)
+    assert len(warnings) == 1 and "more than 10000 nodes" in warnings[0]
+
+
 def test_a_stage_that_is_handed_over_stays_as_it_is(small):
     bound(small, GLASS)
     stage = Usd.Stage.Open(small.file)

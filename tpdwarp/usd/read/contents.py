@@ -111,6 +111,8 @@ class Walker:
                 continue
             if not self._included(prim):
                 continue
+            if is_mesh_light(prim):
+                self._warnings(str(prim.GetPath()), "the mesh is rendered, but not the light it emits in a prototype")
             if is_drawn(prim):
                 prototype.meshes.append(prim)
             elif prim.IsA(UsdGeom.PointInstancer):

@@ -20,8 +20,10 @@ Element = ElementTree.Element
 
 SUFFIX = ".mtlx"
 ROOT, MATERIALS = Sdf.Path("/MaterialX"), Sdf.Path("/MaterialX/Materials")
-# Graphs and includes deeper than this count as circular. Chosen, not derived: hand-made ones have a few.
-DEEPEST = 32
+# Graphs and includes deeper than this count as circular, and networks of more nodes as endless: graphs in graphs may
+# double with every level. Chosen, not derived: hand-made ones have some tens.
+DEEPEST = 128
+MOST_NODES = 10_000
 TYPES = {
     "float": Sdf.ValueTypeNames.Float,
     "integer": Sdf.ValueTypeNames.Int,
@@ -235,6 +237,8 @@ class _Network:
             return self._of_graph(graph, output, scope, inputs, depth, inner)
         key = scope.name, element.get("name", "")
         if key not in self._made:
+            if len(self._made) >= MOST_NODES:
+                raise ValueError(f"a material of more than {MOST_NODES} nodes")
             path = self._root.AppendChild(_identifier(scope.name + (element.get("name") or element.tag)))
             shader = self._made[key] = UsdShade.Shader.Define(self._stage, path)
             shader.CreateIdAttr(element.get("nodedef") or f"ND_{element.tag}_{element.get('type', '')}")
