@@ -148,6 +148,7 @@ class StageSettings(_Group):
         mask: Prim paths that alone are read; empty for all.
         camera: Camera path or name; empty takes the render settings' camera, or the only one.
         render_settings: Path of the RenderSettings prim; empty takes the stage's own.
+        product: Path or name of the RenderProduct; empty takes the first.
     """
 
     exposure: float | None = None
@@ -161,6 +162,7 @@ class StageSettings(_Group):
     mask: tuple[str, ...] = ()
     camera: str = ""
     render_settings: str = ""
+    product: str = ""
 
     def _check(self) -> None:
         self._check_counts("image_width")

@@ -63,6 +63,7 @@ PICTURE = (
         "crop", ("--crop",), float, ("X0", "Y0", "X1", "Y1"), "0 … 1 from lower left, or pixels from upper left"
     ),
     SettingOption("render_settings", ("-rs", "--renderSettingsPrimPath"), metavar="PATH"),
+    SettingOption("product", ("--product",), metavar="NAME"),
     SettingOption("purposes", ("--purposes",), names, "NAME,..."),
     SettingOption("mask", ("--mask",), names, "PATH,..."),
     SettingOption("complexity", ("--complexity",), complexity, "X", also=f"a number, or {'|'.join(COMPLEXITIES)}"),
