@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdLux
+from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import (
@@ -20,6 +20,8 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
+from tpdwarp.usd.read.links import LightLinks
+from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
 from tpdwarp.usd.read.values import number_at, raw_at, text_at, value_at
@@ -54,6 +56,8 @@ GROUP_ATTRIBUTES = (
     "inputs:arnold:aov",
 )
 
+# Rows that a rectangle's texture is brought down to for its mean.
+MEAN_ROWS = 64
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
 # What photographs of suns and what the account of energy hold; squares of it stay numbers.
@@ -82,6 +86,7 @@ class Light:
         self.prim, self.path = prim, str(prim.GetPath())
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
         self._api = UsdLux.LightAPI(prim)
+        self.links = LightLinks(self._api)
         self.kind = LightKind.DISTANT if prim.IsA(UsdLux.DistantLight) else LightKind.POINT
         self._shape = next((kind for kind in AREAS if prim.IsA(kind)), None)
         self.varies = transforms.span(prim) is not None
@@ -90,6 +95,7 @@ class Light:
         ]
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
         self._visibilities = _visibilities(prim)
+        self._texture = self._texture_mean()
         self._warn_unsupported()
 
     @property
@@ -220,6 +226,8 @@ class Light:
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
         scale *= self._factor(frame)
+        if self._texture is not None:
+            color = color * self._texture
         with np.errstate(over="ignore", invalid="ignore"):
             power = scale * color
         if not power.max() <= LARGEST:
@@ -229,6 +237,18 @@ class Light:
                 self.path,
             )
         return tuple(map(float, power))
+
+    def _texture_mean(self) -> np.ndarray | None:
+        """Mean colour [3] of a rectangle's texture; None without one that can be read."""
+        rectangle = UsdLux.RectLight(self.prim) if self._shape is UsdLux.RectLight else None
+        value = raw_at(rectangle.GetTextureFileAttr(), EARLIEST) if rectangle else None
+        if not isinstance(value, Sdf.AssetPath) or not value.path:
+            return None
+        picture = picture_of(value.resolvedPath or value.path, MEAN_ROWS)
+        if picture is None:
+            self._warnings(self.path, "the rectangle's texture cannot be read: it is of its colour all over")
+            return None
+        return picture.mean(axis=(0, 1), dtype=np.float64)
 
     def _factor(self, frame: float) -> float:
         """By what the radiance is to be multiplied for :meth:`power`."""
@@ -273,31 +293,31 @@ class Light:
 
     def _warn_unsupported(self) -> None:
         shaping, shadow = UsdLux.ShapingAPI(self.prim), UsdLux.ShadowAPI(self.prim)
+        tint = shaping.GetShapingFocusTintAttr()
+        if tint and tint.HasAuthoredValue() and np.any(value_at(tint, EARLIEST, (3,))):
+            self._warnings(self.path, "the light's focusTint is not rendered")
         asks_for_cone = _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
             shaping.GetShapingFocusAttr(), 0.0
         )
         if asks_for_cone and self.kind == LightKind.DISTANT:
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
-        texture = UsdLux.RectLight(self.prim).GetTextureFileAttr() if self._shape is UsdLux.RectLight else None
-        if texture and texture.HasAuthoredValue():
-            self._warnings(self.path, "the rectangle's texture is not rendered: it is of its colour all over")
+        if self._texture is not None:
+            self._warnings(self.path, "the rectangle's texture is rendered by its mean colour")
         if asks_for_cone and self._shape is UsdLux.CylinderLight:
             self._warnings(self.path, "the shaping of a cylinder is not rendered")
         ies = shaping.GetShapingIesFileAttr()
         if ies and ies.HasAuthoredValue():
             self._warnings(self.path, "the light's IES profile is not rendered")
-        if _authored(shadow.GetShadowEnableAttr(), True):
-            self._warnings(self.path, "the light throws shadows although it asks for none")
         if _authored(self._api.GetSpecularAttr(), 1.0):
             self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
         if self._api.GetFiltersRel().HasAuthoredTargets():
             self._warnings(self.path, "light filters are not rendered")
-        for collection in (self._api.GetLightLinkCollectionAPI(), self._api.GetShadowLinkCollectionAPI()):
-            include_root = collection.GetIncludeRootAttr()
-            whole = raw_at(include_root, None) if include_root else None
-            limited = [collection.GetIncludesRel(), collection.GetExcludesRel()]
-            if whole is False or any(rel.HasAuthoredTargets() for rel in limited if rel):
-                self._warnings(self.path, "light linking is ignored: the light shines on everything")
+        distance = shadow.GetShadowDistanceAttr()
+        if distance and distance.HasAuthoredValue() and number_at(distance, EARLIEST) >= 0:
+            self._warnings(self.path, "shadow:distance is not taken into account")
+        color = shadow.GetShadowColorAttr()
+        if color and color.HasAuthoredValue() and np.any(value_at(color, EARLIEST, (3,))):
+            self._warnings(self.path, "the light's shadows are black, whatever their colour")
 
 
 def is_light(prim: Usd.Prim) -> bool:

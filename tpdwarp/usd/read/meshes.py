@@ -129,8 +129,8 @@ class PlacedMesh:
             appearance = self._appearances.of(
                 self.prim, geometry.topology, geometry.point_count, shutter.frame, None if given is None else given[0]
             )
-            if appearance.has_given_color:
-                appearance = replace(appearance, colors=given)
+            if self.copies and appearance.given_row >= 0:
+                appearance = replace(appearance, colors=np.concatenate([appearance.colors, given]))
             self._appearance = geometry.topology, appearance
             self._whole = None
         if self._whole is None:
@@ -145,13 +145,19 @@ class PlacedMesh:
     def _dressed(self, mesh: MeshAtShutter, appearance: Appearance) -> MeshAtShutter:
         """The mesh with its materials, without what these cut out."""
         count, kept = self.count, appearance.kept
+        color_indices = _for_copies(appearance.color_indices, count)
+        if self.copies and appearance.given_row >= 0:
+            # Each has a colour of its own, after all others.
+            own = len(appearance.colors) - count + np.repeat(np.arange(count), len(appearance.color_indices))
+            given = color_indices == appearance.given_row
+            color_indices = np.where(given, own[:, None], color_indices).astype(np.int32)
         return _without_holes(
             replace(
                 mesh,
                 materials=appearance.materials,
                 triangle_materials=_for_copies(appearance.triangle_materials, count),
                 colors=appearance.colors,
-                color_indices=_for_copies(appearance.color_indices, count, int(appearance.has_given_color)),
+                color_indices=color_indices,
                 coordinates=appearance.coordinates,
                 coordinate_indices=_for_copies(appearance.coordinate_indices, count),
                 priority=self._appearances.priority(self.prim),
