@@ -118,7 +118,7 @@ def sun(tilt: tuple[float, float]) -> None:
 def looking_down() -> None:
     """A camera that looks straight down on the floor."""
     camera = bpy.data.cameras.new("Camera")
-    camera.type, camera.ortho_scale = "ORTHO", 5.0
+    camera.lens = 60.0
     bpy.context.scene.camera = placed("Camera", camera, (0, 0, 8))
 
 
