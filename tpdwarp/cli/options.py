@@ -83,6 +83,7 @@ PICTURE = (
     SettingOption("aovs", ("--aov",), names, "NAME,...", also=", ".join(AOVS)),
     SettingOption("exr_type", ("--exr-type",), metavar="half|float"),
     SettingOption("light_groups", ("--light-groups",), names, "NAME=PATTERN,...", "auto if alone", ("auto",)),
+    SettingOption("holdout", ("--holdout",), metavar="HOST.EXR", brief="Images whose depth hides what is behind."),
     SettingOption("view", ("--view",), metavar="AOV", brief="What PNG, JPEG and TIFF show instead of the beauty."),
     SettingOption("view_exposure", ("--view-exposure",), float, "STOPS"),
 )

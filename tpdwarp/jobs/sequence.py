@@ -245,7 +245,9 @@ def prepared(
     names.check(wanted)
     source.region()
     files = StageFiles(source)
-    prepare_outputs(source, files, stats, debug_layer, [names.path(frame) for frame in wanted])
+    written = [names.path(frame) for frame in wanted]
+    hosts = [FrameNames(settings.holdout).path(frame) for frame in wanted] if settings.holdout else []
+    prepare_outputs(source, files, stats, debug_layer, written, holdouts=hosts)
     plan = planned(source, files, wanted, settings, strict, max_memory)
     layer = None if debug_layer is None else DebugLayerJob(debug_layer, plan, curves, skip_existing)
     return plan, names, layer
