@@ -27,10 +27,6 @@ def main() -> None:
     options = parser.parse_args()
     for stage in sorted(options.folder.glob("*/scene.usda")):
         plain, theirs = (rgb(read_image(stage.parent / f"{name}.exr")[0]) for name in ("plain", "caustics"))
-        # Blender's lamps are white at 6500 K, USD's are not quite.
-        stage.write_text(
-            stage.read_text().replace("inputs:enableColorTemperature = 1", "inputs:enableColorTemperature = 0")
-        )
         height, width = plain.shape[:2]
         frame = tpdwarp.render_frame(
             stage, 1, resolution=(width, height), photons=options.photons, samples=16, threads=options.threads,
