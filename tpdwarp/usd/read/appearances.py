@@ -150,14 +150,14 @@ def appearance_of(
             colors, indices = np.zeros((0, 3)), np.full(topology.triangles.shape, -1, dtype=np.int32)
         indices = np.where(asked[triangle_materials][:, None], of_corners + len(colors), indices).astype(np.int32)
         colors = np.concatenate([colors, found])
-    opacity, opacity_varies = _display_opacity(prim, frame, warnings)
-    if opacity < 1.0:
-        # Materials say themselves how much of them is there.
+    # Materials say themselves how much of them is there.
+    if not all(surface.material.path for surface in surfaces):
+        opacity, opacity_varies = _display_opacity(prim, frame, warnings)
+        colors_vary |= opacity_varies
         surfaces = [
             surface if surface.material.path else replace(surface, material=replace(surface.material, presence=opacity))
             for surface in surfaces
         ]
-    colors_vary |= opacity_varies
     coordinates, coordinate_indices, coordinates_vary = _coordinates(
         prim, topology, point_count, frame, surfaces, triangle_materials, warnings
     )
