@@ -66,15 +66,21 @@ def shape_footprints(
 
     # Columns that footprints share with photons are not copied: ten million of either fill memory.
     shared = {"center": "position", "normal": "normal", "dxdt": "dxdt"}
-    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "gain", "filter_width", "incidence")
-    out = launcher.rows(FootprintArrays, count, but=(*shared, *others))
+    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "gain", "incidence")
+    splines = ("filter_width", "pixel", "cell_part")
+    out = launcher.rows(FootprintArrays, count, but=(*shared, *others, *splines))
     for name, source in shared.items():
         setattr(out, name, column(source))
+    bends = launcher.zeros(0, wp.vec3)
+    if all(len(photons.bend) == len(photons) for photons in maps):
+        # Footprints leave their photons, whose places stay.
+        bends, out.center = column("bend"), wp.clone(out.center)
     out.acceleration, out.jerk = trajectory_column("dxdtt"), trajectory_column("dxdttt")
     out.jacobian_rate = launcher.zeros(count if curved else 0, wp.mat22)
     gains = [_trajectory_column(photons, "gain") for photons in maps] if curved else [np.zeros(0)]
     out.gain = launcher.array(joined(gains).astype(np.float32), wp.float32)
-    out.filter_width = launcher.zeros(count if kernel == "bspline" else 0, wp.vec3)
+    for name, dtype in zip(splines, (wp.vec3, wp.mat22, wp.float32), strict=True):
+        setattr(out, name, launcher.zeros(count if kernel == "bspline" else 0, dtype))
     shaded = all(len(m.incidence) == len(m) for m in maps)
     out.incidence = column("incidence") if shaded else launcher.zeros(0, wp.vec3)
     out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
@@ -83,7 +89,7 @@ def shape_footprints(
         for name in ("time", "duration")
     )
     rates = [trajectory_column("dxdut"), trajectory_column("dxdvt")]
-    columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux")]
+    columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux"), bends]
     extended = all(len(m.image) == len(m) for m in maps)
     images = LightImageArrays()
     if extended:
