@@ -10,7 +10,6 @@ import warp as wp
 
 from tests.footprints.photons import first_channel, photon_map, shaped
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
-from tpdwarp.footprints.shaping import COARSEST_CELL, FINEST_BSPLINE
 
 still_weight, moving_weight = bspline_weight(False, False), bspline_weight(True, True)
 
@@ -27,7 +26,7 @@ def evaluate_cells(
 ):
     i = wp.tid()
     trajectory = Trajectory()
-    trajectory.cell_part = 1.0
+    trajectory.is_cell = 1
     trajectory.pixel = pixel[i]
     trajectory.velocity = velocity[i]
     trajectory.acceleration = acceleration[i]
@@ -97,8 +96,8 @@ def test_a_pixel_takes_the_part_of_a_cell_that_lies_within_it():
     expected = np.array([clipped_share(*row) for row in zip(y.astype(np.float64), pixel, strict=True)])
     assert np.count_nonzero(expected) > count / 4
     found = weights_of(y, pixel)
-    # Areas, made of coordinates that are rounded by 2⁻²⁴ of them, over that of the pixel; edges that lean by a thousandth
-    # lose three digits, and are few.
+    # Areas, made of coordinates that are rounded by 2⁻²⁴ of them, over that of the pixel; edges that lean by a
+    # thousandth lose three digits, and are few.
     unit = np.maximum(np.abs(pixel).max(axis=(1, 2)), 1.0) / np.abs(np.linalg.det(pixel)) * 2.0**-24
     assert np.all(np.abs(found - expected) <= 1000 * unit)
     assert np.count_nonzero(np.abs(found - expected) > 10 * unit) < count / 200
@@ -148,13 +147,19 @@ def test_an_oblique_lattice_is_even_in_pixels_of_any_size(pixels):
     np.testing.assert_allclose(found, 1.0, atol=2e-4)
 
 
-def test_narrow_footprints_are_cells_and_wide_ones_b_splines():
-    side, narrow = 0.1, np.array([0.01, 0.25, 0.5, 0.6, 0.9, 1.0, 5.0])
-    columns = np.zeros((2, len(narrow), 3))
-    columns[0, :, 0], columns[1, :, 1] = 8 * side, narrow * side
-    found = shaped(photon_map(np.zeros((len(narrow), 3)), *columns), half_pixel=side / math.sqrt(12))
-    expected = np.clip((float(FINEST_BSPLINE) - narrow) / float(FINEST_BSPLINE - COARSEST_CELL), 0, 1)
-    np.testing.assert_allclose(found.arrays.cell_part.numpy(), expected, atol=1e-5)
-    # Sides of the pixel, in cells.
-    sides = np.linalg.svd(found.arrays.pixel.numpy()[1], compute_uv=False)
-    np.testing.assert_allclose(sides, [4.0, 1 / 8], rtol=1e-5)
+@pytest.mark.parametrize(
+    ("length", "width", "part"),
+    [(0.9, 0.4, 1.0), (1.0, 0.02, 1.0), (1.5, 0.5, 0.5), (0.8, 0.8, 0.4), (2.0, 0.1, 0.0), (1.0, 1.0, 0.0)],
+)  # fmt: skip
+def test_what_is_as_small_as_a_pixel_is_a_cell_and_what_is_larger_a_b_spline(length, width, part):
+    side = 0.1
+    photon = photon_map([(0, 0, 0)], (length * side, 0, 0), (0, width * side, 0), flux=2.0)
+    found = shaped(photon, half_pixel=side / math.sqrt(12))
+    cells = found.arrays.is_cell.numpy() == 1
+    np.testing.assert_array_equal(cells, {0.0: [False], 1.0: [True]}.get(part, [False, True]))
+    # Densities are flux over area; a cell's is that of its own area, and B-splines are no narrower.
+    if part > 0:
+        density = found.arrays.density.numpy()[cells, 0]
+        assert density == pytest.approx(2.0 * part / (length * width * side**2), rel=1e-4)
+        sides = np.linalg.svd(found.arrays.pixel.numpy()[cells][0], compute_uv=False)
+        np.testing.assert_allclose(sides, [1 / width, 1 / length], rtol=1e-4)

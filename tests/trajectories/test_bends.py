@@ -26,7 +26,7 @@ def bent_photons(wave: Wave, photons: int) -> tuple[PhotonMap, float]:
 
 def test_light_under_a_wave_bends_by_half_of_its_second_derivative():
     wave = Wave()
-    photons, scale = bent_photons(wave, 16384)
+    photons, scale = bent_photons(wave, 1024)
     x0, cell = on_water(photons), 4 / np.ceil(photons.emission[:, 0].max())
     # The change of D_u x from one neighbour to the other, by differences a tenth of a cell apart.
     sides = [(landing(x0 + k * cell + 0.1 * cell, 0.5, wave) - landing(x0 + k * cell - 0.1 * cell, 0.5, wave)) / 0.2

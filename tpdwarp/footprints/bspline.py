@@ -115,9 +115,9 @@ class Trajectory:
     are those of mid shutter times 1 + s jacobian_rate; its flux is that of mid shutter times 1 + s gain. Only the
     B-spline's trajectory curves, and only its axes and its flux grow.
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
-    stay. Where the last is below zero it is a soft disc (:func:`disc_widths`). The part ``cell_part`` of its light is
-    that of a cell, averaged over the pixel whose sides are the columns of ``pixel`` (:mod:`.cells`), and stays. The
-    rest is a B-spline. ``straight`` is set where it does not curve and its axes do not grow.
+    stay. Where the last is below zero it is a soft disc (:func:`disc_widths`). Where ``is_cell`` is 1 it is a cell, and
+    averaged over the pixel whose sides are the columns of ``pixel`` (:mod:`.cells`), which stays, too. ``straight`` is
+    set where it does not curve and its axes do not grow.
     """
 
     velocity: wp.vec2
@@ -127,7 +127,7 @@ class Trajectory:
     gain: float
     filter_width: wp.vec3
     pixel: wp.mat22
-    cell_part: float
+    is_cell: int
     straight: bool
 
 
@@ -198,11 +198,9 @@ def trajectory_extent(trajectory: Trajectory, axis: int) -> float:
     It bounds what the footprint covers over the whole shutter.
     """
     growth = 0.5 * (wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1]))
-    reach = float(0.0)
-    if trajectory.cell_part > 0.0:
+    reach = HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis)
+    if trajectory.is_cell == 1:
         reach = HALF_CELL * (1.0 + growth) + pixel_extent(trajectory.pixel, axis)
-    if trajectory.cell_part < 1.0:
-        reach = wp.max(reach, HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis))
     return reach + bend_extent(trajectory, axis)
 
 
@@ -219,7 +217,6 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
     ``extended`` says whether there may be soft discs, the images of lights with extent.
 
     Averages over a filter width cost twice what the B-spline does, so axes without one have functions of their own.
-    Footprints that are in part a cell have no filter width.
     """
     plain = _weight_along_trajectory(moves, curved, False, 0)
     u = _weight_along_trajectory(moves, curved, True, 0)
@@ -232,12 +229,8 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
     @wp.func
     def weight(y: wp.vec2, trajectory: Trajectory) -> float:
         width = trajectory.filter_width
-        part = trajectory.cell_part
-        if part > 0.0:
-            total = part * cell(y, trajectory)
-            if part < 1.0:
-                total += (1.0 - part) * plain(y, trajectory)
-            return total
+        if trajectory.is_cell == 1:
+            return cell(y, trajectory)
         if wp.static(extended):
             if width[2] < 0.0:
                 return disc(y, trajectory)

@@ -115,7 +115,7 @@ def is_parabola(run: Run, start: int, placed: PlacedFootprint, radius: float, ru
     finest = wp.max(wp.length(placed.row_u), wp.length(placed.row_v))
     apart = wp.abs(placed.since - run_since) * LARGEST_DEVIATION * wp.length(run.window.motion) * finest
     uniform = run.receiver >= 0 and run.narrowest > NARROW_CONE and apart < SMALLEST_STEP
-    uniform = uniform and placed.trajectory.cell_part == 0.0
+    uniform = uniform and placed.trajectory.is_cell == 0
     return uniform and radius * finest < LARGEST_STEP and run.stop - start > FEWEST_FOR_PARABOLA
 
 

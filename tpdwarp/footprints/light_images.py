@@ -4,7 +4,7 @@ Light from the place (a, b) on a light lands, at first order, a D_a x + b D_b x 
 it leaves the footprint averaged over a disc or a parallelogram on the receiver, the light's image. Image and
 pixel together have the variance S = (P Pᵀ + Q Qᵀ)/12 + k (D_a x D_a xᵀ + D_b x D_b xᵀ), k of a disc ¼, of a
 parallelogram ⅓. With P', Q' along the principal axes of S, a parallelogram of that variance, footprints are told apart
-as widened ones are by pixels (:mod:`tpdwarp.footprints.shaping`):
+as they are by pixels (:mod:`tpdwarp.footprints.shaping`):
 
 - larger than P', Q': their own axes, with boxes of P' and Q' along them; translates still sum to one.
 - smaller, and the light's image larger than the pixel: the image itself, whose edge the rest makes soft: a soft disc
@@ -32,6 +32,7 @@ from tpdwarp.footprints.shaping import (
     axes_of,
     box_along_axes,
     direction,
+    in_sides,
     limited,
     nonorthogonality,
     own_axes,
@@ -75,13 +76,6 @@ def _root(variance: wp.mat22) -> wp.mat22:
     first = direction(s.left)
     second = wp.vec2(-first[1], first[0])
     return wp.sqrt(s.s1) * _outer(first) + wp.sqrt(wp.abs(s.s2)) * _outer(second)
-
-
-@wp.func
-def in_sides(pixel: PixelOnPlane, j: wp.mat22) -> wp.mat22:
-    """[P, Q]⁻¹ J: a footprint in the units of a parallelogram."""
-    area = pixel.p[0] * pixel.q[1] - pixel.p[1] * pixel.q[0]
-    return wp.mat22(pixel.q[1], -pixel.q[0], -pixel.p[1], pixel.p[0]) * j / area
 
 
 @wp.func
@@ -136,13 +130,13 @@ def disc_axes(light: wp.mat22, total: wp.mat22, distance: float) -> Axes:
 
 
 @wp.func
-def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, smoothing: float, distance: float) -> Axes:
+def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: float) -> Axes:
     """Axes of a B-spline footprint J that is averaged over a pixel and the image of its light."""
     singular = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
     by_light = light_variance(light)
     by_pixel = (_outer(pixel.p) + _outer(pixel.q)) / 12.0
     if light.image == IMAGE_NONE or wp.trace(by_light) <= NEGLIGIBLE * wp.trace(by_pixel):
-        return axes_of(singular, j[0, 0], j[0, 1], j[1, 0], j[1, 1], pixel, smoothing, distance)
+        return axes_of(singular, j[0, 0], j[0, 1], j[1, 0], j[1, 1], pixel, distance)
     both = parallelogram_of(by_light + by_pixel)
     lit = wp.trace(by_light) > wp.trace(by_pixel)
     limit = wp.where(lit, FINE, 1.0)
@@ -200,9 +194,7 @@ def axes_in_light(radial: str | None) -> wp.Function:
     variance = VARIANCE[radial]
 
     @wp.func
-    def radial_axes(
-        j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, smoothing: float, distance: float
-    ) -> Axes:
+    def radial_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: float) -> Axes:
         both = pixel
         if light.image != IMAGE_NONE:
             both = parallelogram_of(light_variance(light) + (_outer(pixel.p) + _outer(pixel.q)) / 12.0)

@@ -92,7 +92,7 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
         if wp.static(smooth):
             trajectory.filter_width = footprints.filter_width[j]
             trajectory.pixel = footprints.pixel[j]
-            trajectory.cell_part = footprints.cell_part[j]
+            trajectory.is_cell = footprints.is_cell[j]
         if wp.static(moves):
             # ---- Clip the shutter: the part that the query's window and the photon's own shutter have in common
             photon_time = footprints.time[j]

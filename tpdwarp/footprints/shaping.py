@@ -6,12 +6,8 @@ of single points, in that they are averaged over a pixel.
 A pixel's value is the mean over the parallelogram with sides P, Q that it sees on a surface, and so is what a footprint
 adds to it. Let J = [D_u x, D_v x] in the tangent plane, σ1 ≥ σ2 its singular values in units of the pixel ([P, Q]⁻¹ J).
 
-- σ2 ≤ ½: narrower than a pixel. The footprint is the cell of the lattice itself, and the pixel gets the part of it that
-  it sees (:mod:`tpdwarp.footprints.cells`).
-- σ2 ≥ 1: it is the B-spline of that cell, which is wider than cell and pixel together.
-- between them: it is both, in parts.
-
-Widened by a smoothing, footprints do not fill a surface side by side, and are B-splines all the same:
+What is as small as a pixel is the cell of the lattice itself, and the pixel gets the part of it that it sees
+(:mod:`tpdwarp.footprints.cells`). All others are B-splines:
 
 - σ2 ≥ 1: the footprint is larger than a pixel. It keeps its own axes, along which translates of the B-spline sum to
   one, and is averaged over a box along them, whose sides are its filter width. Where the axes are not at right angles,
@@ -55,12 +51,6 @@ BOX_DEVIATION = wp.constant(12.0**-0.5)
 # Footprints are no finer than this part of a pixel, so that differences of tails stay exact in float32. That adds 7e-4
 # to the variance of what falls on the pixel: 1/4 of its square, beside the pixel's 1/12.
 FINEST_IN_PIXEL = wp.constant(1.0 / 64.0)
-# Footprints whose narrow side is no wider than this, in pixels, are cells; from the other width on they are B-splines,
-# and between the two they are both in parts, so that no seam shows where light goes over from one to the other. Chosen
-# in one dimension: from 1 to 2, the light of soft waves errs by .0035 of itself, as steps from cell to cell are as wide
-# as pixels; so by .0004. Folds err alike.
-COARSEST_CELL = wp.constant(0.5)
-FINEST_BSPLINE = wp.constant(1.0)
 # Pixels count as seen under no smaller cosine than this: beyond it their parallelograms grow without bound. Chosen, not
 # derived: 3° above the surface.
 SMALLEST_VIEW_COSINE = wp.constant(0.05)
@@ -106,8 +96,8 @@ class FootprintArrays:
     center + s dxdt + ½ s² acceleration + ⅙ s³ jerk, its axes are those of the middle times 1 + s jacobian_rate, in
     filter coordinates, and its flux is that times 1 + s gain. Where no trajectory curves, these have no rows.
     ``filter_width`` holds the widths of the boxes that a B-spline is averaged over, in cells: one along u, two along v.
-    The part ``cell_part`` of the light is that of a cell, averaged over the pixel whose sides in filter space are the
-    columns of ``pixel`` (:mod:`.cells`).
+    Where ``is_cell`` is 1 the footprint is a cell, averaged over the pixel whose sides in filter space are the columns
+    of ``pixel`` (:mod:`.cells`).
     ``density`` is Φ |det M|; ``long_axis`` and ``half_extent`` (along it, across it, along the normal) bound what the
     footprint sweeps over; ``plane_tolerance`` is how far off its plane it reaches. ``incidence`` is −ω/|ω·n|; no rows
     for flat receivers. ``clamped`` and ``growth_limited`` are 1 where lengths or aspect, and the growth of axes, were
@@ -125,7 +115,7 @@ class FootprintArrays:
     gain: wp.array(dtype=wp.float32)
     filter_width: wp.array(dtype=wp.vec3)
     pixel: wp.array(dtype=wp.mat22)
-    cell_part: wp.array(dtype=wp.float32)
+    is_cell: wp.array(dtype=wp.int32)
     dxdt_relative: wp.array(dtype=wp.vec3)
     density: wp.array(dtype=wp.vec3)
     plane_tolerance: wp.array(dtype=wp.float32)
@@ -190,8 +180,7 @@ class Axes:
     """A footprint's axes after widening: lengths t1, t2 along two unit vectors, and its filter widths.
 
     ``turn`` is the angle from these vectors to the axes u, v of filter space: J = R(left) diag(t1, t2) R(turn)ᵀ. They
-    may be oblique (``first``, ``second``), as those of a pixel are. ``growing`` is zero where axes do not grow, and
-    ``cell_part`` is as in :class:`FootprintArrays`.
+    may be oblique (``first``, ``second``), as those of a pixel are. ``growing`` is zero where axes do not grow.
     """
 
     first: wp.vec2
@@ -201,7 +190,6 @@ class Axes:
     turn: float
     width: wp.vec3
     growing: float
-    cell_part: float
     clamped: int
 
 
@@ -404,33 +392,33 @@ def pixel_axes(pixel: PixelOnPlane, in_pixels: wp.mat22, distance: float) -> Axe
 
 
 @wp.func
-def cell_axes(j: SingularValues, sigma: SingularValues, pixel: PixelOnPlane, distance: float) -> Axes:
-    """Axes of a cell of the lattice, or of a B-spline over it (Eq. 7): those of J, but no finer than a part of a pixel.
+def in_sides(pixel: PixelOnPlane, j: wp.mat22) -> wp.mat22:
+    """[P, Q]⁻¹ J: a footprint (Eq. 7) in the units of a parallelogram."""
+    area = pixel.p[0] * pixel.q[1] - pixel.p[1] * pixel.q[0]
+    return wp.mat22(pixel.q[1], -pixel.q[0], -pixel.p[1], pixel.p[0]) * j / area
 
-    Args:
-        sigma: J in units of the pixel, which says how much of its light is that of a cell (beyond the paper).
-    """
+
+@wp.func
+def cell_axes(j: SingularValues, pixel: PixelOnPlane, distance: float) -> Axes:
+    """Axes of a cell of the lattice: those of J (Eq. 7), but no finer than a part of a pixel (beyond the paper)."""
     out = Axes()
     out.first = direction(j.left)
     out.second = wp.vec2(-out.first[1], out.first[0])
     out.turn = j.right
     if j.s2 < 0.0:
         out.second = -out.second
-    out.growing = wp.where(sigma.s1 > 1.0, 1.0, 0.0)
     out.t1 = wp.max(j.s1, FINEST_IN_PIXEL * wp.sqrt(square_along(pixel, out.first)))
     out.t2 = wp.max(wp.abs(j.s2), FINEST_IN_PIXEL * wp.sqrt(square_along(pixel, out.second)))
-    out.cell_part = wp.clamp((FINEST_BSPLINE - wp.abs(sigma.s2)) / (FINEST_BSPLINE - COARSEST_CELL), 0.0, 1.0)
     return limited(out, distance)
 
 
 @wp.func
 def axes_of(
-    j: SingularValues, a: float, b: float, c: float, d: float, pixel: PixelOnPlane, smoothing: float, distance: float
+    j: SingularValues, a: float, b: float, c: float, d: float, pixel: PixelOnPlane, distance: float
 ) -> Axes:
     """Axes of a B-spline footprint with the columns (a, c) and (b, d) in its tangent frame, whose J is ``j``.
 
-    Beyond the paper: a cell or a B-spline; what is widened by ``smoothing`` is one of the three cases of this module,
-    by its singular values in pixels.
+    Beyond the paper: which of the three cases of this module it is, by its singular values in pixels.
     """
     area = pixel.p[0] * pixel.q[1] - pixel.p[1] * pixel.q[0]
     if area != 0.0:
@@ -441,8 +429,6 @@ def axes_of(
             q_row[0] * a + q_row[1] * c, q_row[0] * b + q_row[1] * d,
         )  # fmt: skip
         sigma = singular_values(in_pixels[0, 0], in_pixels[0, 1], in_pixels[1, 0], in_pixels[1, 1])
-        if smoothing == 1.0:
-            return cell_axes(j, sigma, pixel, distance)
         if sigma.s1 <= 1.0:
             return pixel_axes(pixel, in_pixels, distance)
         if wp.abs(sigma.s2) < 1.0:
@@ -496,7 +482,7 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
         images: LightImageArrays,
         smoothing: float,
         pixel: PixelSize,
-        # In and out (center), in (normal, dxdt, acceleration, jerk) and out (all else)
+        # In and out (center), in (normal, dxdt, acceleration, jerk, is_cell) and out (all else)
         out: FootprintArrays,
     ):
         i = base + wp.tid()
@@ -518,16 +504,19 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             light.a = within_scene(wp.vec2(wp.dot(frame.e1, images.dxda[i]), wp.dot(frame.e2, images.dxda[i])))
             light.b = within_scene(wp.vec2(wp.dot(frame.e1, images.dxdb[i]), wp.dot(frame.e2, images.dxdb[i])))
             light.image = images.image[i]
-            axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, smoothing, wp.length(x))
+            axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, wp.length(x))
         elif wp.static(radial is None):
-            axes = axes_of(j, a, b, c, d, on_plane, smoothing, wp.length(x))
+            if out.is_cell[i] == 1:
+                axes = cell_axes(j, on_plane, wp.length(x))
+            else:
+                axes = axes_of(j, a, b, c, d, on_plane, wp.length(x))
         else:
             axes = own_axes(j, on_plane, 1.0, wp.static(variance), wp.length(x))
 
         # ---- Where the light of the cell lies on average
         if wp.static(radial is None):
             if bend.shape[0] > 0:
-                out.center[i] = x + wp.lerp(BSPLINE_VARIANCE, CELL_VARIANCE, axes.cell_part) * bend[i]
+                out.center[i] = x + wp.where(out.is_cell[i] == 1, CELL_VARIANCE, BSPLINE_VARIANCE) * bend[i]
 
         # ---- The metric M: rows of J⁻¹, and its determinant
         first = axes.first[0] * frame.e1 + axes.first[1] * frame.e2
@@ -547,22 +536,17 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
         reach = wp.vec2(0.5, 0.5)
         if wp.static(radial is None):
             out.filter_width[i] = axes.width
-            out.cell_part[i] = axes.cell_part
             reach_u = wp.static(SUPPORT) + 0.5 * axes.width[0]
             reach_v = wp.static(SUPPORT) + 0.5 * (axes.width[1] + axes.width[2])
-            if axes.cell_part > 0.0:
+            if out.is_cell[i] == 1:
                 p = on_plane.p[0] * frame.e1 + on_plane.p[1] * frame.e2
                 q = on_plane.q[0] * frame.e1 + on_plane.q[1] * frame.e2
                 sides = wp.mat22(
                     wp.dot(out.row_u[i], p), wp.dot(out.row_u[i], q), wp.dot(out.row_v[i], p), wp.dot(out.row_v[i], q)
                 )
                 out.pixel[i] = sides
-                if axes.cell_part == 1.0:
-                    reach_u = HALF + pixel_extent(sides, 0)
-                    reach_v = HALF + pixel_extent(sides, 1)
-                else:
-                    reach_u = wp.max(reach_u, HALF + pixel_extent(sides, 0))
-                    reach_v = wp.max(reach_v, HALF + pixel_extent(sides, 1))
+                reach_u = HALF + pixel_extent(sides, 0)
+                reach_v = HALF + pixel_extent(sides, 1)
             reach = wp.vec2(
                 wp.abs(cr) * reach_u + wp.abs(sr) * reach_v, wp.abs(sr) * reach_u + wp.abs(cr) * reach_v
             )

@@ -6,14 +6,12 @@ Photons and camera rays are both beams; a camera ray uses the time column only.
 import warp as wp
 
 from tpdwarp.photons.differentials import (
-    cosine_differential,
     fresnel_reflectance,
-    mean_refracted_cosine,
     normal_differential,
     reflect,
     reflect_differential,
     refract,
-    refract_difference,
+    refract_differential,
     refracted_cosine_squared,
     transfer,
 )
@@ -132,17 +130,12 @@ def scatter(surfaces: Surfaces, incident: Beam, hit: Hit, at: Interface, reflect
 
     Positions and their columns pass unchanged. The normal's own columns are D_a N = Σ_j (n_j − n_0) D_a β_j, to which
     a = t adds Σ β_i D_t n_i.
-
-    Departs from Igehy (1999) near total reflection, where the differential of cosθ_t grows without bound and its change
-    over a cell does not: columns are differences over a cell there, and over the shutter.
     """
     s = shading_normal(surfaces, hit, at.flat, moves)
     w = incident.w
     dndu = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, incident.dxdu))
     dndv = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, incident.dxdv))
     out = incident
-    cos_i = -wp.dot(w, at.n)
-    over_cell = float(0.0)
     if reflected:
         out.w = reflect(w, at.n)
         out.dwdu = reflect_differential(w, at.n, incident.dwdu, dndu)
@@ -150,12 +143,8 @@ def scatter(surfaces: Surfaces, incident: Beam, hit: Hit, at: Interface, reflect
         out.offset = hit.offset * at.side * hit.n_g
     else:
         out.w = refract(w, at.n, at.eta, at.cos_t)
-        along_u = cosine_differential(w, at.n, incident.dwdu, dndu)
-        along_v = cosine_differential(w, at.n, incident.dwdv, dndv)
-        over_cell = wp.sqrt(along_u * along_u + along_v * along_v)
-        mean_cos_t = mean_refracted_cosine(at.cos_t, at.eta, cos_i, over_cell)
-        out.dwdu = refract_difference(w, at.n, at.eta, at.cos_t, mean_cos_t, incident.dwdu, dndu)
-        out.dwdv = refract_difference(w, at.n, at.eta, at.cos_t, mean_cos_t, incident.dwdv, dndv)
+        out.dwdu = refract_differential(w, at.n, at.eta, at.cos_t, incident.dwdu, dndu)
+        out.dwdv = refract_differential(w, at.n, at.eta, at.cos_t, incident.dwdv, dndv)
         out.offset = -hit.offset * at.side * hit.n_g
     if moves:
         dndt = at.side * normal_differential(
@@ -164,10 +153,7 @@ def scatter(surfaces: Surfaces, incident: Beam, hit: Hit, at: Interface, reflect
         if reflected:
             out.dwdt = reflect_differential(w, at.n, incident.dwdt, dndt)
         else:
-            along_t = cosine_differential(w, at.n, incident.dwdt, dndt)
-            over_all = wp.sqrt(over_cell * over_cell + along_t * along_t)
-            mean_cos_t = mean_refracted_cosine(at.cos_t, at.eta, cos_i, over_all)
-            out.dwdt = refract_difference(w, at.n, at.eta, at.cos_t, mean_cos_t, incident.dwdt, dndt)
+            out.dwdt = refract_differential(w, at.n, at.eta, at.cos_t, incident.dwdt, dndt)
     out.w = wp.normalize(out.w)
     out.magnitude = hit.magnitude
     return out

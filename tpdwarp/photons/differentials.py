@@ -56,44 +56,11 @@ def refract_differential(
 ) -> wp.vec3:
     """D_a ω' = η D_a ω + (η cosθ_i − cosθ_t) D_a n + (η − η² cosθ_i/cosθ_t) D_a(cosθ_i) n of a refraction (Igehy 1999).
 
-    a ∈ {u, v, t}.
-    """
-    return refract_difference(w, n, eta, cos_t, cos_t, dwda, dnda)
-
-
-@wp.func
-def refract_difference(
-    w: wp.vec3, n: wp.vec3, eta: float, cos_t: float, mean_cos_t: float, dwda: wp.vec3, dnda: wp.vec3
-) -> wp.vec3:
-    """As :func:`refract_differential`, over a step along which cosθ_t changes by η² cosθ_i D_a(cosθ_i)/``mean_cos_t``.
-
-    Departs from Igehy (1999), whose columns grow without bound where total reflection sets in.
+    D_a(cosθ_i) = −(D_a ω·n + ω·D_a n), and a ∈ {u, v, t}.
     """
     cos_i = -wp.dot(w, n)
-    return (
-        eta * dwda
-        + (eta * cos_i - cos_t) * dnda
-        + ((eta - eta * eta * cos_i / mean_cos_t) * cosine_differential(w, n, dwda, dnda)) * n
-    )
-
-
-@wp.func
-def cosine_differential(w: wp.vec3, n: wp.vec3, dwda: wp.vec3, dnda: wp.vec3) -> float:
-    """D_a(cosθ_i) = −(D_a ω·n + ω·D_a n) (Igehy 1999)."""
-    return -(wp.dot(dwda, n) + wp.dot(w, dnda))
-
-
-@wp.func
-def mean_refracted_cosine(cos_t: float, eta: float, cos_i: float, dcos_i: float) -> float:
-    """The mean of cosθ_t half a step before and behind, where cosθ_i changes by ``dcos_i`` a step.
-
-    cos²θ_t = 1 − η²(1 − cos²θ_i) changes evenly there, and cosθ_t as its root: over the whole step by the change of
-    cos²θ_t over twice this mean. Far from total reflection that is Igehy's differential (1999); where it sets in
-    within the step, the root ends at zero.
-    """
-    change = eta * eta * cos_i * wp.abs(dcos_i)
-    square = cos_t * cos_t
-    return 0.5 * (wp.sqrt(square + change) + wp.sqrt(wp.max(square - change, 0.0)))
+    dcos_i = -(wp.dot(dwda, n) + wp.dot(w, dnda))
+    return eta * dwda + (eta * cos_i - cos_t) * dnda + ((eta - eta * eta * cos_i / cos_t) * dcos_i) * n
 
 
 @wp.func
