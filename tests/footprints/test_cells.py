@@ -10,6 +10,7 @@ import warp as wp
 
 from tests.footprints.photons import first_channel, photon_map, shaped
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
+from tpdwarp.footprints.lanes import Lanes
 
 still_weight, moving_weight = bspline_weight(False, False), bspline_weight(True, True)
 
@@ -32,9 +33,9 @@ def evaluate_cells(
     trajectory.acceleration = acceleration[i]
     trajectory.jacobian_rate = rate[i]
     if moves:
-        out[i] = moving_weight(y[i], trajectory)
+        out[i] = moving_weight(Lanes(y[i][0]), Lanes(y[i][1]), trajectory)[0]
     else:
-        out[i] = still_weight(y[i], trajectory)
+        out[i] = still_weight(Lanes(y[i][0]), Lanes(y[i][1]), trajectory)[0]
 
 
 def weights_of(y, pixel, velocity=(0, 0), acceleration=(0, 0), rate=((0, 0), (0, 0)), moves=False) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,8 @@ from tpdwarp.photons.record import PhotonRecord, record_of
 from tpdwarp.photons.tracing import SMALLEST_BRANCH, trace_photons
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.scene.device.geometry import geometry_of
+from tpdwarp.scene.device.textures import TextureStore
+from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
 
@@ -89,14 +91,25 @@ def traced(
     seed: int = 0,
     smallest_branch: float = SMALLEST_BRANCH,
     bounces: int | None = None,
+    **compiled: bool,
 ) -> Traced:
-    """Traces about ``photons`` photons through a scene."""
+    """Traces about ``photons`` photons through a scene.
+
+    Args:
+        **compiled: Requirements that the kernel is compiled for, whatever the scene has, so that tests share it.
+    """
     source = scene if isinstance(scene, Written) else Written(scene)
     here = source.at(shutter)
-    launcher, needs = Launcher("cpu", threads), requirements_of(here, bounces)
+    launcher, needs = Launcher("cpu", threads), replace(requirements_of(here, bounces), **compiled)
     normalization = Normalization.of(source.at(source.reference_shutters()[0]))
     plan = plan_emission(source, photons, normalization)
     geometry = geometry_of(here, normalization, launcher, with_motions=needs.photon_motion)
+    textures = None
+    if needs.material_arrays:
+        nesting = nesting_of(here)
+        media = () if nesting is None else nesting.materials
+        scale, power = normalization.scale, normalization.power
+        textures = TextureStore(launcher).arrays(here.meshes, geometry.materials, scale, power, media)
     photon_map, energy = trace_photons(
         here,
         geometry,
@@ -107,6 +120,7 @@ def traced(
         jittered=jittered,
         seed=seed,
         smallest_branch=smallest_branch,
+        textures=textures,
     )
     return Traced(here, record_of([(photon_map, plan)], geometry.paths), energy, plan)
 

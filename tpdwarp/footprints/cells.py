@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import warp as wp
 
+from tpdwarp.footprints.lanes import LANES, Lanes
+
 # Edges that lean by less than this beside the square are as good as upright: the mean of what they bound is off by no
 # more than an eighth of it, and by their rounding over it where they lean more.
 NEARLY_UPRIGHT = wp.constant(1.0e-4)
@@ -76,6 +78,18 @@ def cell_weight(y: wp.vec2, pixel: wp.mat22) -> float:
     area = _along_edge(a, b, slope_p) + _along_edge(b, c, slope_q)
     area += _along_edge(c, d, slope_p) + _along_edge(d, a, slope_q)
     return wp.abs(area / (p[0] * q[1] - p[1] * q[0]))
+
+
+@wp.func
+def cell_weights(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
+    """The same by lanes (beyond the paper): most of them are those of pixels beside the cell."""
+    reach_u = HALF + pixel_extent(pixel, 0)
+    reach_v = HALF + pixel_extent(pixel, 1)
+    out = Lanes(0.0)
+    for lane in range(LANES):
+        if wp.abs(u[lane]) < reach_u and wp.abs(v[lane]) < reach_v:
+            out[lane] = cell_weight(wp.vec2(u[lane], v[lane]), pixel)
+    return out
 
 
 @wp.func

@@ -3,7 +3,7 @@
 (a, b) are coordinates on the light: on a unit disc, or from −1 to 1 on either axis. A photon stays on the point of the
 first specular surface that it meets, whichever place its light comes from (it rides there, as it does over time): D_a x
 is zero at that point, and D_a ω is how the direction there changes. From then on the columns go as D_u and D_v do.
-Kernels have them only where a scene has lights with extent.
+Kernels have them only where a scene has lights with extent, or rough glass or metal (``rough_lobes``).
 
 Beyond the paper, whose lights are points or parallel.
 """
@@ -23,11 +23,15 @@ from tpdwarp.scene.device.shaping import across_of
 
 
 class LightImage(IntEnum):
-    """What the columns a and b span: nothing, a disc (|(a, b)| < 1) or a parallelogram (|a|, |b| < 1)."""
+    """What the columns a and b span: nothing, a disc (|(a, b)| < 1), a parallelogram (|a|, |b| < 1) or a lobe.
+
+    A lobe is that of rough surfaces: the columns are its deviations.
+    """
 
     NONE = 0
     DISC = 1
     PARALLELOGRAM = 2
+    LOBE = 3
 
 
 IMAGE_NONE = wp.constant(int(LightImage.NONE))

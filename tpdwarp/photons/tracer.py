@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from tpdwarp.clock import Clock
+from tpdwarp.photons.dispersion import WAVELENGTHS
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, plan_emission
 from tpdwarp.photons.photon_map import PhotonMap
@@ -73,12 +74,20 @@ class PhotonTracer:
         """Whether photons ride on the surface that they hit first (beyond the paper)."""
         return self.settings.anchor == "surface"
 
-    def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
-        """The scene over ``shutter``, on the device."""
-        return self.loader.load(shutter, clock)
+    def load(
+        self, shutter: Shutter, clock: Clock | None = None, instead_of: LoadedScene | None = None
+    ) -> LoadedScene:
+        """The scene over ``shutter``, on the device; ``instead_of`` one that is good no longer then."""
+        return self.loader.load(shutter, clock, instead_of)
 
-    def plan(self, photons: int, clock: Clock | None = None) -> EmissionPlan:
-        """Emission lattices for ``photons`` photons a shutter; made once for the whole animation."""
+    def plan(self, photons: int, clock: Clock | None = None, *, shared: bool = True) -> EmissionPlan:
+        """Emission lattices for ``photons`` photons a shutter; made once for the whole animation.
+
+        Args:
+            shared: Whether the wavelengths of light that is dispersed share these photons; else each has as many.
+        """
+        if shared and self.loader.dispersive:
+            photons = max(1, photons // len(WAVELENGTHS))
         if photons not in self._plans:
             with (clock or Clock()).stage("plan"):
                 self._plans[photons] = self._planned(photons)

@@ -18,17 +18,22 @@ from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
 from tpdwarp.photons.differentials import riding_shift
+from tpdwarp.photons.dispersion import Band, bands_of
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.light_columns import LightColumns, columns_at, scatter_columns, transfer_columns
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
+from tpdwarp.photons.rough_lobes import widened, widened_by_sheet
+from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, occluded
+from tpdwarp.scene.device.links import PASSED, UNLIT, links_of
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.presence import presence_at
-from tpdwarp.scene.device.textures import TextureArrays, absorbed_within
+from tpdwarp.scene.device.textures import TextureArrays, absorbed_in_media, absorbed_within
+from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import LightSettings
 
@@ -108,6 +113,9 @@ class TracingVariant:
     tinted: bool = False
     recording: bool = False
     extended: bool = False
+    linked: bool = False
+    thin_walls: bool = False
+    rough: bool = False
 
 
 @wp.func
@@ -136,6 +144,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
     smooth_receivers, nested = variant.smooth_receivers, variant.nested
     partial, tints, recording, extended = variant.partial, variant.tinted, variant.recording, variant.extended
+    linked, thin_walls, rough = variant.linked, variant.thin_walls, variant.rough
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -149,6 +158,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         masks: wp.array(dtype=wp.int32),
         offsets: wp.array(dtype=wp.vec2),
         tags: wp.array(dtype=wp.int32),
+        links: wp.array(dtype=wp.int32),
         bounces: int,
         smallest_branch: float,
         seed: int,
@@ -213,6 +223,29 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     fate = FATE_DIRECT
                 break
             retried += hit.retried
+            if wp.static(nested and tints):
+                left = wp.cw_mul(flux, absorbed_in_media(textures, inside, hit.distance))
+                if decision >= first_open:
+                    absorbed += flux - left
+                flux = left
+            if wp.static(linked):
+                # ---- What the light passes, or does not shine on
+                link = links[surfaces.object_of[hit.triangle]]
+                takes = surfaces.interaction[surfaces.material_of[hit.triangle]] == DIFFUSE and count > 0
+                # What throws no shadow is lit all the same, by light that others bend too.
+                if (link & PASSED) != 0 and ((link & UNLIT) != 0 or not takes):
+                    beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                    if wp.static(extended):
+                        columns = transfer_columns(columns, beam.w, hit)
+                    start = 0.0
+                    continue
+                if (link & UNLIT) != 0:
+                    if count == 0:
+                        fate = FATE_DIRECT
+                    else:
+                        absorbed += flux
+                    flux = wp.vec3(0.0, 0.0, 0.0)
+                    break
             if wp.static(partial):
                 # ---- What is not there lets light pass, and is no part of its path
                 share = presence_at(surfaces, textures, hit.triangle, hit.beta)
@@ -302,16 +335,29 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(refraction and not nested):
                 if dielectric:
                     eta = relative_index(surfaces, hit, beam.w)
+            sheet = bool(False)
+            if wp.static(thin_walls):
+                sheet = dielectric and textures.thin_walls[material] == 1
+                if sheet:
+                    eta = sheet_index(surfaces, material)
             at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
             reflected = True
             if dielectric:
                 if wp.static(tints):
-                    if at.side < 0.0:
+                    within = at.side < 0.0
+                    if wp.static(nested):
+                        # That of nested media is taken along the way.
+                        within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
+                    if within:
                         left = wp.cw_mul(flux, absorbed_within(textures, material, hit.distance))
                         if decision >= first_open:
                             absorbed += flux - left
                         flux = left
-                branch = take_branch(mask, decision, first_open, at.reflectance, flux, cutoff)
+                reflectance = float(at.reflectance)
+                if wp.static(thin_walls):
+                    if sheet:
+                        reflectance = sheet_reflectance(reflectance)
+                branch = take_branch(mask, decision, first_open, reflectance, flux, cutoff)
                 reflected = branch.reflected
                 flux = branch.throughput
                 reported = reported | branch.reported
@@ -335,12 +381,24 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(nested):
                 if not reflected:
                     inside = beyond
-            if wp.static(extended):
-                columns = scatter_columns(surfaces, columns, beam.w, hit, at, reflected, wp.static(moves))
-            beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
             path = prolonged(path, int(reflected))
             start = 0.0
             count += 1
+            if wp.static(thin_walls):
+                if sheet and not reflected:
+                    beam = passed(beam, hit)
+                    if wp.static(rough):
+                        if textures.roughnesses[material] > 0.0:
+                            width = textures.roughnesses[material]
+                            columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], width)
+                    continue
+            if wp.static(extended):
+                columns = scatter_columns(surfaces, columns, beam.w, hit, at, reflected, wp.static(moves))
+            before = beam.w
+            beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
+            if wp.static(rough):
+                if textures.roughnesses[material] > 0.0:
+                    columns = widened(columns, before, beam.w, at, reflected, textures.roughnesses[material])
 
         if fate == FATE_DEPOSITED:
             size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
@@ -421,7 +479,7 @@ def trace_photons(
     needs = requirements
     variant = TracingVariant(
         needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers, needs.nested,
-        needs.partial, needs.tinted, recording, bool(needs.extended_lights),
+        needs.partial, needs.tinted, recording, needs.light_columns, needs.linked, needs.thin_walls, needs.rough,
     )  # fmt: skip
     kernel = tracing_kernel(variant)
     left_out = () if needs.smooth_receivers else ("incidence",)
@@ -429,8 +487,13 @@ def trace_photons(
     columns = [name for name in _COLUMNS if name not in left_out]
     lights = tuple(light.path for light in scene.lights)
     device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
-    for lattice, patch in plan.patches(scene):
-        patch.power = weight * patch.power
+    links = links_of(scene.lights, geometry.paths)
+    if needs.linked and not len(links):
+        links = np.zeros((len(lights), len(geometry.paths)), np.int32)
+    bands = bands_of(geometry, nesting_of(scene), launcher) if needs.dispersive else [Band(0, geometry.surfaces)]
+    emitting = ((band, *found) for band in bands for found in plan.patches(scene))
+    for band, lattice, patch in emitting:
+        patch.power = weight * band.tinted(patch.power)
         patch.light_place = wp.vec2(*place)
         offsets = np.zeros((0, 2), np.float32)
         if chosen:
@@ -442,8 +505,10 @@ def trace_photons(
         account.add(EnergyAccount(counts={"emitted": len(cells)}))
         while len(cells):
             out = launcher.rows(PhotonArrays, len(cells), but=left_out)
+            own = links[lights.index(plan.light_of(lattice))] if len(links) else np.zeros(0, np.int32)
             paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), device_offsets, device_tags]
-            inputs = [geometry.surfaces, textures or TextureArrays(), patch, *paths]
+            paths.append(launcher.array(own, wp.int32))
+            inputs = [band.surfaces, textures or TextureArrays(), patch, *paths]
             vertices = launcher.zeros(len(cells) * MOST_VERTICES if recording else 0, wp.vec3)
             launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out, vertices])
             fate, reported = out.fate.numpy(), out.reported.numpy()
@@ -455,7 +520,7 @@ def trace_photons(
                 # Where all of them have landed nothing is copied.
                 landing = slice(None) if len(keep) == len(cells) else keep
                 rows = {name: getattr(out, name).numpy()[landing] for name in columns}
-                rows["ids"] = _ids(cells[keep], patch, masks[keep], lattice, plan.id_count)
+                rows["ids"] = _ids(cells[keep], patch, band.path(masks[keep]), lattice, plan.id_count)
                 if recording:
                     rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
                 rows["light"] = np.full(len(keep), lights.index(plan.light_of(lattice)), np.int16)
@@ -518,7 +583,11 @@ def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _ids(cells: np.ndarray, patch: Patch, masks: np.ndarray, lattice: Lattice, id_count: int) -> np.ndarray:
-    """Identities of photons: their cell in the lattice and their path, shape [n] int64."""
+    """Identities of photons: their cell in the lattice and their path, shape [n] int64.
+
+    Args:
+        masks: Masks of their paths, with the numbers of their wavelengths beyond.
+    """
     down, across = np.divmod(cells.astype(np.int64), patch.count_u)
     u, v = (patch.first_u + across) % lattice.wrap[0], (patch.first_v + down) % lattice.wrap[1]
     return masks.astype(np.int64) * id_count + lattice.first_id + v * lattice.wrap[0] + u

@@ -8,8 +8,8 @@ before the scene is recentred). A *motion* is a displacement over the whole shut
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Protocol
 
@@ -99,10 +99,14 @@ class Material:
         cutout: Presence over the surface, which multiplies ``presence`` where the mesh has texture coordinates; None
             for the same everywhere.
         threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
-        diffuse_share: Share of a dielectric that is diffuse, of albedo ``color``.
+        diffuse_share: Share of a dielectric or mirror that is diffuse, of albedo ``color``.
         transmittance: What a dielectric lets through of what it refracts, each time.
         emission: Radiance that a diffuse surface gives off, to both sides; it is seen, and lights nothing.
         absorption: Of light inside a dielectric, exp(−absorption · distance) is left (Beer's law) [1/scene unit].
+        thin_walled: Whether a dielectric is a sheet with the same medium on both of its sides: it reflects, and what
+            it does not reflect goes straight on.
+        roughness: Width α of the microfacet distribution (GGX) of a dielectric or mirror; 0 for smooth.
+        abbe: Abbe number (n_d − 1)/(n_F − n_C) of a dielectric that disperses, whose ``ior`` is n_d; 0 for none.
     """
 
     interaction: Interaction = Interaction.DIFFUSE
@@ -117,6 +121,9 @@ class Material:
     transmittance: tuple[float, float, float] = (1.0, 1.0, 1.0)
     absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    thin_walled: bool = False
+    roughness: float = 0.0
+    abbe: float = 0.0
 
     @property
     def partial(self) -> bool:
@@ -148,6 +155,8 @@ class MeshAtShutter:
         coordinates: Texture coordinates, shape [s, 2]; None where there are none.
         coordinate_indices: Those of each triangle corner, shape [m, 3] int32; −1 for a triangle without.
         priority: Where dielectric solids overlap, those of higher priority hold; see :mod:`tpdwarp.scene.nesting`.
+        copies: Paths of the instances that it is made of, one after the other, each of as many points and triangles as
+            the others; empty where it is one mesh. None of them is specular.
     """
 
     path: str
@@ -164,10 +173,35 @@ class MeshAtShutter:
     coordinates: np.ndarray | None = None
     coordinate_indices: np.ndarray | None = None
     priority: int = 0
+    copies: tuple[str, ...] = ()
 
     @property
     def moves(self) -> bool:
         return self.motions is not None
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Paths of what counts as objects of their own: its copies, or itself."""
+        return self.copies or (self.path,)
+
+    def apart(self) -> Iterator[MeshAtShutter]:
+        """Each of its copies on its own, or itself; arrays are parts of its own."""
+        if not self.copies:
+            yield self
+            return
+        vertices, faces = len(self.points) // len(self.copies), len(self.triangles) // len(self.copies)
+        by_triangle = ("normal_indices", "triangle_materials", "color_indices", "coordinate_indices")
+        for number, path in enumerate(self.copies):
+            own, rows = (slice(number * count, (number + 1) * count) for count in (vertices, faces))
+            yield replace(
+                self,
+                path=path,
+                points=self.points[own],
+                motions=None if self.motions is None else self.motions[own],
+                triangles=self.triangles[rows] - number * vertices,
+                copies=(),
+                **{name: None if (part := getattr(self, name)) is None else part[rows] for name in by_triangle},
+            )
 
     @property
     def specular(self) -> bool:
@@ -255,6 +289,8 @@ class LightAtShutter:
         shaping: How a point light differs by direction beside its profile; None where it does not.
         profile: How the intensity of a point light differs by direction because of its shape.
         extent: Its extent; None for parallel rays, or a point.
+        unlit: Paths of meshes that it does not shine on; they hide it all the same.
+        passed: Paths of meshes that its light goes through as if they were not there.
     """
 
     path: str
@@ -267,6 +303,13 @@ class LightAtShutter:
     shaping: Shaping | None = None
     profile: EmissionProfile = EmissionProfile.UNIFORM
     extent: Extent | None = None
+    unlit: frozenset[str] = frozenset()
+    passed: frozenset[str] = frozenset()
+
+    @property
+    def linked(self) -> bool:
+        """Whether not all meshes are the same to it."""
+        return bool(self.unlit or self.passed)
 
     @property
     def moves(self) -> bool:
@@ -308,6 +351,7 @@ class CameraAtShutter:
         world_to_ndc: Row-vector matrix at mid shutter, shape [4, 4].
         lens_radius: Radius of a perspective camera's lens, scene units; 0 for a pinhole.
         focus_distance: Distance along the view axis of what is sharp, scene units.
+        clipping_planes: Rows (a, b, c, d) cut off what has a x + b y + c z + d < 0 in the camera's frame, shape [k, 4].
     """
 
     path: str
@@ -324,6 +368,7 @@ class CameraAtShutter:
     world_to_ndc: np.ndarray | None = None
     lens_radius: float = 0.0
     focus_distance: float = 1.0
+    clipping_planes: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
 
     @property
     def moves(self) -> bool:
@@ -339,6 +384,10 @@ class SceneAtShutter:
     lights: tuple[LightAtShutter, ...]
     camera: CameraAtShutter | None = None
     domes: tuple[DomeAtShutter, ...] = ()
+
+    def objects(self) -> Iterator[MeshAtShutter]:
+        """The meshes, copies each on their own."""
+        return itertools.chain.from_iterable(mesh.apart() for mesh in self.meshes)
 
 
 class SceneSource(Protocol):

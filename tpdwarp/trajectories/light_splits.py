@@ -20,6 +20,7 @@ import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.light_columns import LightImage
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
@@ -76,7 +77,8 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     plan = tracer.plan(min(photons, PILOT_PHOTONS), clock)
     tags = PathTags(loaded.scene, plan.photons).of(loaded.scene)
     middle, _ = tracer.trace(loaded, plan, clock, tags=tags)
-    spread = middle.image > 0
+    # The lobes of rough surfaces are no images of lights.
+    spread = (middle.image > 0) & (middle.image < int(LightImage.LOBE))
     if not spread.any():
         return np.zeros(len(counts))
     middle = middle.rows(spread)
@@ -89,7 +91,7 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     flux = middle.flux.sum(axis=1, dtype=np.float64)
     flux /= flux.sum()
     length = _length(middle, plan)
-    size = np.abs(np.linalg.norm(np.cross(middle.dxdu, middle.dxdv), axis=1)) * plan.photons / photons
+    size = _areas(middle) * plan.photons / photons
     n = counts[:, None].astype(np.float64)
     first_order = np.minimum(0.5 * np.sqrt(missed) / length / n, 1.0)
     blur = np.minimum(size * n / (8.0 * length**2), 1.0)
@@ -109,7 +111,12 @@ def _missed(middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]) -> tu
 
 def _length(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
     """Over which length irradiance changes, at least: across the light's image, and across a pilot's footprint."""
-    image = np.linalg.norm(photons.dxda, axis=1) ** 2 + np.linalg.norm(photons.dxdb, axis=1) ** 2
-    area = np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1)
-    typical = np.median(area) * plan.photons / PILOT_PHOTONS
+    # Squares of what grazes are beyond single precision.
+    image = sum(np.sum(column.astype(np.float64) ** 2, axis=1) for column in (photons.dxda, photons.dxdb))
+    typical = np.median(_areas(photons)) * plan.photons / PILOT_PHOTONS
     return np.sqrt(2.0 * image + typical)
+
+
+def _areas(photons: PhotonMap) -> np.ndarray:
+    """Areas of footprints, shape [n] float64."""
+    return np.linalg.norm(np.cross(photons.dxdu.astype(np.float64), photons.dxdv.astype(np.float64)), axis=1)

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from pxr import Gf, Sdf, UsdGeom, UsdLux
 
@@ -98,6 +99,24 @@ def test_colour_temperature_tints_by_the_blackbody(small):
     np.testing.assert_allclose(read(small)[0].power, 8 * np.array(UsdLux.BlackbodyTemperatureAsRgb(3000.0)), rtol=1e-7)
 
 
+def test_suns_of_blender_are_as_bright_wide_and_white_as_blender_means_them(small):
+    light = distant(small)
+    light.CreateIntensityAttr(0.75)
+    light.CreateAngleAttr(4.0)
+    light.CreateNormalizeAttr(True)
+    light.CreateEnableColorTemperatureAttr(True)
+    light.CreateColorTemperatureAttr(6500.0)
+    plain, _ = read(small)
+    tint = np.array(UsdLux.BlackbodyTemperatureAsRgb(6500.0))
+    np.testing.assert_allclose(plain.power, 0.75 * tint, rtol=1e-6)
+    small.stage.GetRootLayer().documentation = "Blender v5.0.1"
+    found, warnings = read(small)
+    # A sun of 3 W/m² and 8°, as Blender exports and imports it.
+    np.testing.assert_allclose(found.power, 3.0, rtol=1e-6)
+    assert found.extent.radius == pytest.approx(math.radians(4.0))
+    assert len(warnings) == 1 and "Blender" in warnings[0]
+
+
 def test_the_diffuse_multiplier_scales_the_power(small):
     distant(small, Diffuse=0.5)
     assert read(small)[0].power == (4.0, 4.0, 4.0)
@@ -158,17 +177,17 @@ def test_other_lights_are_said_and_left_out(small, kind):
     assert len(warnings) == 1 and f"/Other: a {kind}" in warnings[0]
 
 
-def test_shaping_filters_and_linking_are_said(small):
+def test_shaping_of_suns_filters_and_shadows_of_their_own_are_said(small):
     light = distant(small)
     UsdLux.ShapingAPI.Apply(light.GetPrim()).CreateShapingConeAngleAttr(30.0)
     light.GetFiltersRel().SetTargets([Sdf.Path("/Mesh")])
-    UsdLux.LightAPI(light).GetLightLinkCollectionAPI().CreateExcludesRel().SetTargets([Sdf.Path("/Mesh")])
+    UsdLux.ShapingAPI(light.GetPrim()).CreateShapingFocusTintAttr(Gf.Vec3f(1, 0, 0))
+    shadow = UsdLux.ShadowAPI.Apply(light.GetPrim())
+    shadow.CreateShadowColorAttr(Gf.Vec3f(0.1, 0, 0))
+    shadow.CreateShadowDistanceAttr(2.0)
     _, warnings = read(small)
-    assert [word for word in ("cone", "filters", "linking") if any(word in m for m in warnings)] == [
-        "cone",
-        "filters",
-        "linking",
-    ]
+    words = ["cone", "filters", "focusTint", "shadows are black", "shadow:distance"]
+    assert [word for word in words if any(word in m for m in warnings)] == words and len(warnings) == len(words)
 
 
 @pytest.mark.parametrize(
@@ -277,6 +296,21 @@ def test_textures_of_rectangles_and_shaping_of_cylinders_are_said(small):
     UsdLux.ShapingAPI.Apply(tube.GetPrim()).CreateShapingConeAngleAttr(30.0)
     warnings = small.open().warnings.messages
     assert len(warnings) == 2 and "/Panel: the rectangle's texture" in warnings[0] and "/Tube: " in warnings[1]
+
+
+def test_a_rectangle_shines_by_the_mean_colour_of_its_texture(small, tmp_path):
+    pixels = np.zeros((2, 2, 3), np.float32)
+    pixels[0, :] = (4.0, 2.0, 1.0)
+    spec = oiio.ImageSpec(2, 2, 3, "float")
+    output = oiio.ImageOutput.create(str(tmp_path / "picture.exr"))
+    assert output.open(str(tmp_path / "picture.exr"), spec) and output.write_image(pixels)
+    output.close()
+    panel = UsdLux.RectLight.Define(small.stage, "/Panel")
+    panel.CreateTextureFileAttr("./picture.exr")
+    panel.CreateIntensityAttr(3.0)
+    light, warnings = read(small)
+    assert light.power == pytest.approx((6.0, 3.0, 1.5))
+    assert len(warnings) == 1 and "mean colour" in warnings[0]
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdLux
+from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import (
@@ -20,6 +20,9 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
+from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is_of_blender
+from tpdwarp.usd.read.links import LightLinks
+from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
 from tpdwarp.usd.read.values import number_at, raw_at, text_at, value_at
@@ -54,6 +57,8 @@ GROUP_ATTRIBUTES = (
     "inputs:arnold:aov",
 )
 
+# Rows that a rectangle's texture is brought down to for its mean.
+MEAN_ROWS = 64
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
 # What photographs of suns and what the account of energy hold; squares of it stay numbers.
@@ -82,6 +87,8 @@ class Light:
         self.prim, self.path = prim, str(prim.GetPath())
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
         self._api = UsdLux.LightAPI(prim)
+        self.links = LightLinks(self._api)
+        self._of_blender = is_of_blender(prim)
         self.kind = LightKind.DISTANT if prim.IsA(UsdLux.DistantLight) else LightKind.POINT
         self._shape = next((kind for kind in AREAS if prim.IsA(kind)), None)
         self.varies = transforms.span(prim) is not None
@@ -90,6 +97,7 @@ class Light:
         ]
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
         self._visibilities = _visibilities(prim)
+        self._texture = self._texture_mean()
         self._warn_unsupported()
 
     @property
@@ -107,7 +115,7 @@ class Light:
     def extent_in_words(self, frame: float) -> str:
         """What it is in its own space, if it has an extent; else empty."""
         if self.kind == LightKind.DISTANT:
-            angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
+            angle = self._angle(frame)
             return f"a disc of {angle:g} degrees" if angle else ""
         sizes = [] if self._shape is None else self._sizes(frame)
         if not sizes or not all(sizes) or self._asks_to_be_a_point(frame):
@@ -142,7 +150,7 @@ class Light:
         """Its extent at mid shutter; None where it has none, or is not to be taken for more than a point."""
         time = shutter.middle
         if self.kind == LightKind.DISTANT:
-            angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), time)
+            angle = self._angle(time)
             return Extent(ExtentShape.ROUND, math.radians(0.5 * min(angle, 180.0))) if angle > 0 else None
         sizes = self._sizes(time)
         if not all(sizes) or self._asks_to_be_a_point(time):
@@ -214,12 +222,16 @@ class Light:
         color = value_at(self._api.GetColorAttr(), frame, (3,))
         if not np.isfinite(color).all() or color.min() < 0:
             self._refuse(self._api.GetColorAttr(), f"holds {tuple(map(float, color))}")
-        if number_at(self._api.GetEnableColorTemperatureAttr(), frame):
-            kelvin = self._number(self._api.GetColorTemperatureAttr(), frame)
+        asks = number_at(self._api.GetEnableColorTemperatureAttr(), frame)
+        kelvin = self._number(self._api.GetColorTemperatureAttr(), frame) if asks else None
+        white = self._of_blender and kelvin == BLENDER_WHITE
+        if kelvin is not None and not white:
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
         scale *= self._factor(frame)
+        if self._texture is not None:
+            color = color * self._texture
         with np.errstate(over="ignore", invalid="ignore"):
             power = scale * color
         if not power.max() <= LARGEST:
@@ -230,14 +242,32 @@ class Light:
             )
         return tuple(map(float, power))
 
+    def _texture_mean(self) -> np.ndarray | None:
+        """Mean colour [3] of a rectangle's texture; None without one that can be read."""
+        rectangle = UsdLux.RectLight(self.prim) if self._shape is UsdLux.RectLight else None
+        value = raw_at(rectangle.GetTextureFileAttr(), EARLIEST) if rectangle else None
+        if not isinstance(value, Sdf.AssetPath) or not value.path:
+            return None
+        picture = picture_of(value.resolvedPath or value.path, MEAN_ROWS)
+        if picture is None:
+            self._warnings(self.path, "the rectangle's texture cannot be read: it is of its colour all over")
+            return None
+        return picture.mean(axis=(0, 1), dtype=np.float64)
+
     def _factor(self, frame: float) -> float:
         """By what the radiance is to be multiplied for :meth:`power`."""
         return self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._area_factor(frame)
 
-    def _distant_factor(self, frame: float) -> float:
+    def _angle(self, frame: float) -> float:
+        """Angle of a distant light's disc [degrees]."""
         angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
-        if angle == 0:
-            return 1.0
+        return angle * BLENDER_ANGLE if self._of_blender else angle
+
+    def _distant_factor(self, frame: float) -> float:
+        angle = self._angle(frame)
+        host = BLENDER_SUN if self._of_blender else 1.0
+        if angle == 0 or self._of_blender:
+            return host
         if number_at(self._api.GetNormalizeAttr(), frame):
             return 1.0
         return math.pi * math.sin(math.radians(0.5 * min(angle, 180.0))) ** 2
@@ -273,31 +303,35 @@ class Light:
 
     def _warn_unsupported(self) -> None:
         shaping, shadow = UsdLux.ShapingAPI(self.prim), UsdLux.ShadowAPI(self.prim)
+        tint = shaping.GetShapingFocusTintAttr()
+        if tint and tint.HasAuthoredValue() and np.any(value_at(tint, EARLIEST, (3,))):
+            self._warnings(self.path, "the light's focusTint is not rendered")
         asks_for_cone = _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
             shaping.GetShapingFocusAttr(), 0.0
         )
+        if self._of_blender and self.kind == LightKind.DISTANT:
+            self._warnings(
+                self.path, "is as bright and wide as in Blender, which wrote it: four times and twice what USD says"
+            )
         if asks_for_cone and self.kind == LightKind.DISTANT:
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
-        texture = UsdLux.RectLight(self.prim).GetTextureFileAttr() if self._shape is UsdLux.RectLight else None
-        if texture and texture.HasAuthoredValue():
-            self._warnings(self.path, "the rectangle's texture is not rendered: it is of its colour all over")
+        if self._texture is not None:
+            self._warnings(self.path, "the rectangle's texture is rendered by its mean colour")
         if asks_for_cone and self._shape is UsdLux.CylinderLight:
             self._warnings(self.path, "the shaping of a cylinder is not rendered")
         ies = shaping.GetShapingIesFileAttr()
         if ies and ies.HasAuthoredValue():
             self._warnings(self.path, "the light's IES profile is not rendered")
-        if _authored(shadow.GetShadowEnableAttr(), True):
-            self._warnings(self.path, "the light throws shadows although it asks for none")
         if _authored(self._api.GetSpecularAttr(), 1.0):
             self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
         if self._api.GetFiltersRel().HasAuthoredTargets():
             self._warnings(self.path, "light filters are not rendered")
-        for collection in (self._api.GetLightLinkCollectionAPI(), self._api.GetShadowLinkCollectionAPI()):
-            include_root = collection.GetIncludeRootAttr()
-            whole = raw_at(include_root, None) if include_root else None
-            limited = [collection.GetIncludesRel(), collection.GetExcludesRel()]
-            if whole is False or any(rel.HasAuthoredTargets() for rel in limited if rel):
-                self._warnings(self.path, "light linking is ignored: the light shines on everything")
+        distance = shadow.GetShadowDistanceAttr()
+        if distance and distance.HasAuthoredValue() and number_at(distance, EARLIEST) >= 0:
+            self._warnings(self.path, "shadow:distance is not taken into account")
+        color = shadow.GetShadowColorAttr()
+        if color and color.HasAuthoredValue() and np.any(value_at(color, EARLIEST, (3,))):
+            self._warnings(self.path, "the light's shadows are black, whatever their colour")
 
 
 def is_light(prim: Usd.Prim) -> bool:
