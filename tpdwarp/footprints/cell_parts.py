@@ -61,10 +61,10 @@ def told_apart(maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher) -> t
         The maps, and 1 for each of them that holds cells.
     """
     found: tuple[list[PhotonMap], list[PhotonMap]] = [], []
-    for photons in maps:
+    for photons in (some for some in maps if len(some)):
         parts = _parts(photons, pixel, launcher)
         for taken, part in zip(found, (1.0 - parts, parts), strict=True):
-            if part.all() and part.min() == 1.0:
+            if part.min() == 1.0:
                 taken.append(photons)
             elif part.any():
                 rows = photons.rows(part > 0.0)
