@@ -123,10 +123,11 @@ def misses(placed: PlacedFootprint, reach: Reach, offset: wp.vec3, half: wp.vec3
 
 @wp.func
 def is_parabola(run: Run, start: int, placed: PlacedFootprint, radius: float, run_since: float) -> bool:
-    """Whether a term of Eq. 8 is a parabola over a run: the footprint is wide beside it, and its queries are alike."""
+    """Whether a term of Eq. 8 is a parabola over a run: a B-spline wide beside it, and its queries are alike."""
     finest = wp.max(wp.length(placed.row_u), wp.length(placed.row_v))
     apart = wp.abs(placed.since - run_since) * LARGEST_DEVIATION * wp.length(run.window.motion) * finest
     uniform = run.receiver >= 0 and run.narrowest > NARROW_CONE and apart < SMALLEST_STEP
+    uniform = uniform and placed.trajectory.is_cell == 0
     return uniform and radius * finest < LARGEST_STEP and run.stop - start > FEWEST_FOR_PARABOLA
 
 
