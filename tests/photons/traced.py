@@ -89,8 +89,9 @@ def traced(
     seed: int = 0,
     smallest_branch: float = SMALLEST_BRANCH,
     bounces: int | None = None,
+    place: tuple[float, float] | None = None,
 ) -> Traced:
-    """Traces about ``photons`` photons through a scene."""
+    """Traces about ``photons`` photons through a scene; of lights with extent from one ``place``, or from all."""
     source = scene if isinstance(scene, Written) else Written(scene)
     here = source.at(shutter)
     launcher, needs = Launcher("cpu", threads), requirements_of(here, bounces)
@@ -107,6 +108,7 @@ def traced(
         jittered=jittered,
         seed=seed,
         smallest_branch=smallest_branch,
+        place=place,
     )
     return Traced(here, record_of([(photon_map, plan)], geometry.paths), energy, plan)
 

@@ -6,7 +6,7 @@ One thread follows one path of one photon (see :mod:`tpdwarp.photons.branching`)
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -21,7 +21,14 @@ from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
-from tpdwarp.photons.light_columns import LightColumns, columns_at, scatter_columns, transfer_columns
+from tpdwarp.photons.light_columns import (
+    LightColumns,
+    centroid_shift,
+    columns_at,
+    flux_changes,
+    scatter_columns,
+    transfer_columns,
+)
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
@@ -143,7 +150,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         # Scene
         surfaces: Surfaces,
         textures: TextureArrays,
-        patch: Patch,
+        patches: wp.array(dtype=Patch),
+        first_cells: wp.array(dtype=wp.int32),
         # In
         cells: wp.array(dtype=wp.int32),
         masks: wp.array(dtype=wp.int32),
@@ -159,7 +167,9 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         i = base + wp.tid()
 
         # ---- Emission
-        cell = cells[i]
+        number = wp.lower_bound(first_cells, cells[i] + 1) - 1
+        patch = patches[number]
+        cell = cells[i] - first_cells[number]
         index_u = patch.first_u + cell % patch.count_u
         index_v = patch.first_v + cell // patch.count_u
         stream = wp.rand_init(seed, index_u * 65537 + index_v)
@@ -169,7 +179,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         coordinates = wp.vec2(float(index_u), float(index_v)) + place_in_cell
         place = coordinates
         if offsets.shape[0] > 0:
-            place += offsets[cell]
+            place += offsets[cells[i]]
         beam = emit(patch, place)
         emitted = cell_flux(patch, place)
         flux = emitted
@@ -292,8 +302,15 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(extended):
                 if count == 0:
                     columns = columns_at(patch, beam)
-                    off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
-                    beam.w = wp.normalize(beam.w + off)
+                    if patch.is_place == 1:
+                        off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
+                        beam.w = wp.normalize(beam.w + off)
+                    elif patch.extent_shape >= 0:
+                        changes = flux_changes(patch, beam, columns, hit.n_g)
+                        columns.gain = wp.vec2(changes[0], changes[1])
+                        flux *= changes[2]
+                        emitted *= changes[2]
+                        entering *= changes[2]
 
             # ---- Reflection or refraction
             dielectric = wp.static(refraction)
@@ -348,6 +365,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 size += wp.length_sq(columns.dxda) + wp.length_sq(columns.dxdb)
             if not wp.isfinite(size):
                 fate = FATE_NONFINITE
+        if wp.static(extended):
+            beam.x += centroid_shift(columns)
         out.position[i] = beam.x
         out.dxdu[i] = beam.dxdu
         out.dxdv[i] = beam.dxdv
@@ -396,7 +415,7 @@ def trace_photons(
     tags: np.ndarray | None = None,
     textures: TextureArrays | None = None,
     recording: bool = False,
-    place: tuple[float, float] = (0.0, 0.0),
+    place: tuple[float, float] | None = None,
 ) -> tuple[PhotonMap, EnergyAccount]:
     """Traces the lattice photons of ``plan`` through ``geometry``.
 
@@ -411,7 +430,8 @@ def trace_photons(
         textures: What the surfaces have of textures and of parts that are not there, where there are any.
         recording: Whether the vertices of paths are wanted.
         place: Where on lights with extent photons come from, through the same points of the first specular surface, by
-            the light's coordinates (a, b).
+            the light's coordinates (a, b). None for all of the light: photons then have the mean flux of its places,
+            and land where the middle of their light does.
 
     Returns:
         The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
@@ -428,47 +448,105 @@ def trace_photons(
     left_out += () if variant.extended else ("dxda", "dxdb", "image")
     columns = [name for name in _COLUMNS if name not in left_out]
     lights = tuple(light.path for light in scene.lights)
-    device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
-    for lattice, patch in plan.patches(scene):
+    emitting = _Emitting.of(plan.patches(scene), chosen)
+    for patch in emitting.patches:
         patch.power = weight * patch.power
-        patch.light_place = wp.vec2(*place)
-        offsets = np.zeros((0, 2), np.float32)
-        if chosen:
-            cells, offsets = _placed(chosen(lattice, patch), patch)
-        else:
-            cells = np.arange(patch.count_u * patch.count_v, dtype=np.int32)
-        device_offsets = launcher.array(offsets, wp.vec2)
-        masks = np.zeros(len(cells), np.int32)
-        account.add(EnergyAccount(counts={"emitted": len(cells)}))
-        while len(cells):
-            out = launcher.rows(PhotonArrays, len(cells), but=left_out)
-            paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), device_offsets, device_tags]
-            inputs = [geometry.surfaces, textures or TextureArrays(), patch, *paths]
-            vertices = launcher.zeros(len(cells) * MOST_VERTICES if recording else 0, wp.vec3)
-            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out, vertices])
-            fate, reported = out.fate.numpy(), out.reported.numpy()
-            # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
-            first = np.ones(len(cells), bool) if needs.partial else masks == 0
-            _tally(account, out, fate, first, plan.normalization.power)
-            keep = np.flatnonzero(fate == Fate.DEPOSITED)
-            if len(keep):
-                # Where all of them have landed nothing is copied.
-                landing = slice(None) if len(keep) == len(cells) else keep
-                rows = {name: getattr(out, name).numpy()[landing] for name in columns}
-                rows["ids"] = _ids(cells[keep], patch, masks[keep], lattice, plan.id_count)
-                if recording:
-                    rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
-                rows["light"] = np.full(len(keep), lights.index(plan.light_of(lattice)), np.int16)
-                landed.append(rows)
-            cells, masks = reported_paths(cells, masks, reported)
-            # Before the next pass makes its own.
-            del out, inputs, paths, fate, reported, vertices
+        if place is not None:
+            patch.is_place, patch.light_place = 1, wp.vec2(*place)
+    cells = emitting.cells
+    masks = np.zeros(len(cells), np.int32)
+    account.add(EnergyAccount(counts={"emitted": len(cells), "landed": 0}))
+    if not len(cells):
+        return PhotonMap.empty(), account
+    patches = wp.array(emitting.patches, dtype=Patch, device=launcher.device)
+    first_cells, offsets = launcher.array(emitting.first, wp.int32), launcher.array(emitting.offsets, wp.vec2)
+    device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
+    while len(cells):
+        out = launcher.rows(PhotonArrays, len(cells), but=left_out)
+        paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), offsets, device_tags]
+        inputs = [geometry.surfaces, textures or TextureArrays(), patches, first_cells, *paths]
+        vertices = launcher.zeros(len(cells) * MOST_VERTICES if recording else 0, wp.vec3)
+        launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out, vertices])
+        fate, reported = out.fate.numpy(), out.reported.numpy()
+        # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
+        first = np.ones(len(cells), bool) if needs.partial else masks == 0
+        _tally(account, out, fate, first, plan.normalization.power)
+        keep = np.flatnonzero(fate == Fate.DEPOSITED)
+        if len(keep):
+            # Where all of them have landed nothing is copied.
+            landing = slice(None) if len(keep) == len(cells) else keep
+            rows = {name: getattr(out, name).numpy()[landing] for name in columns}
+            lattice, rows["ids"] = emitting.ids(cells[keep], masks[keep], plan.id_count)
+            if recording:
+                rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
+            of_lattice = np.array([lights.index(plan.light_of(one)) for one in emitting.lattices], np.int16)
+            rows["light"] = of_lattice[lattice]
+            landed.append(rows)
+        cells, masks = reported_paths(cells, masks, reported)
+        # Before the next pass makes its own.
+        del out, inputs, paths, fate, reported, vertices
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return PhotonMap.empty(), account
     columns += ["ids", "light", *(["vertices"] if recording else [])]
     rows = {name: joined([found[name] for found in landed]) for name in columns}
-    return PhotonMap(**rows, light_paths=lights), account
+    return PhotonMap(**rows, light_paths=lights, light_parts=plan.splits), account
+
+
+@dataclass(frozen=True, eq=False)
+class _Emitting:
+    """The cells that one shutter emits, of all lattices together, so that they are traced at once.
+
+    Attributes:
+        lattices, patches: Those that emit; a patch is cut to hold just its cells.
+        first: Number of the first cell of each patch, and of all cells, shape [k + 1] int32.
+        cells: Numbers of the cells that emit, shape [n] int32.
+        offsets: How far from the middle of each cell its photon starts, in lattice steps, shape [m, 2], one row for
+            each cell of the patches; none where all start there.
+    """
+
+    lattices: list[Lattice]
+    patches: list[Patch]
+    first: np.ndarray
+    cells: np.ndarray
+    offsets: np.ndarray
+
+    @classmethod
+    def of(
+        cls, pairs: Sequence[tuple[Lattice, Patch]], chosen: Callable[[Lattice, Patch], ChosenCells] | None
+    ) -> _Emitting:
+        """Those of all cells of the patches, or of the ``chosen`` ones."""
+        cells, offsets, total = [np.zeros(0, np.int32)], [np.zeros((0, 2), np.float32)], 0
+        first, emitting = [], []
+        for lattice, patch in pairs:
+            if chosen:
+                numbers, there = _placed(chosen(lattice, patch), patch)
+                offsets.append(there)
+            else:
+                numbers = np.arange(patch.count_u * patch.count_v, dtype=np.int32)
+            if len(numbers):
+                emitting.append((lattice, patch))
+                first.append(total)
+                cells.append(numbers + np.int32(total))
+                total += patch.count_u * patch.count_v
+        lattices, patches = ([pair[k] for pair in emitting] for k in (0, 1))
+        first = np.array([*first, total], np.int32)
+        return cls(lattices, patches, first, joined(cells[1:] or cells), joined(offsets))
+
+    def ids(self, cells: np.ndarray, masks: np.ndarray, id_count: int) -> tuple[np.ndarray, np.ndarray]:
+        """The lattice that each of some cells lies in, and the identity of its photon: cell and path, shape [n]."""
+        number = np.searchsorted(self.first, cells, side="right") - 1
+
+        def of_each(values: list[int]) -> np.ndarray | int:
+            return np.array(values, np.int64)[number] if len(values) > 1 else values[0]
+
+        count_u = of_each([patch.count_u for patch in self.patches])
+        down, across = np.divmod(cells.astype(np.int64) - self.first[number], count_u)
+        wrap = [of_each([lattice.wrap[axis] for lattice in self.lattices]) for axis in (0, 1)]
+        u = (of_each([patch.first_u for patch in self.patches]) + across) % wrap[0]
+        v = (of_each([patch.first_v for patch in self.patches]) + down) % wrap[1]
+        first_id = of_each([lattice.first_id for lattice in self.lattices])
+        return number, masks.astype(np.int64) * id_count + first_id + v * wrap[0] + u
 
 
 def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, first: np.ndarray, unit: float) -> None:
@@ -503,7 +581,10 @@ def _total(array: wp.array, rows: np.ndarray) -> float:
 
 
 def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the chosen cells in ``patch``, which is cut to hold just them, and the offset of each of its cells."""
+    """Numbers of the chosen cells in ``patch``, which is cut to hold just them, and the offset of each of its cells.
+
+    There are no offsets where all start in the middle of their cells.
+    """
     if not len(chosen):
         return np.zeros(0, np.int32), np.zeros((0, 2), np.float32)
     first, last = chosen.cell.min(axis=0), chosen.cell.max(axis=0)
@@ -515,10 +596,3 @@ def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
     offsets = np.zeros((patch.count_u * patch.count_v, 2), np.float32)
     offsets[numbers] = chosen.offset
     return numbers, offsets
-
-
-def _ids(cells: np.ndarray, patch: Patch, masks: np.ndarray, lattice: Lattice, id_count: int) -> np.ndarray:
-    """Identities of photons: their cell in the lattice and their path, shape [n] int64."""
-    down, across = np.divmod(cells.astype(np.int64), patch.count_u)
-    u, v = (patch.first_u + across) % lattice.wrap[0], (patch.first_v + down) % lattice.wrap[1]
-    return masks.astype(np.int64) * id_count + lattice.first_id + v * lattice.wrap[0] + u

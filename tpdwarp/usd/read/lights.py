@@ -19,7 +19,9 @@ from tpdwarp.scene.description import (
     Shaping,
     Shutter,
 )
+from tpdwarp.scene.light_places import tiles_of
 from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
+from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
 from tpdwarp.usd.read.values import number_at, raw_at, text_at, value_at
@@ -42,6 +44,8 @@ PROFILES: dict[type, tuple[EmissionProfile, float]] = {
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 
+# Pictures of rectangles are brought down to so many rows: each pixel is a light. Chosen, not derived.
+PICTURE_ROWS = 4
 # Where lights name their groups for other renderers: ours, then RenderMan's, Karma's and Arnold's.
 GROUP_ATTRIBUTES = (
     "tpdwarp:lightGroup",
@@ -90,6 +94,7 @@ class Light:
         ]
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
         self._visibilities = _visibilities(prim)
+        self._pictures: dict[str, np.ndarray | None] = {}
         self._warn_unsupported()
 
     @property
@@ -137,6 +142,29 @@ class Light:
         extent = self._extent(shutter)
         place = position, axes, position_motion, axes_motion
         return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent)
+
+    def all_over(self, shutter: Shutter) -> list[LightAtShutter]:
+        """The lights that it is over ``shutter``: none, itself, or one for each part of a rectangle's picture."""
+        light = self.over(shutter)
+        if light is None:
+            return []
+        if light.extent is None or light.extent.shape != ExtentShape.RECT:
+            return [light]
+        colors = self._picture(shutter.frame)
+        return [light] if colors is None else tiles_of(light, colors)
+
+    def _picture(self, frame: float) -> np.ndarray | None:
+        """A rectangle's picture, brought down to a few pixels, shape [h, w, 3]; None where it has none."""
+        attribute = UsdLux.RectLight(self.prim).GetTextureFileAttr()
+        value = attribute.Get(frame) if attribute else None
+        if not value or not value.path:
+            return None
+        path = value.resolvedPath or value.path
+        if path not in self._pictures:
+            self._pictures[path] = picture_of(path, PICTURE_ROWS)
+        if self._pictures[path] is None:
+            self._warnings(str(attribute.GetPath()), "cannot be read: the rectangle is of its colour all over")
+        return self._pictures[path]
 
     def _extent(self, shutter: Shutter) -> Extent | None:
         """Its extent at mid shutter; None where it has none, or is not to be taken for more than a point."""
@@ -278,9 +306,6 @@ class Light:
         )
         if asks_for_cone and self.kind == LightKind.DISTANT:
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
-        texture = UsdLux.RectLight(self.prim).GetTextureFileAttr() if self._shape is UsdLux.RectLight else None
-        if texture and texture.HasAuthoredValue():
-            self._warnings(self.path, "the rectangle's texture is not rendered: it is of its colour all over")
         if asks_for_cone and self._shape is UsdLux.CylinderLight:
             self._warnings(self.path, "the shaping of a cylinder is not rendered")
         ies = shaping.GetShapingIesFileAttr()
