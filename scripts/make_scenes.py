@@ -21,6 +21,7 @@ from tpdwarp.errors import FrameError, InputError
 from usd_scenes.authoring.cylinder import write_cylinder
 from usd_scenes.authoring.mirror import write_mirror
 from usd_scenes.authoring.sea import write_sea
+from usd_scenes.authoring.table import write_table
 from usd_scenes.authoring.tumbler import write_tumbler
 from usd_scenes.authoring.wave import write_wave
 
@@ -30,6 +31,7 @@ SCENES: dict[str, Callable[..., None]] = {
     "mirror": write_mirror,
     "sea": write_sea,
     "tumbler": write_tumbler,
+    "table": write_table,
 }
 SHIPPED = Path(__file__).resolve().parent.parent / "usd_scenes"
 HELP = {

@@ -25,7 +25,7 @@ ORDER = (
     ("presets", "stopping"),
     ("workers",),
     ("settings", "io"),
-    ("compiler_token",),
+    ("compiler_lock",),
     ("kernel_cache",),
     ("device",),
     ("scene",),

@@ -13,7 +13,7 @@ import pytest
 
 import tpdwarp
 from tpdwarp import kernel_cache
-from tpdwarp.compiler_token import CompilerToken
+from tpdwarp.compiler_lock import lock_of
 from tpdwarp.io.digests import DIGESTS, has_its_digests
 
 ROOT = Path(tpdwarp.__file__).parent.parent
@@ -130,8 +130,9 @@ def test_damaged_kernels_are_compiled_anew_with_one_line_each(compiled, tmp_path
 def test_a_cache_that_cannot_be_written_is_used_for_what_it_holds(compiled, tmp_path):
     cache = tmp_path / "cache"
     shutil.copytree(compiled / "cache", cache)
-    # A file where the lock would be: neither locked nor removed.
-    (next(cache.iterdir()) / CompilerToken.NAME).symlink_to("/dev/full")
+    # A file where the locks would be: neither locked nor removed.
+    for module in modules(cache):
+        Path(lock_of(str(module)).path).symlink_to("/dev/full")
     assert run(compiled / "program.py", cache)[1] == []
 
 
@@ -165,6 +166,17 @@ def test_one_of_several_processes_compiles_and_all_are_right(program, tmp_path):
     outputs = [process.communicate(timeout=300) for process in processes]
     assert [process.returncode for process in processes] == [0, 0, 0]
     assert {err for _, err in outputs} == {""} and len(modules(cache)) == 2
+
+
+def test_other_kernels_are_compiled_meanwhile(program, tmp_path):
+    cache = tmp_path / "cache"
+    folder, _ = run(program, cache)
+    for module in modules(cache):
+        shutil.rmtree(module)
+    lock = lock_of(str(folder / "wp_of_somebody_else"))
+    assert lock.acquire()
+    assert run(program, cache)[1] == []
+    lock.release()
 
 
 def test_who_is_killed_while_compiling_holds_nobody_up_and_leaves_nothing(program, tmp_path):

@@ -82,11 +82,13 @@ class WarnOnce:
     Attributes:
         messages: What was reported.
         of_usd: Those that are USD's own, of what it could not compose or read.
+        settled: Names of files that USD complains of and that are read in another way: what names one is dropped.
     """
 
     def __init__(self, file: str, silent: bool = False) -> None:
         self.file, self._silent = str(file), silent
         self.of_usd: list[str] = []
+        self.settled: set[str] = set()
         self._kinds: dict[str, _Kind] = {}
         self._held: list[_Kind] | None = None
 

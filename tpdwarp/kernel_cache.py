@@ -20,23 +20,22 @@ from typing import Any
 
 import warp as wp
 
-from tpdwarp.compiler_token import CompilerToken
+from tpdwarp.compiler_lock import Compilers, lock_of
 from tpdwarp.errors import logger, shortened
 from tpdwarp.io.digests import has_its_digests, note_digests
 from tpdwarp.io.files import host_name, is_running
-from tpdwarp.io.locks import FileLock
 
 # The kernels of all methods took 8 MB, a precompiled header 5 MB; LLVM ends the process when a disk is full.
 ROOM_BYTES = 64 << 20
 
-_BUILD = re.compile(r"wp_.+_p([0-9]+)_t[0-9]+")
+_BUILD = re.compile(r"(wp_.+)_p([0-9]+)_t[0-9]+")
 
 
 class KernelCache:
     """The cache that this process uses; one a process, as Warp has one."""
 
     def __init__(self) -> None:
-        self._token = CompilerToken()
+        self._compilers = Compilers()
         self._swept: set[str] = set()
         self._roomy: set[str] = set()
 
@@ -90,7 +89,7 @@ class KernelCache:
         if not os.path.isdir(self._folder(module, block_dim)):
             self._require_room()
         folder = self._folder(module, block_dim)
-        with self._token.turn(wp.config.kernel_cache_dir, folder):
+        with self._compilers.compiled_once(folder):
             if os.path.isdir(folder):
                 module.load(device, block_dim)
                 return
@@ -138,17 +137,15 @@ class KernelCache:
 
     def _sweep(self, folder: str) -> None:
         """Removes what processes that were killed while compiling have left behind."""
-        lock = FileLock(os.path.join(folder, CompilerToken.NAME))
-        # Who compiles on another host sharing the cache holds it: processes there cannot be looked for.
-        if lock.acquire():
-            try:
-                with contextlib.suppress(OSError), os.scandir(folder) as entries:
-                    for entry in entries:
-                        found = _BUILD.fullmatch(entry.name)
-                        if found and not is_running(int(found[1])):
-                            shutil.rmtree(entry.path, ignore_errors=True)
-            finally:
-                lock.release()
+        with contextlib.suppress(OSError), os.scandir(folder) as entries:
+            for entry in entries:
+                found = _BUILD.fullmatch(entry.name)
+                if found and not is_running(int(found[2])):
+                    # Who compiles on another host sharing the cache holds it: processes there cannot be looked for.
+                    lock = lock_of(os.path.join(folder, found[1]))
+                    if lock.acquire():
+                        shutil.rmtree(entry.path, ignore_errors=True)
+                        lock.release()
         for left in glob.glob(os.path.join(glob.escape(tempfile.gettempdir()), f"tpdwarp-headers-{host_name()}-*")):
             number = left.rsplit("-", 1)[-1]
             if number.isdigit() and not is_running(int(number)):

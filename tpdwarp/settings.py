@@ -148,6 +148,7 @@ class StageSettings(_Group):
         mask: Prim paths that alone are read; empty for all.
         camera: Camera path or name; empty takes the render settings' camera, or the only one.
         render_settings: Path of the RenderSettings prim; empty takes the stage's own.
+        product: Path or name of the RenderProduct; empty takes the first.
     """
 
     exposure: float | None = None
@@ -161,6 +162,7 @@ class StageSettings(_Group):
     mask: tuple[str, ...] = ()
     camera: str = ""
     render_settings: str = ""
+    product: str = ""
 
     def _check(self) -> None:
         self._check_counts("image_width")
@@ -273,6 +275,8 @@ class ViewSettings(_Group):
         light_groups: Groups of lights whose caustics (and irradiance) are also written apart: NAME=PATTERN, where the
             pattern is a light's name or path, with wildcards; or ``auto``, by the group that a light names (as in
             RenderMan, Karma and Arnold), else by its own name. The first that fits counts; the rest is ``other``.
+        holdout: A host's images (``####`` for the frame) whose depth hides what lies behind it: light and alpha are 0
+            there.
         view: The channel group that PNG, JPEG and TIFF show in the place of the beauty; empty for the beauty.
         view_exposure: Stops by which these are brighter.
         refracted_radiance: ``scaled`` by the square of the relative index where the camera looks through an interface,
@@ -285,6 +289,7 @@ class ViewSettings(_Group):
     refracted_radiance: str = "scaled"
     exr_type: str = ""
     light_groups: tuple[str, ...] = ()
+    holdout: str = ""
     view: str = ""
     view_exposure: float = 0.0
 

@@ -39,7 +39,12 @@ def run() -> list[dict[str, Any]]:
                 out = f"{folder}/{device.replace(':', '')}.####.exr"
                 options = {**settings, "exposure": 1.0, "aovs": ("irradiance",), "device": device}
                 result = tpdwarp.render(SCENES / f"{name}.usdc", out, frames=FRAMES, **options)
-                row[device] = statistics.median(outcome.total_seconds for outcome in result.outcomes[1:])
+                further = result.outcomes[1:]
+                row[device] = statistics.median(outcome.total_seconds for outcome in further)
+                stages = {name for outcome in further for name in outcome.seconds}
+                row[f"{device} stages"] = {
+                    name: statistics.median(outcome.seconds.get(name, 0.0) for outcome in further) for name in stages
+                }
                 channels, _ = read_image(out.replace("####", f"{FRAMES[-1]:04d}"))
                 pictures.append(channels["irradiance.G"].astype(float))
         one, other = pictures
@@ -51,4 +56,7 @@ def run() -> list[dict[str, Any]]:
             f"relative RMS difference {row['difference']:.1e}",
             flush=True,
         )
+        for device in ("cpu", "cuda:0"):
+            longest = sorted(row[f"{device} stages"].items(), key=lambda stage: -stage[1])
+            print(f"    {device}: " + ", ".join(f"{name} {seconds:.2f}" for name, seconds in longest), flush=True)
     return rows

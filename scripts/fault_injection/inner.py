@@ -116,7 +116,7 @@ def cold_caches(bench: Bench) -> Iterator[Row]:
         changes = {"WARP_CACHE_PATH": str(cache), "TMPDIR": str(temporary)}
         began = time.monotonic()
         processes = [
-            start([*render(bench.scene, temporary / f"{index}" / "a.####.exr"), "-f", 1, "--threads", 1], changes)
+            start([*render(bench.scene, temporary / f"{index}" / "a.####.exr", frames=1), "--threads", 1], changes)
             for index in range(count)
         ]
         codes = [finish(process).code for process in processes]
@@ -124,7 +124,7 @@ def cold_caches(bench: Bench) -> Iterator[Row]:
 
     alone, failed_alone = seconds(1)
     together, failed = seconds(COLD)
-    # The frames themselves are rendered COLD times; more processes than cores share these.
+    # Each is ready with its first frame, which is rendered COLD times; more processes than cores share these.
     good = not failed + failed_alone and together < SLOWEST_COLD * alone
     did = f"{alone:.0f} s alone, {together:.0f} s together: {together / alone:.2f} ({os.cpu_count()} cores)"
     yield Row(f"{COLD} processes start on one cold cache", f"ready within {SLOWEST_COLD} × one", did, failed, good)

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent.parent
 # Nothing here takes a minute on an idle core; a hang is a finding, not the end of the script.
 TIMEOUT = 300.0
 FRAMES = 12
-SMALL = ("-w", "32", "--samples", "1", "--photons", "4096", "--threads", "2", "-f", f"1:{FRAMES}")
+SMALL = ("-w", "32", "--samples", "1", "--photons", "4096", "--threads", "2")
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,9 @@ def run(arguments: list[object], **options) -> Ended:
     return finish(start(arguments, **options))
 
 
-def render(scene: object, out: object, *more: object) -> list[object]:
+def render(scene: object, out: object, *more: object, frames: object = f"1:{FRAMES}") -> list[object]:
     """Arguments that render a few small frames."""
-    return ["render", scene, out, *SMALL, "--progress", "plain", *more]
+    return ["render", scene, out, *SMALL, "-f", frames, "--progress", "plain", *more]
 
 
 def pixels(folder: Path) -> dict[str, dict[str, np.ndarray] | None]:

@@ -65,6 +65,14 @@ def test_every_table_of_the_written_file_is_explained(tmp_path):
     assert max(map(len, lines)) <= 120
 
 
+def test_a_group_of_lights_has_the_limits_of_all_lights_and_its_own(tmp_path):
+    path = tmp_path / "tpdwarp-check.toml"
+    path.write_text("[groups.caustic]\nrmse = 0.2\nhard = 0.9\n[groups.caustic_key]\nrmse = 0.4\n")
+    limits = read_limits(path)
+    assert (limits.of("caustic_key").rmse, limits.of("caustic_key").hard) == (0.4, 0.9)
+    assert limits.of("caustic_rim") == limits.of("caustic")
+
+
 def test_groups_change_only_what_they_name(tmp_path):
     (tmp_path / "a.toml").write_text("[all]\nrmse = 0.5\n[groups.caustic]\nenergy = 0.25\n")
     limits = read_limits(tmp_path / "a.toml")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,8 @@ from tpdwarp.photons.record import PhotonRecord, record_of
 from tpdwarp.photons.tracing import SMALLEST_BRANCH, trace_photons
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.scene.device.geometry import geometry_of
+from tpdwarp.scene.device.textures import TextureStore
+from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
 
@@ -90,14 +92,26 @@ def traced(
     smallest_branch: float = SMALLEST_BRANCH,
     bounces: int | None = None,
     place: tuple[float, float] | None = None,
+    **compiled: bool,
 ) -> Traced:
-    """Traces about ``photons`` photons through a scene; of lights with extent from one ``place``, or from all."""
+    """Traces about ``photons`` photons through a scene.
+
+    Args:
+        place: The place on lights with extent that they come from; None for all of them.
+        **compiled: Requirements that the kernel is compiled for, whatever the scene has, so that tests share it.
+    """
     source = scene if isinstance(scene, Written) else Written(scene)
     here = source.at(shutter)
-    launcher, needs = Launcher("cpu", threads), requirements_of(here, bounces)
+    launcher, needs = Launcher("cpu", threads), replace(requirements_of(here, bounces), **compiled)
     normalization = Normalization.of(source.at(source.reference_shutters()[0]))
     plan = plan_emission(source, photons, normalization)
     geometry = geometry_of(here, normalization, launcher, with_motions=needs.photon_motion)
+    textures = None
+    if needs.material_arrays:
+        nesting = nesting_of(here)
+        media = () if nesting is None else nesting.materials
+        scale, power = normalization.scale, normalization.power
+        textures = TextureStore(launcher).arrays(here.meshes, geometry.materials, scale, power, media)
     photon_map, energy = trace_photons(
         here,
         geometry,
@@ -109,6 +123,7 @@ def traced(
         seed=seed,
         smallest_branch=smallest_branch,
         place=place,
+        textures=textures,
     )
     return Traced(here, record_of([(photon_map, plan)], geometry.paths), energy, plan)
 

@@ -17,6 +17,7 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.scene.device.geometry import geometry_of
+from tpdwarp.scene.device.textures import TextureStore
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.requirements import requirements_of
 from tpdwarp.view.area_lights import area_light_arrays
@@ -94,18 +95,26 @@ class Seen:
 
 
 def see(
-    scene: SceneAtShutter, width: int, height: int, films, *, moves: bool = False, time: float = 0.0
+    scene: SceneAtShutter, width: int, height: int, films, *, moves: bool = False, time: float = 0.0, **compiled: bool
 ) -> list[Seen]:
-    """What camera rays through ``films`` [n, 2] see at ``time`` in the shutter, pass by pass."""
+    """What camera rays through ``films`` [n, 2] see at ``time`` in the shutter, pass by pass.
+
+    Args:
+        **compiled: Requirements that the kernel is compiled for, whatever the scene has, so that tests share it.
+    """
     norm = Normalization.of(scene)
-    needs = requirements_of(scene)
+    needs = replace(requirements_of(scene), **compiled)
     geometry = geometry_of(scene, norm, ONE_THREAD, with_motions=moves)
     surfaces = geometry.at(time, ONE_THREAD)
-    camera = camera_of(scene.camera, width, height, norm)
-    lights = [make(scene.lights, norm, ONE_THREAD) for make in (light_arrays, area_light_arrays)]
+    camera = camera_of(scene.camera, width, height, norm, ONE_THREAD)
+    lights = [make(scene.lights, norm, ONE_THREAD, geometry.paths) for make in (light_arrays, area_light_arrays)]
+    textures = None
+    if needs.material_arrays:
+        textures = TextureStore(ONE_THREAD).arrays(scene.meshes, geometry.materials, norm.scale, norm.power)
     positions = ONE_THREAD.array(np.asarray(films, np.float32), wp.vec2)
     items = np.arange(len(films), dtype=np.int32)
-    passes = visible_points(surfaces, *lights, camera, positions, items, needs, ONE_THREAD, moves=moves)
+    options = {"moves": moves, "textures": textures}
+    passes = visible_points(surfaces, *lights, camera, positions, items, needs, ONE_THREAD, **options)
     found = []
     for batch in passes:
         queries, arrays = batch.queries, batch.arrays

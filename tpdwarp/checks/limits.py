@@ -187,8 +187,9 @@ class Limits:
     calibration: Mapping[str, Any] = field(default_factory=dict)
 
     def of(self, group: str) -> GroupLimits:
-        """The limits of one channel group."""
-        return replace(self.all, **self.groups.get(group, {}))
+        """The limits of a channel group; a group of lights, ``caustic_NAME``, has those of ``caustic`` and its own."""
+        of_all_lights = self.groups.get(group.partition("_")[0], {})
+        return replace(self.all, **{**of_all_lights, **self.groups.get(group, {})})
 
 
 def read_limits(path: str | os.PathLike[str]) -> Limits:

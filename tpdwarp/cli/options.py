@@ -63,6 +63,7 @@ PICTURE = (
         "crop", ("--crop",), float, ("X0", "Y0", "X1", "Y1"), "0 … 1 from lower left, or pixels from upper left"
     ),
     SettingOption("render_settings", ("-rs", "--renderSettingsPrimPath"), metavar="PATH"),
+    SettingOption("product", ("--product",), metavar="NAME"),
     SettingOption("purposes", ("--purposes",), names, "NAME,..."),
     SettingOption("mask", ("--mask",), names, "PATH,..."),
     SettingOption("complexity", ("--complexity",), complexity, "X", also=f"a number, or {'|'.join(COMPLEXITIES)}"),
@@ -82,6 +83,7 @@ PICTURE = (
     SettingOption("aovs", ("--aov",), names, "NAME,...", also=", ".join(AOVS)),
     SettingOption("exr_type", ("--exr-type",), metavar="half|float"),
     SettingOption("light_groups", ("--light-groups",), names, "NAME=PATTERN,...", "auto if alone", ("auto",)),
+    SettingOption("holdout", ("--holdout",), metavar="HOST.EXR", brief="Images whose depth hides what is behind."),
     SettingOption("view", ("--view",), metavar="AOV", brief="What PNG, JPEG and TIFF show instead of the beauty."),
     SettingOption("view_exposure", ("--view-exposure",), float, "STOPS"),
 )

@@ -29,6 +29,7 @@ _PICTURE_ONLY = (
     "samples",
     "aovs",
     "light_groups",
+    "holdout",
     "exr_type",
     "view",
     "view_exposure",

@@ -19,7 +19,7 @@ EPILOG = (
 )
 _KINDS = ("auto", "bar", "plain", "none")
 # What is measured is the caustic itself, whatever a file would hold.
-_PICTURE_ONLY = ("crop", "aovs", "light_groups", "exr_type", "view", "view_exposure")
+_PICTURE_ONLY = ("crop", "aovs", "light_groups", "holdout", "exr_type", "view", "view_exposure")
 _SWEPT = ("photons", "segments", "kernel", "estimator", "tdpm_neighbours", "tdpm_between")
 
 

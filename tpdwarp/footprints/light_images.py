@@ -12,6 +12,8 @@ as they are by pixels (:mod:`tpdwarp.footprints.shaping`):
 - thin: across the line, the projection of the image; that of a disc (a half ellipse) is made of two boxes. Where the
   image is thinner than the footprint, it is a soft disc.
 
+The lobes of rough surfaces (:mod:`tpdwarp.photons.rough_lobes`) have no edges: their variance widens the footprint.
+
 Beyond the paper, whose lights are points or parallel.
 """
 
@@ -44,6 +46,7 @@ from tpdwarp.photons.light_columns import LightImage
 
 IMAGE_NONE = wp.constant(int(LightImage.NONE))
 IMAGE_DISC = wp.constant(int(LightImage.DISC))
+IMAGE_LOBE = wp.constant(int(LightImage.LOBE))
 # Variance along either axis of a disc of radius 1, and of an interval from −1 to 1.
 DISC_VARIANCE = wp.constant(0.25)
 INTERVAL_VARIANCE = wp.constant(1.0 / 3.0)
@@ -90,6 +93,8 @@ def light_variance(light: LightOnPlane) -> wp.mat22:
     k = INTERVAL_VARIANCE
     if light.image == IMAGE_DISC:
         k = DISC_VARIANCE
+    elif light.image == IMAGE_LOBE:
+        k = 1.0
     return k * (_outer(light.a) + _outer(light.b))
 
 
@@ -143,6 +148,10 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
     by_pixel = (_outer(pixel.p) + _outer(pixel.q)) / 12.0
     if light.image == IMAGE_NONE or wp.trace(by_light) <= NEGLIGIBLE * wp.trace(by_pixel):
         return axes_of(singular, j[0, 0], j[0, 1], j[1, 0], j[1, 1], pixel, distance)
+    if light.image == IMAGE_LOBE:
+        wide = 2.0 * _root(0.25 * j * wp.transpose(j) + by_light)
+        of_lobe = singular_values(wide[0, 0], wide[0, 1], wide[1, 0], wide[1, 1])
+        return axes_of(of_lobe, wide[0, 0], wide[0, 1], wide[1, 0], wide[1, 1], pixel, distance)
     both = parallelogram_of(by_light + by_pixel)
     lit = wp.trace(by_light) > wp.trace(by_pixel)
     limit = wp.where(lit, FINE, 1.0)

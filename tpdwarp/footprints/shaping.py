@@ -30,6 +30,7 @@ import warp as wp
 
 from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.footprints.kernels import VARIANCE
+from tpdwarp.photons.light_columns import IMAGE_DISC, IMAGE_PARALLELOGRAM
 
 # Longest axis of a footprint: the size of the scene, in the tracer's units.
 LONGEST_AXIS = wp.constant(1.0)
@@ -463,7 +464,7 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
         frame = tangent_frame(n)
         width = smoothing
         if wp.static(extended):
-            if images.image[i] > 0:
+            if images.image[i] == IMAGE_DISC or images.image[i] == IMAGE_PARALLELOGRAM:
                 width *= images.narrowing
         a = wp.dot(frame.e1, dxdu[i]) * width
         b = wp.dot(frame.e1, dxdv[i]) * width

@@ -11,6 +11,7 @@ from typing import Any
 
 from tpdwarp.io.frame_names import frame_text
 from tpdwarp.io.images import FINGERPRINT
+from tpdwarp.jobs.holdouts import Holdouts
 from tpdwarp.settings import Settings
 from tpdwarp.version import VERSION
 
@@ -26,15 +27,18 @@ class Fingerprint:
     Attributes:
         settings: The settings as JSON values.
         stage: Hash of what the stage's layers and textures hold.
+        holdouts: The images that hide parts of the frames; None for none.
     """
 
     settings: Mapping[str, Any]
     stage: str
+    holdouts: Holdouts | None = None
 
     @classmethod
     def of(cls, settings: Settings, stage: str) -> Fingerprint:
         """The fingerprint of frames rendered with ``settings`` of a stage whose content has the hash ``stage``."""
-        return cls(plain_settings(settings.as_dict()), stage)
+        holdouts = Holdouts(settings.holdout) if settings.holdout else None
+        return cls(plain_settings(settings.as_dict()), stage, holdouts)
 
     def text(self, frame: float) -> str:
         """What a frame's file carries: ``frame=12 program=0.1.0 settings=… stage=…``."""
@@ -64,11 +68,13 @@ class Fingerprint:
 
     def _parts(self, frame: float) -> dict[str, str]:
         settings = json.dumps(self.settings, sort_keys=True)
+        held = {} if self.holdouts is None else {"holdout": self.holdouts.digest(frame)[:_DIGITS]}
         return {
             "program": VERSION,
             "stage": self.stage[:_DIGITS],
             "settings": hashlib.sha256(settings.encode()).hexdigest()[:_DIGITS],
             "frame": frame_text(frame) if math.isnan(frame) else repr(float(frame)),
+            **held,
         }
 
     def _changes(self, metadata: Mapping[str, Any]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import replace
 
 from tpdwarp.clock import Clock
 from tpdwarp.errors import FrameError, logger
@@ -16,6 +17,7 @@ from tpdwarp.jobs.energy_warnings import EnergyWatch
 from tpdwarp.jobs.existing_frames import ExistingFrames, KeptFrame, statistics_text
 from tpdwarp.jobs.frame_metadata import frame_metadata
 from tpdwarp.jobs.frame_need import need_of, refuse_beyond
+from tpdwarp.jobs.holdouts import held_out
 from tpdwarp.jobs.layer_job import DebugLayerJob
 from tpdwarp.jobs.opening import shutter_of
 from tpdwarp.jobs.plan import SequencePlan
@@ -86,6 +88,7 @@ class RenderWork:
                     size = region.width, region.height
                     made = render_frame(self._context(shutter), shutter, *size, clock, paths=paths, region=region)
                     self._dark(frame, made.channels)
+                    made = replace(made, channels=held_out(made.channels, plan.settings.holdout, frame, region))
             self._watch(frame, shutter, made.energy)
             refusal: FrameError | OSError | None = None
             if self._layer is not None:

@@ -14,6 +14,7 @@ import numpy as np
 from tpdwarp.clock import Clock
 from tpdwarp.errors import InputError
 from tpdwarp.io.images import encode_srgb, encoded_picture
+from tpdwarp.jobs.holdouts import held_out
 from tpdwarp.jobs.opening import chosen_settings, open_scene, settled_settings, shutter_of, time_of
 from tpdwarp.photons.record import PhotonRecord
 from tpdwarp.rendering import frame as one_frame
@@ -137,7 +138,8 @@ class Scene:
         shutter = shutter_of(context.source, moment, context.settings)
         region = context.source.region()
         made = one_frame.render_frame(context, shutter, region.width, region.height, region=region)
-        return RenderedFrame(made.landed, made.energy, made.seconds, made.channels, made.camera, frame=moment)
+        channels = held_out(made.channels, context.settings.holdout, moment, region)
+        return RenderedFrame(made.landed, made.energy, made.seconds, channels, made.camera, frame=moment)
 
     def trace_photons(self, frame: float, **changes: Any) -> PhotonRecord:
         """The photons that land over the shutter of a frame; see :func:`tpdwarp.trace_photons`."""

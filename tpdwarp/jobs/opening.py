@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from numbers import Real
 from typing import Any
 
@@ -14,7 +15,7 @@ from tpdwarp.io.files import check_name
 from tpdwarp.io.memory import memory_allowed
 from tpdwarp.rendering.error_target import ErrorTarget, settled
 from tpdwarp.scene.description import Shutter
-from tpdwarp.settings import Settings
+from tpdwarp.settings import AOV_ALIASES, AOVS, Settings
 from tpdwarp.usd.read.default_time import DefaultTimeScene
 from tpdwarp.usd.read.frame_specs import frames_of
 from tpdwarp.usd.read.stage import StageLike, StageScene
@@ -123,6 +124,17 @@ def opened(
     if strict and source.warnings.of_usd:
         raise InputError(f"{source.warnings.of_usd[0]} (--strict)", file=source.file)
     return source, asked or source.frames()
+
+
+def with_render_vars(settings: Settings, source: StageScene, template: str) -> Settings:
+    """``settings`` with the AOVs that the stage's RenderVars name, for an EXR where none are asked for."""
+    if settings.aovs or not template.lower().endswith(".exr"):
+        return settings
+    known = {name.lower(): name for name in AOVS} | {name: aov for name, aov in AOV_ALIASES.items()}
+    unknown = [name for name in source.render_vars if name.lower() not in known]
+    for name in unknown:
+        source.warnings(source.render_settings_path, f"the RenderVar {name} is not rendered")
+    return replace(settings, aovs=tuple(known[name.lower()] for name in source.render_vars if name not in unknown))
 
 
 def settled_settings(source: StageScene, settings: Settings) -> tuple[Settings, ErrorTarget | None]:

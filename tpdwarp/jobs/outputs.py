@@ -23,6 +23,7 @@ def prepare_outputs(
     layer: FilePath | None,
     frames: Sequence[str] = (),
     others: Mapping[str, FilePath] | None = None,
+    holdouts: Sequence[str] = (),
 ) -> None:
     """Makes sure that outputs destroy nothing, and removes what killed renders have left beside them.
 
@@ -33,6 +34,7 @@ def prepare_outputs(
         layer: The debug layer, likewise.
         frames: The files of the frames.
         others: Further files, by what people call them.
+        holdouts: Images that frames are held out by.
 
     Raises:
         InputError: An output cannot be written, is one of the stage's files, or is two outputs.
@@ -40,6 +42,7 @@ def prepare_outputs(
     layers = {} if layer is None else {"the debug layer": layer, "its view layer": view_path(layer)}
     outputs = {"--stats": stats, **layers, **(others or {})}
     inputs = {"is read by the scene": files.paths, "is the scene itself": [source.file]}
+    inputs["is read by --holdout"] = holdouts
     check_outputs(outputs, inputs, frames)
     written = (os.fspath(path) for path in (*frames[:1], *outputs.values()) if path is not None)
     for folder in {os.path.dirname(path) or os.curdir for path in written}:

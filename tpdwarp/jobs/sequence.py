@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import time
+from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 from tpdwarp.errors import InputError
@@ -23,6 +26,7 @@ from tpdwarp.jobs.opening import (
     settled_settings,
     shutter_of,
     time_of,
+    with_render_vars,
 )
 from tpdwarp.jobs.outputs import prepare_outputs
 from tpdwarp.jobs.plan import SequencePlan
@@ -36,6 +40,9 @@ from tpdwarp.rendering.frame import trace_frame
 from tpdwarp.rendering.light_groups import LightGroups
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageLike, StageScene
+
+# Where the name of a product of the render settings goes in that of an image.
+PRODUCT = "<product>"
 
 
 def render(
@@ -63,6 +70,7 @@ def render(
     Args:
         scene: The stage: a file, an ``Sdf.Layer`` or a ``Usd.Stage``.
         out: Image file, with ``####`` where the frame number goes (see :class:`tpdwarp.io.frame_names.FrameNames`).
+            With ``<product>`` in it all products of the render settings are rendered, each under its own name.
         frames: A specification such as ``1:24,30:40x2``, a frame, or several; None for the stage's whole range
             (its first frame where nothing changes).
         default_time: Render the default time (values that are not time samples) in place of frames.
@@ -88,6 +96,13 @@ def render(
         InputError: The input or the settings cannot be used, an output cannot be written where it is asked for, or
             no frame at all could be rendered because of the input.
     """
+    if PRODUCT in os.fspath(out):
+        options = {
+            "frames": frames, "default_time": default_time, "progress": progress, "curves": curves, "strict": strict,
+            "skip_existing": skip_existing, "frame_timeout": frame_timeout, "retries": retries,
+            "max_failures": max_failures, "max_memory": max_memory,
+        }  # fmt: skip
+        return _each_product(scene, {"out": out, "debug_layer": debug_layer, "stats": stats}, options, settings)
     started, begun = time.perf_counter(), time.time()
     chosen = chosen_settings(settings)
     persistence = Persistence(frame_timeout, retries, max_failures)
@@ -101,6 +116,40 @@ def render(
     loop.run(plan.frames, layer)
     seconds = time.perf_counter() - started
     return reports.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds, work.existing.anew)
+
+
+def _each_product(
+    scene: StageLike, files: Mapping[str, FilePath | None], options: Mapping[str, Any], settings: Mapping[str, Any]
+) -> SequenceResult:
+    """Renders the products of a stage's render settings one after the other.
+
+    Args:
+        scene: The stage.
+        files: What is written, by its argument of :func:`render`.
+        options: Its other arguments.
+        settings: Fields of :class:`tpdwarp.settings.Settings`.
+    """
+    whole = {name: value for name, value in settings.items() if name != "product"}
+    products = open_scene(scene, chosen_settings(whole), options["default_time"], options["max_memory"]).products
+    if wanted := settings.get("product"):
+        products = tuple(found for found in products if wanted in found)
+    out = os.fspath(files["out"])
+    if not products:
+        raise InputError(f"names {PRODUCT}, and the stage has no such products in its render settings", out)
+    for file in files.values():
+        if file is not None and PRODUCT not in os.fspath(file) and len(products) > 1:
+            raise InputError(f"{len(products)} products need a place for their names ({PRODUCT})", os.fspath(file))
+    results = []
+    for path, product in products:
+        own = {name: os.fspath(file).replace(PRODUCT, product) for name, file in files.items() if file is not None}
+        results.append(render(scene, **own, **options, **{**settings, "product": path}))
+    return SequenceResult(
+        tuple(outcome for result in results for outcome in result.outcomes),
+        sum(result.seconds for result in results),
+        tuple(problem for result in results for problem in result.problems),
+        results[0].target,
+        sum((Counter(result.anew) for result in results), Counter()),
+    )
 
 
 def write_photons(
@@ -185,15 +234,20 @@ def prepared(
         InputError: Something cannot be used.
     """
     names = FrameNames(out)
+    if PRODUCT in names.template:
+        raise InputError(f"takes no {PRODUCT} (choose with --product)", names.template)
     groups = ("light groups",) if settings.light_groups else ()
     check_format(names.template, (*settings.aovs, *groups), settings.view)
     if curves is not None and debug_layer is None:
         raise InputError("--curves thins a debug layer (add --debug-layer)")
     source, wanted = opened(scene, settings, frames, default_time, strict, max_memory)
+    settings = with_render_vars(settings, source, names.template)
     names.check(wanted)
     source.region()
     files = StageFiles(source)
-    prepare_outputs(source, files, stats, debug_layer, [names.path(frame) for frame in wanted])
+    written = [names.path(frame) for frame in wanted]
+    hosts = [FrameNames(settings.holdout).path(frame) for frame in wanted] if settings.holdout else []
+    prepare_outputs(source, files, stats, debug_layer, written, holdouts=hosts)
     plan = planned(source, files, wanted, settings, strict, max_memory)
     layer = None if debug_layer is None else DebugLayerJob(debug_layer, plan, curves, skip_existing)
     return plan, names, layer

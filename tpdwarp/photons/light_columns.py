@@ -3,7 +3,7 @@
 (a, b) are coordinates on the light: on a unit disc, or from −1 to 1 on either axis. A photon stays on the point of the
 first specular surface that it meets, whichever place its light comes from (it rides there, as it does over time): D_a x
 is zero at that point, and D_a ω is how the direction there changes. From then on the columns go as D_u and D_v do.
-Kernels have them only where a scene has lights with extent.
+Kernels have them only where a scene has lights with extent, or rough glass or metal (``rough_lobes``).
 
 Beyond the paper, whose lights are points or parallel.
 """
@@ -23,11 +23,15 @@ from tpdwarp.scene.device.shaping import across_of, shaped
 
 
 class LightImage(IntEnum):
-    """What the columns a and b span: nothing, a disc (|(a, b)| < 1) or a parallelogram (|a|, |b| < 1)."""
+    """What the columns a and b span: nothing, a disc (|(a, b)| < 1), a parallelogram (|a|, |b| < 1) or a lobe.
+
+    A lobe is that of rough surfaces: the columns are its deviations.
+    """
 
     NONE = 0
     DISC = 1
     PARALLELOGRAM = 2
+    LOBE = 3
 
 
 IMAGE_NONE = wp.constant(int(LightImage.NONE))
@@ -135,8 +139,10 @@ def flux_changes(patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3) 
 @wp.func
 def centroid_shift(columns: LightColumns) -> wp.vec3:
     """How far the middle of a light's image lies from where its middle lands: k (D_a ln Φ D_a x + D_b ln Φ D_b x)."""
-    k = VARIANCE_OF_INTERVAL
-    if columns.image == IMAGE_DISC:
+    k = float(0.0)
+    if columns.image == IMAGE_PARALLELOGRAM:
+        k = VARIANCE_OF_INTERVAL
+    elif columns.image == IMAGE_DISC:
         k = VARIANCE_OF_DISC
     return k * (columns.gain[0] * columns.dxda + columns.gain[1] * columns.dxdb)
 

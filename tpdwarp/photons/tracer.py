@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from tpdwarp.clock import Clock
+from tpdwarp.photons.dispersion import WAVELENGTHS
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, plan_emission
 from tpdwarp.photons.photon_map import PhotonMap
@@ -77,8 +78,14 @@ class PhotonTracer:
         """The scene over ``shutter``, on the device."""
         return self.loader.load(shutter, clock)
 
-    def plan(self, photons: int, clock: Clock | None = None) -> EmissionPlan:
-        """Emission lattices for ``photons`` photons a shutter; made once for the whole animation."""
+    def plan(self, photons: int, clock: Clock | None = None, *, shared: bool = True) -> EmissionPlan:
+        """Emission lattices for ``photons`` photons a shutter; made once for the whole animation.
+
+        Args:
+            shared: Whether the wavelengths of light that is dispersed share these photons; else each has as many.
+        """
+        if shared and self.loader.dispersive:
+            photons = max(1, photons // len(WAVELENGTHS))
         if photons not in self._plans:
             with (clock or Clock()).stage("plan"):
                 self._plans[photons] = self._planned(photons)

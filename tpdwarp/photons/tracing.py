@@ -18,6 +18,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
 from tpdwarp.photons.differentials import riding_shift
+from tpdwarp.photons.dispersion import Band, bands_of
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
@@ -30,12 +31,16 @@ from tpdwarp.photons.light_columns import (
     transfer_columns,
 )
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
+from tpdwarp.photons.rough_lobes import widened
+from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, occluded
+from tpdwarp.scene.device.links import PASSED, UNLIT, links_of
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.presence import presence_at
-from tpdwarp.scene.device.textures import TextureArrays, absorbed_within
+from tpdwarp.scene.device.textures import TextureArrays, absorbed_in_media, absorbed_within
+from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import LightSettings
 
@@ -115,6 +120,9 @@ class TracingVariant:
     tinted: bool = False
     recording: bool = False
     extended: bool = False
+    linked: bool = False
+    thin_walls: bool = False
+    rough: bool = False
 
 
 @wp.func
@@ -143,6 +151,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
     smooth_receivers, nested = variant.smooth_receivers, variant.nested
     partial, tints, recording, extended = variant.partial, variant.tinted, variant.recording, variant.extended
+    linked, thin_walls, rough = variant.linked, variant.thin_walls, variant.rough
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -157,6 +166,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         masks: wp.array(dtype=wp.int32),
         offsets: wp.array(dtype=wp.vec2),
         tags: wp.array(dtype=wp.int32),
+        links: wp.array2d(dtype=wp.int32),
         bounces: int,
         smallest_branch: float,
         seed: int,
@@ -223,6 +233,29 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     fate = FATE_DIRECT
                 break
             retried += hit.retried
+            if wp.static(nested and tints):
+                left = wp.cw_mul(flux, absorbed_in_media(textures, inside, hit.distance))
+                if decision >= first_open:
+                    absorbed += flux - left
+                flux = left
+            if wp.static(linked):
+                # ---- What the light passes, or does not shine on
+                link = links[number, surfaces.object_of[hit.triangle]]
+                takes = surfaces.interaction[surfaces.material_of[hit.triangle]] == DIFFUSE and count > 0
+                # What throws no shadow is lit all the same, by light that others bend too.
+                if (link & PASSED) != 0 and ((link & UNLIT) != 0 or not takes):
+                    beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                    if wp.static(extended):
+                        columns = transfer_columns(columns, beam.w, hit)
+                    start = 0.0
+                    continue
+                if (link & UNLIT) != 0:
+                    if count == 0:
+                        fate = FATE_DIRECT
+                    else:
+                        absorbed += flux
+                    flux = wp.vec3(0.0, 0.0, 0.0)
+                    break
             if wp.static(partial):
                 # ---- What is not there lets light pass, and is no part of its path
                 share = presence_at(surfaces, textures, hit.triangle, hit.beta)
@@ -319,16 +352,29 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(refraction and not nested):
                 if dielectric:
                     eta = relative_index(surfaces, hit, beam.w)
+            sheet = bool(False)
+            if wp.static(thin_walls):
+                sheet = dielectric and textures.thin_walls[material] == 1
+                if sheet:
+                    eta = sheet_index(surfaces, material)
             at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
             reflected = True
             if dielectric:
                 if wp.static(tints):
-                    if at.side < 0.0:
+                    within = at.side < 0.0
+                    if wp.static(nested):
+                        # That of nested media is taken along the way.
+                        within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
+                    if within:
                         left = wp.cw_mul(flux, absorbed_within(textures, material, hit.distance))
                         if decision >= first_open:
                             absorbed += flux - left
                         flux = left
-                branch = take_branch(mask, decision, first_open, at.reflectance, flux, cutoff)
+                reflectance = float(at.reflectance)
+                if wp.static(thin_walls):
+                    if sheet:
+                        reflectance = sheet_reflectance(reflectance)
+                branch = take_branch(mask, decision, first_open, reflectance, flux, cutoff)
                 reflected = branch.reflected
                 flux = branch.throughput
                 reported = reported | branch.reported
@@ -352,12 +398,20 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(nested):
                 if not reflected:
                     inside = beyond
-            if wp.static(extended):
-                columns = scatter_columns(surfaces, columns, beam.w, hit, at, reflected, wp.static(moves))
-            beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
             path = prolonged(path, int(reflected))
             start = 0.0
             count += 1
+            if wp.static(thin_walls):
+                if sheet and not reflected:
+                    beam = passed(beam, hit)
+                    continue
+            if wp.static(extended):
+                columns = scatter_columns(surfaces, columns, beam.w, hit, at, reflected, wp.static(moves))
+            before = beam.w
+            beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
+            if wp.static(rough):
+                if textures.roughnesses[material] > 0.0:
+                    columns = widened(columns, before, beam.w, at, reflected, textures.roughnesses[material])
 
         if fate == FATE_DEPOSITED:
             size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
@@ -441,50 +495,56 @@ def trace_photons(
     needs = requirements
     variant = TracingVariant(
         needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers, needs.nested,
-        needs.partial, needs.tinted, recording, bool(needs.extended_lights),
+        needs.partial, needs.tinted, recording, needs.light_columns, needs.linked, needs.thin_walls, needs.rough,
     )  # fmt: skip
     kernel = tracing_kernel(variant)
     left_out = () if needs.smooth_receivers else ("incidence",)
     left_out += () if variant.extended else ("dxda", "dxdb", "image")
     columns = [name for name in _COLUMNS if name not in left_out]
     lights = tuple(light.path for light in scene.lights)
-    emitting = _Emitting.of(plan.patches(scene), chosen)
-    for patch in emitting.patches:
-        patch.power = weight * patch.power
-        if place is not None:
-            patch.is_place, patch.light_place = 1, wp.vec2(*place)
-    cells = emitting.cells
-    masks = np.zeros(len(cells), np.int32)
-    account.add(EnergyAccount(counts={"emitted": len(cells), "landed": 0}))
-    if not len(cells):
-        return PhotonMap.empty(), account
-    patches = wp.array(emitting.patches, dtype=Patch, device=launcher.device)
-    first_cells, offsets = launcher.array(emitting.first, wp.int32), launcher.array(emitting.offsets, wp.vec2)
+    links = links_of(scene.lights, geometry.paths)
+    if needs.linked and not len(links):
+        links = np.zeros((len(lights), len(geometry.paths)), np.int32)
     device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
-    while len(cells):
-        out = launcher.rows(PhotonArrays, len(cells), but=left_out)
-        paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), offsets, device_tags]
-        inputs = [geometry.surfaces, textures or TextureArrays(), patches, first_cells, *paths]
-        vertices = launcher.zeros(len(cells) * MOST_VERTICES if recording else 0, wp.vec3)
-        launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out, vertices])
-        fate, reported = out.fate.numpy(), out.reported.numpy()
-        # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
-        first = np.ones(len(cells), bool) if needs.partial else masks == 0
-        _tally(account, out, fate, first, plan.normalization.power)
-        keep = np.flatnonzero(fate == Fate.DEPOSITED)
-        if len(keep):
-            # Where all of them have landed nothing is copied.
-            landing = slice(None) if len(keep) == len(cells) else keep
-            rows = {name: getattr(out, name).numpy()[landing] for name in columns}
-            lattice, rows["ids"] = emitting.ids(cells[keep], masks[keep], plan.id_count)
-            if recording:
-                rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
-            of_lattice = np.array([lights.index(plan.light_of(one)) for one in emitting.lattices], np.int16)
-            rows["light"] = of_lattice[lattice]
-            landed.append(rows)
-        cells, masks = reported_paths(cells, masks, reported)
-        # Before the next pass makes its own.
-        del out, inputs, paths, fate, reported, vertices
+    bands = bands_of(geometry, nesting_of(scene), launcher) if needs.dispersive else [Band(0, geometry.surfaces)]
+    for band in bands:
+        emitting = _Emitting.of(plan.patches(scene), chosen)
+        for patch in emitting.patches:
+            patch.power = weight * band.tinted(patch.power)
+            if place is not None:
+                patch.is_place, patch.light_place = 1, wp.vec2(*place)
+        cells = emitting.cells
+        masks = np.zeros(len(cells), np.int32)
+        account.add(EnergyAccount(counts={"emitted": len(cells)}))
+        if not len(cells):
+            continue
+        of_lattice = np.array([lights.index(plan.light_of(one)) for one in emitting.lattices], np.int16)
+        patches = wp.array(emitting.patches, dtype=Patch, device=launcher.device)
+        first_cells, offsets = launcher.array(emitting.first, wp.int32), launcher.array(emitting.offsets, wp.vec2)
+        own = launcher.array(links[of_lattice] if len(links) else np.zeros((0, 0), np.int32), wp.int32)
+        while len(cells):
+            out = launcher.rows(PhotonArrays, len(cells), but=left_out)
+            paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), offsets, device_tags, own]
+            inputs = [band.surfaces, textures or TextureArrays(), patches, first_cells, *paths]
+            vertices = launcher.zeros(len(cells) * MOST_VERTICES if recording else 0, wp.vec3)
+            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out, vertices])
+            fate, reported = out.fate.numpy(), out.reported.numpy()
+            # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
+            first = np.ones(len(cells), bool) if needs.partial else masks == 0
+            _tally(account, out, fate, first, plan.normalization.power)
+            keep = np.flatnonzero(fate == Fate.DEPOSITED)
+            if len(keep):
+                # Where all of them have landed nothing is copied.
+                landing = slice(None) if len(keep) == len(cells) else keep
+                rows = {name: getattr(out, name).numpy()[landing] for name in columns}
+                lattice, rows["ids"] = emitting.ids(cells[keep], band.path(masks[keep]), plan.id_count)
+                if recording:
+                    rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
+                rows["light"] = of_lattice[lattice]
+                landed.append(rows)
+            cells, masks = reported_paths(cells, masks, reported)
+            # Before the next pass makes its own.
+            del out, inputs, paths, fate, reported, vertices
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return PhotonMap.empty(), account
@@ -534,7 +594,11 @@ class _Emitting:
         return cls(lattices, patches, first, joined(cells[1:] or cells), joined(offsets))
 
     def ids(self, cells: np.ndarray, masks: np.ndarray, id_count: int) -> tuple[np.ndarray, np.ndarray]:
-        """The lattice that each of some cells lies in, and the identity of its photon: cell and path, shape [n]."""
+        """The lattice that each of some cells lies in, and the identity of its photon: cell and path, shape [n].
+
+        Args:
+            masks: Masks of their paths, with the numbers of their wavelengths beyond.
+        """
         number = np.searchsorted(self.first, cells, side="right") - 1
 
         def of_each(values: list[int]) -> np.ndarray | int:

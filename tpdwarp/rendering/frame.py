@@ -153,7 +153,8 @@ def render_frame(
         settings.samples,
         context.normalization,
         camera.exposure_scale,
-        settings.aovs,
+        # A host's depth is compared with this one's.
+        tuple(dict.fromkeys((*settings.aovs, "Z"))) if settings.holdout else settings.aovs,
         scenes[0].geometry.paths,
         context.light_groups.names,
     )

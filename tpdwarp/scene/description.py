@@ -99,10 +99,14 @@ class Material:
         cutout: Presence over the surface, which multiplies ``presence`` where the mesh has texture coordinates; None
             for the same everywhere.
         threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
-        diffuse_share: Share of a dielectric that is diffuse, of albedo ``color``.
+        diffuse_share: Share of a dielectric or mirror that is diffuse, of albedo ``color``.
         transmittance: What a dielectric lets through of what it refracts, each time.
         emission: Radiance that a diffuse surface gives off, to both sides; it is seen, and lights nothing.
         absorption: Of light inside a dielectric, exp(−absorption · distance) is left (Beer's law) [1/scene unit].
+        thin_walled: Whether a dielectric is a sheet with the same medium on both of its sides: it reflects, and what
+            it does not reflect goes straight on.
+        roughness: Width α of the microfacet distribution (GGX) of a dielectric or mirror; 0 for smooth.
+        abbe: Abbe number (n_d − 1)/(n_F − n_C) of a dielectric that disperses, whose ``ior`` is n_d; 0 for none.
     """
 
     interaction: Interaction = Interaction.DIFFUSE
@@ -117,6 +121,9 @@ class Material:
     transmittance: tuple[float, float, float] = (1.0, 1.0, 1.0)
     absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    thin_walled: bool = False
+    roughness: float = 0.0
+    abbe: float = 0.0
 
     @property
     def partial(self) -> bool:
@@ -255,6 +262,8 @@ class LightAtShutter:
         shaping: How a point light differs by direction beside its profile; None where it does not.
         profile: How the intensity of a point light differs by direction because of its shape.
         extent: Its extent; None for parallel rays, or a point.
+        unlit: Paths of meshes that it does not shine on; they hide it all the same.
+        passed: Paths of meshes that its light goes through as if they were not there.
     """
 
     path: str
@@ -267,6 +276,13 @@ class LightAtShutter:
     shaping: Shaping | None = None
     profile: EmissionProfile = EmissionProfile.UNIFORM
     extent: Extent | None = None
+    unlit: frozenset[str] = frozenset()
+    passed: frozenset[str] = frozenset()
+
+    @property
+    def linked(self) -> bool:
+        """Whether not all meshes are the same to it."""
+        return bool(self.unlit or self.passed)
 
     @property
     def moves(self) -> bool:
@@ -308,6 +324,7 @@ class CameraAtShutter:
         world_to_ndc: Row-vector matrix at mid shutter, shape [4, 4].
         lens_radius: Radius of a perspective camera's lens, scene units; 0 for a pinhole.
         focus_distance: Distance along the view axis of what is sharp, scene units.
+        clipping_planes: Rows (a, b, c, d) cut off what has a x + b y + c z + d < 0 in the camera's frame, shape [k, 4].
     """
 
     path: str
@@ -324,6 +341,7 @@ class CameraAtShutter:
     world_to_ndc: np.ndarray | None = None
     lens_radius: float = 0.0
     focus_distance: float = 1.0
+    clipping_planes: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
 
     @property
     def moves(self) -> bool:

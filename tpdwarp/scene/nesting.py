@@ -11,7 +11,7 @@ Nested Dielectrics in Ray Traced Images*, 2002). Priorities are authored, or fol
 Open sheets, as the surface of a sea, bound what is below them; they take part where they go through a solid, as the sea
 does through ice. They are nothing to each other, nor to solids of their own index: they may be sides of one body. Left
 alone are meshes of several indices, of an index below one (relative to
-what surrounds them), and closed ones that are inside out (cavities of what surrounds them).
+what surrounds them), thin walls, and closed ones that are inside out (cavities of what surrounds them).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.scene.description import Interaction, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter
 
 # A closed mesh's area vectors add up to zero; below this part of its area they do.
 CLOSED = 1e-3
@@ -53,11 +53,16 @@ class Nesting:
     Attributes:
         media: Number of the medium in each mesh of a scene, −1 for those that take no part, shape [m] int32. Where
             several are, the highest holds. Solids that do not overlap may share a number.
-        indices: Index of refraction of each medium, shape [k].
+        materials: What each medium is made of.
     """
 
     media: np.ndarray
-    indices: np.ndarray
+    materials: tuple[Material, ...]
+
+    @property
+    def indices(self) -> np.ndarray:
+        """Index of refraction of each medium, shape [k]."""
+        return np.array([material.ior for material in self.materials])
 
 
 _found: WeakKeyDictionary[SceneAtShutter, Nesting | None] = WeakKeyDictionary()
@@ -94,11 +99,17 @@ def _nesting_of(meshes: tuple[MeshAtShutter, ...]) -> Nesting | None:
 
 def _index_of(mesh: MeshAtShutter) -> float | None:
     """The index of refraction of a mesh that may be a solid; None for others."""
-    indices = {m.ior for m in mesh.materials if m.interaction == Interaction.DIELECTRIC}
-    if len(indices) != 1 or not len(mesh.triangles):
+    glass = [m for m in mesh.materials if m.interaction == Interaction.DIELECTRIC]
+    indices = {m.ior for m in glass}
+    if len(indices) != 1 or not len(mesh.triangles) or any(m.thin_walled for m in glass):
         return None
     index = next(iter(indices))
     return index if index >= 1.0 else None
+
+
+def _inside(material: Material) -> tuple[object, ...]:
+    """What light inside of a dielectric meets: solids that agree in this may be one medium."""
+    return material.ior, material.absorption, material.abbe
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,7 +299,7 @@ def _numbered(order: list[tuple[int, int]], solids: dict[int, _Solid], mesh_coun
         waiting = [number for number in below if number not in ranked]
         ranked.append(min(waiting, key=lambda number: (len(below[number].difference(ranked)), number)))
     media = np.full(mesh_count, -1, np.int32)
-    indices: list[float] = []
+    materials: list[Material] = []
     beside: dict[int, set[int]] = {number: set() for number in below}
     for lower, higher in order:
         beside[lower].add(higher)
@@ -296,11 +307,12 @@ def _numbered(order: list[tuple[int, int]], solids: dict[int, _Solid], mesh_coun
     for number in ranked:
         # Above all that it touches and that comes before it.
         first = 1 + max((int(media[other]) for other in beside[number]), default=-1)
-        index = solids[number].index
-        medium = next((m for m in range(first, len(indices)) if indices[m] == index), len(indices))
+        own = next(m for m in solids[number].mesh.materials if m.interaction == Interaction.DIELECTRIC)
+        alike = (m for m in range(first, len(materials)) if _inside(materials[m]) == _inside(own))
+        medium = next(alike, len(materials))
         if medium >= MOST_MEDIA:
             break
-        if medium == len(indices):
-            indices.append(index)
+        if medium == len(materials):
+            materials.append(own)
         media[number] = medium
-    return Nesting(media, np.array(indices))
+    return Nesting(media, tuple(materials))

@@ -36,6 +36,11 @@ class Requirements:
         lens: Whether the camera has a lens, in front of and behind whose focus things are blurred.
         domes: Whether light comes from all around.
         extended_lights: Paths of lights with extent, for which photons carry the columns a and b.
+        linked: Whether a light shines on some meshes only, or through some.
+        thin_walls: Whether there are dielectric sheets.
+        rough: Whether something specular is rough, for which photons carry the columns a and b as well.
+        dispersive: Whether a dielectric refracts by wavelength.
+        clipped: Whether the camera has clipping planes.
     """
 
     moving_meshes: tuple[str, ...]
@@ -53,6 +58,21 @@ class Requirements:
     lens: bool = False
     domes: bool = False
     extended_lights: tuple[str, ...] = ()
+    linked: bool = False
+    thin_walls: bool = False
+    rough: bool = False
+    dispersive: bool = False
+    clipped: bool = False
+
+    @property
+    def material_arrays(self) -> bool:
+        """Whether kernels look up more of a material than its interaction, colour and index."""
+        return any((self.textures, self.partial, self.tinted, self.emission, self.thin_walls, self.rough))
+
+    @property
+    def light_columns(self) -> bool:
+        """Whether photons carry the columns a and b."""
+        return bool(self.extended_lights) or self.rough
 
     @property
     def caustics(self) -> bool:
@@ -71,7 +91,7 @@ class Requirements:
 
     def as_dict(self) -> dict[str, object]:
         """The requirements as plain JSON values."""
-        columns = [*"uv", *("t" if self.photon_motion else ""), *("ab" if self.extended_lights else "")]
+        columns = [*"uv", *("t" if self.photon_motion else ""), *("ab" if self.light_columns else "")]
         return {**asdict(self), "differentials": columns}
 
 
@@ -94,7 +114,10 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
     interactions = [{material.interaction for material in mesh.materials} for mesh in scene.meshes]
     dielectrics = any(Interaction.DIELECTRIC in kinds for kinds in interactions)
     mirrors = any(Interaction.MIRROR in kinds for kinds in interactions)
-    partial = any(material.partial for mesh in scene.meshes for material in mesh.materials)
+    # Instances share theirs.
+    shared = {id(mesh.materials): mesh.materials for mesh in scene.meshes}
+    materials = {material for group in shared.values() for material in group}
+    partial = any(material.partial for material in materials)
     return Requirements(
         moving_meshes=tuple(mesh.path for mesh in scene.meshes if mesh.moves),
         moving_lights=tuple(light.path for light in scene.lights if light.moves),
@@ -109,9 +132,14 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
             for mesh in scene.meshes
         ),
         partial=partial,
-        tinted=any(material.tinted for mesh in scene.meshes for material in mesh.materials),
-        emission=any(any(material.emission) for mesh in scene.meshes for material in mesh.materials),
+        tinted=any(material.tinted for material in materials),
+        emission=any(any(material.emission) for material in materials),
         lens=scene.camera is not None and scene.camera.lens_radius > 0,
         domes=bool(scene.domes),
         extended_lights=tuple(light.path for light in scene.lights if light.extent is not None),
+        linked=any(light.linked for light in scene.lights),
+        thin_walls=any(material.thin_walled for material in materials),
+        rough=any(material.roughness > 0 for material in materials),
+        dispersive=any(material.abbe > 0 for material in materials),
+        clipped=scene.camera is not None and len(scene.camera.clipping_planes) > 0,
     )

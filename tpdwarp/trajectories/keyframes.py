@@ -111,7 +111,9 @@ class ShutterKeyframes:
     def over(cls, tracer: PhotonTracer, plan: EmissionPlan, loaded: LoadedScene, clock: Clock) -> ShutterKeyframes:
         """Keyframes of the shutter of ``loaded``, for photons on the lattices of ``plan``."""
         sparse = tracer.plan(
-            min(plan.photons, max(FEWEST_KEYFRAME_PHOTONS, plan.photons // PHOTONS_PER_KEYFRAME_PHOTON)), clock
+            min(plan.photons, max(FEWEST_KEYFRAME_PHOTONS, plan.photons // PHOTONS_PER_KEYFRAME_PHOTON)),
+            clock,
+            shared=False,
         )
         opening, _, closing = (tracer.load(end, clock) for end in keyframe_shutters(loaded.scene.shutter))
         with clock.stage("plan"):

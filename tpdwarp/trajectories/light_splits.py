@@ -21,6 +21,7 @@ import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.light_columns import LightImage
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
@@ -80,7 +81,8 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     plan = tracer.plan(min(photons, PILOT_PHOTONS), clock)
     tags = PathTags(loaded.scene, plan.photons).of(loaded.scene)
     middle, _ = tracer.trace(loaded, plan, clock, tags=tags, place=MIDDLE)
-    spread = middle.image > 0
+    # The lobes of rough surfaces are no images of lights.
+    spread = (middle.image > 0) & (middle.image < int(LightImage.LOBE))
     if not spread.any():
         return np.zeros(len(counts))
     middle = middle.rows(spread)

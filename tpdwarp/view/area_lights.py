@@ -9,6 +9,7 @@ its visible side, by quadrature.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -18,11 +19,12 @@ from tpdwarp.device import Launcher
 from tpdwarp.scene.description import ExtentShape, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import occluded
+from tpdwarp.scene.device.links import UNLIT, linked_share
 from tpdwarp.scene.device.presence import share_that_passes
 from tpdwarp.scene.device.shaping import across_of, shaped
 from tpdwarp.scene.device.textures import TextureArrays
 from tpdwarp.scene.normalization import Normalization
-from tpdwarp.view.lights import FAR
+from tpdwarp.view.lights import FAR, set_links
 
 # Strata of the light along either of its axes, of one camera sample; the samples of a pixel share out each of them.
 # Chosen, not derived: four samples a pixel then look at sixteen places.
@@ -80,12 +82,18 @@ class AreaLightArrays:
     facing: wp.array(dtype=wp.vec3)
     facing_motion: wp.array(dtype=wp.vec3)
     shaping: wp.array(dtype=wp.vec3)
+    links: wp.array2d(dtype=wp.int32)
+    link_row: wp.array(dtype=wp.int32)
 
 
 def area_light_arrays(
-    lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher
+    lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher, paths: Sequence[str] = ()
 ) -> AreaLightArrays:
-    """The kernel's view of those of ``lights`` that have an extent."""
+    """The kernel's view of those of ``lights`` that have an extent.
+
+    Args:
+        paths: Paths of the objects that lights may be linked to.
+    """
     chosen = [light for light in lights if light.extent is not None]
     distant = [light.kind == LightKind.DISTANT for light in chosen]
     scale = normalization.scale
@@ -108,6 +116,7 @@ def area_light_arrays(
         "shaping": [shaping_of_area(light) for light in chosen],
     }
     out = AreaLightArrays()
+    set_links(out, chosen, launcher, paths)
     for name, values in rows.items():
         setattr(out, name, launcher.array(np.array(values, np.float32).reshape(-1, 3), wp.vec3))
     out.distant = launcher.array(np.array(distant, np.int32), wp.int32)
@@ -368,13 +377,16 @@ def within(place: wp.vec2) -> wp.vec2:
 
 
 @cache
-def area_irradiance(share: wp.Function) -> wp.Function:
+def area_irradiance(share: wp.Function, linked: bool = False, partial: bool = False) -> wp.Function:
     """The function that sums what lights with extent send to a point.
 
     Args:
         share: What part of the light from a place on a light is counted: share(surfaces, textures, x, place, offset)
-            with a :class:`PlaceOnLight`.
+            with a :class:`PlaceOnLight`. It is not asked where lights are linked.
+        linked: Whether lights are linked to some objects only.
+        partial: Whether surfaces may be there in part.
     """
+    share_of_light = linked_share(partial)
 
     @wp.func
     def irradiance(
@@ -386,11 +398,15 @@ def area_irradiance(share: wp.Function) -> wp.Function:
         n_g: wp.vec3,
         offset: wp.vec3,
         place: wp.vec2,
+        object: int,
     ) -> wp.vec3:
         total = wp.vec3(0.0, 0.0, 0.0)
         for k in range(lights.power.shape[0]):
             light = light_seen_from(lights, k, x, surfaces.time)
             mean = unshadowed_irradiance(light, n)
+            if wp.static(linked):
+                if (lights.links[lights.link_row[k], object] & UNLIT) != 0:
+                    mean = 0.0
             if mean > 0.0:
                 counted = float(0.0)
                 whole = float(0.0)
@@ -408,7 +424,14 @@ def area_irradiance(share: wp.Function) -> wp.Function:
                         break
                     whole += there.weight
                     if there.weight > 0.0 and wp.dot(n_g, there.w) > 0.0:
-                        part = share(surfaces, textures, x, there, offset)
+                        part = float(0.0)
+                        if wp.static(linked):
+                            row = lights.link_row[k]
+                            part = share_of_light(
+                                surfaces, textures, lights.links, row, x, there.w, offset, there.distance
+                            )
+                        else:
+                            part = share(surfaces, textures, x, there, offset)
                         if part > 0.0:
                             counted += there.weight * part * shaped(lights.shaping[k], light.facing, -there.w)
                 if counted > 0.0:

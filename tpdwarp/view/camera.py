@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
+from tpdwarp.device import Launcher
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.beam import Beam
 from tpdwarp.scene.description import CameraAtShutter
@@ -13,7 +15,7 @@ from tpdwarp.view.sampling import part_count
 
 @wp.struct
 class Camera:
-    """A camera in the tracer's units; motions are over the whole shutter."""
+    """A camera in the tracer's units; motions are over the whole shutter. ``planes`` clip, in the camera's frame."""
 
     orthographic: int
     position: wp.vec3
@@ -30,10 +32,17 @@ class Camera:
     far: float
     lens_radius: float
     focus_distance: float
+    planes: wp.array(dtype=wp.vec4)
 
 
-def camera_of(camera: CameraAtShutter, width: int, height: int, normalization: Normalization) -> Camera:
-    """The kernel's view of ``camera`` for an image of ``width`` × ``height`` pixels."""
+def camera_of(
+    camera: CameraAtShutter, width: int, height: int, normalization: Normalization, launcher: Launcher | None = None
+) -> Camera:
+    """The kernel's view of ``camera`` for an image of ``width`` × ``height`` pixels.
+
+    Args:
+        launcher: The device, for rays; without, the camera has no clipping planes.
+    """
     scale = normalization.scale
     unit = scale if camera.orthographic else 1.0
     left, right, bottom, top = (unit * edge for edge in camera.window)
@@ -47,6 +56,9 @@ def camera_of(camera: CameraAtShutter, width: int, height: int, normalization: N
     out.pixel = wp.vec2((right - left) / width, (top - bottom) / height)
     out.near, out.far = camera.near * scale, min(camera.far * scale, 1.0e6)
     out.lens_radius, out.focus_distance = camera.lens_radius * scale, camera.focus_distance * scale
+    if launcher is not None and len(camera.clipping_planes):
+        planes = camera.clipping_planes * (1.0, 1.0, 1.0, scale)
+        out.planes = launcher.array(planes.astype(np.float32), wp.vec4)
     return out
 
 
@@ -131,6 +143,29 @@ def through_lens(camera: Camera, beam: Beam, time: float, radius: float, angle: 
     rate = (reach / length) * beam.dwdt
     out.dwdt = rate - out.w * wp.dot(out.w, rate)
     return out
+
+
+@wp.func
+def kept_by_planes(camera: Camera, x: wp.vec3, w: wp.vec3, time: float, start: float, end: float) -> wp.vec2:
+    """The part of [start, end] along x + λω that no clipping plane cuts off; its end lies before its start for none."""
+    right = wp.normalize(camera.right + time * camera.right_motion)
+    up = wp.normalize(camera.up + time * camera.up_motion)
+    back = wp.normalize(camera.back + time * camera.back_motion)
+    d = x - (camera.position + time * camera.position_motion)
+    first = float(start)
+    last = float(end)
+    for k in range(camera.planes.shape[0]):
+        plane = camera.planes[k]
+        n = plane[0] * right + plane[1] * up + plane[2] * back
+        height = wp.dot(n, d) + plane[3]
+        slope = wp.dot(n, w)
+        if slope > 0.0:
+            first = wp.max(first, -height / slope)
+        elif slope < 0.0:
+            last = wp.min(last, -height / slope)
+        elif height < 0.0:
+            last = first - 1.0
+    return wp.vec2(first, last)
 
 
 @wp.func

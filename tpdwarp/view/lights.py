@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
+from tpdwarp.scene.device.links import links_of
 from tpdwarp.scene.device.shaping import is_shaped, shaped, shaping_axis, shaping_values
 from tpdwarp.scene.normalization import Normalization
 
@@ -18,6 +21,8 @@ FAR = wp.constant(1.0e6)
 @wp.struct
 class LightArrays:
     """Lights in the tracer's units: direction of travel or position, and how these change over the shutter.
+
+    ``links`` are those of lights (rows) to objects, ``link_row`` is the row of each; none where no light is linked.
 
     ``power`` is irradiance at normal incidence per square unit, or radiant intensity. ``shaping``, about ``axis``, is
     that of point lights; there are no rows where none is shaped.
@@ -30,12 +35,21 @@ class LightArrays:
     shaping: wp.array(dtype=wp.vec3)
     axis: wp.array(dtype=wp.vec3)
     axis_motion: wp.array(dtype=wp.vec3)
+    links: wp.array2d(dtype=wp.int32)
+    link_row: wp.array(dtype=wp.int32)
 
 
-def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher) -> LightArrays:
-    """The kernel's view of those of ``lights`` that have no extent."""
+def light_arrays(
+    lights: tuple[LightAtShutter, ...], normalization: Normalization, launcher: Launcher, paths: Sequence[str] = ()
+) -> LightArrays:
+    """The kernel's view of those of ``lights`` that have no extent.
+
+    Args:
+        paths: Paths of the objects that lights may be linked to.
+    """
     lights = tuple(light for light in lights if light.extent is None)
     out = LightArrays()
+    set_links(out, lights, launcher, paths)
     distant = np.array([light.kind == LightKind.DISTANT for light in lights], bool)
     place, motion, power = (np.zeros((len(lights), 3)) for _ in range(3))
     for i, light in enumerate(lights):
@@ -54,6 +68,16 @@ def light_arrays(lights: tuple[LightAtShutter, ...], normalization: Normalizatio
     for name, rows in (("shaping", list(map(shaping_values, chosen))), ("axis", axes[0]), ("axis_motion", axes[1])):
         setattr(out, name, launcher.array(np.array(rows, np.float32).reshape(-1, 3), wp.vec3))
     return out
+
+
+def set_links(
+    out: wp.types.StructInstance, lights: Sequence[LightAtShutter], launcher: Launcher, paths: Sequence[str]
+) -> None:
+    """Sets the links of ``lights`` to the objects of ``paths`` in their arrays; one row for all that are alike."""
+    links = links_of(lights, paths)
+    rows, row_of = (links, np.zeros(0)) if not links.size else np.unique(links, axis=0, return_inverse=True)
+    out.links = launcher.array(np.ascontiguousarray(rows, np.int32), wp.int32)
+    out.link_row = launcher.array(row_of.reshape(-1).astype(np.int32), wp.int32)
 
 
 @wp.struct

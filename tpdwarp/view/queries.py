@@ -350,8 +350,9 @@ class CameraView:
         return self._domes[1]
 
     def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays, AreaLightArrays]:
-        lights = loaded.scene.lights, self._normalization, self._launcher
-        camera = camera_of(loaded.scene.camera, *self._size, self._normalization)
+        paths = loaded.geometry.paths if loaded.requirements.linked else ()
+        lights = loaded.scene.lights, self._normalization, self._launcher, paths
+        camera = camera_of(loaded.scene.camera, *self._size, self._normalization, self._launcher)
         return camera, light_arrays(*lights), area_light_arrays(*lights)
 
     def _merged(

@@ -152,8 +152,9 @@ def _kernel(shadow: bool, vector: bool, moves: bool, smooth: bool, extended: boo
                     chance = wp.rand_init(int(OF_LIGHTS), i)
                     place = wp.vec2(wp.randf(chance), wp.randf(chance))
                     shaded += shaded_areas(
-                        surfaces, TextureArrays(), area_lights, queries.position[i], n, n_g, offset, place
-                    )
+                        surfaces, TextureArrays(), area_lights, queries.position[i], n, n_g, offset, place,
+                        queries.receiver[i],
+                    )  # fmt: skip
                 out.shaded[i] = shaded
 
     return surface_aovs

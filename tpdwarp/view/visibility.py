@@ -17,16 +17,25 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
+from tpdwarp.photons.rough_lobes import facet
+from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import along, closest_hit, diffuse_color, occluded, shading_normal
+from tpdwarp.scene.device.links import UNLIT, linked_share
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.presence import presence_at, share_that_passes
-from tpdwarp.scene.device.textures import TextureArrays, absorbed_within, on_plane, textured_color
+from tpdwarp.scene.device.textures import (
+    TextureArrays,
+    absorbed_in_media,
+    absorbed_within,
+    on_plane,
+    textured_color,
+)
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
 from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, passing_share, visible_share
-from tpdwarp.view.camera import Camera, camera_ray, through_lens
+from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, lit_from
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
@@ -121,6 +130,40 @@ def partly_hidden_irradiance(
     return total
 
 
+@cache
+def linked_irradiance(partial: bool) -> wp.Function:
+    """As :func:`partly_hidden_irradiance`, where lights are linked to objects (:mod:`tpdwarp.scene.device.links`).
+
+    Args:
+        partial: Whether surfaces may be there in part.
+    """
+    share_of_light = linked_share(partial)
+
+    @wp.func
+    def irradiance(
+        surfaces: Surfaces,
+        textures: TextureArrays,
+        lights: LightArrays,
+        object: int,
+        x: wp.vec3,
+        n: wp.vec3,
+        n_g: wp.vec3,
+        offset: wp.vec3,
+    ) -> wp.vec3:
+        total = wp.vec3(0.0, 0.0, 0.0)
+        for k in range(lights.power.shape[0]):
+            row = lights.link_row[k]
+            if (lights.links[row, object] & UNLIT) == 0:
+                light = lit_from(surfaces, lights, k, x)
+                cosine = wp.dot(n, light.w)
+                if cosine > 0.0 and wp.dot(n_g, light.w) > 0.0:
+                    passing = share_of_light(surfaces, textures, lights.links, row, x, light.w, offset, light.distance)
+                    total += light.power * (cosine / light.falloff * passing)
+        return total
+
+    return irradiance
+
+
 @wp.func
 def place_for(film: wp.vec2) -> wp.vec2:
     """Where on lights a camera sample looks: its place in the pixel, moved by a random step that the pixel has."""
@@ -156,10 +199,15 @@ def visible_kernel(
     lens: bool = False,
     emission: bool = False,
     extended: bool = False,
+    linked: bool = False,
+    thin_walls: bool = False,
+    rough: bool = False,
+    clipped: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
-    from_areas = area_irradiance(passing_share if partial else visible_share)
+    from_areas = area_irradiance(passing_share if partial else visible_share, linked, partial)
+    from_linked = linked_irradiance(partial)
 
     @wp.kernel(module="unique", enable_backward=False)
     def see(
@@ -202,6 +250,10 @@ def visible_kernel(
         beam.magnitude = wp.min(surfaces.magnitude, wp.vec3(closeness, closeness, closeness))
         start = camera.near / depth_scale
         end = camera.far / depth_scale
+        if wp.static(clipped):
+            kept = kept_by_planes(camera, beam.x, beam.w, surfaces.time, start, end)
+            start = kept[0]
+            end = kept[1]
         passed_by = float(0.0)
         if wp.static(nested):
             inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
@@ -218,6 +270,11 @@ def visible_kernel(
             out.first_triangle[i] = -1
 
         for bounce in range(bounces + 1):
+            if wp.static(clipped):
+                if end <= start:
+                    if wp.static(domed):
+                        out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
+                    break
             # ---- Transfer to the next surface
             hit = closest_hit(
                 surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, end, wp.static(moves), stream
@@ -228,6 +285,8 @@ def visible_kernel(
                 break
             if wp.static(textured):
                 travelled += hit.distance
+            if wp.static(nested and tinted):
+                throughput = wp.cw_mul(throughput, absorbed_in_media(textures, inside, hit.distance))
             if wp.static(partial):
                 # ---- What is not there is seen through
                 share = presence_at(surfaces, textures, hit.triangle, hit.beta)
@@ -308,7 +367,11 @@ def visible_kernel(
                     down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
                     albedo = textured_color(textures, material, hit, albedo, across, down)
                 weight = wp.cw_mul(throughput, albedo) * INV_PI
-                if wp.static(partial):
+                if wp.static(linked):
+                    irradiance = from_linked(
+                        surfaces, textures, lights, surfaces.object_of[hit.triangle], beam.x, n, n_g, hit.offset * n_g
+                    )
+                elif wp.static(partial):
                     irradiance = partly_hidden_irradiance(
                         surfaces, textures, lights, beam.x, n, n_g, hit.offset * n_g
                     )
@@ -316,8 +379,9 @@ def visible_kernel(
                     irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
                 if wp.static(extended):
                     irradiance += from_areas(
-                        surfaces, textures, area_lights, beam.x, n, n_g, hit.offset * n_g, place_for(films[item])
-                    )
+                        surfaces, textures, area_lights, beam.x, n, n_g, hit.offset * n_g, place_for(films[item]),
+                        surfaces.object_of[hit.triangle],
+                    )  # fmt: skip
                 if wp.static(domed):
                     # Neighbours in the image choose other parts of the dome.
                     scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
@@ -356,17 +420,35 @@ def visible_kernel(
                 if wp.static(refraction and not nested):
                     if dielectric:
                         eta = relative_index(surfaces, hit, beam.w)
+                sheet = bool(False)
+                if wp.static(thin_walls):
+                    sheet = dielectric and textures.thin_walls[material] == 1
+                    if sheet:
+                        eta = sheet_index(surfaces, material)
                 at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
+                if wp.static(rough):
+                    width = textures.roughnesses[material]
+                    if width > 0.0:
+                        at = facet(at, hit, beam.w, dielectric, width, wp.randf(stream), wp.randf(stream))
                 reflected = True
                 if dielectric:
                     if wp.static(tinted):
-                        if at.side < 0.0:
+                        within = at.side < 0.0
+                        if wp.static(nested):
+                            # That of nested media is taken along the way.
+                            within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
+                        if within:
                             throughput = wp.cw_mul(throughput, absorbed_within(textures, material, hit.distance))
-                    branch = take_branch(mask, decision, first_open, at.reflectance, throughput, smallest_throughput)
+                    reflectance = float(at.reflectance)
+                    if wp.static(thin_walls):
+                        if sheet:
+                            reflectance = sheet_reflectance(reflectance)
+                    branch = take_branch(mask, decision, first_open, reflectance, throughput, smallest_throughput)
                     reflected = branch.reflected
                     throughput = branch.throughput
                     if not reflected:
-                        throughput = throughput * wp.pow(at.eta, radiance_power)
+                        if not sheet:
+                            throughput = throughput * wp.pow(at.eta, radiance_power)
                         if wp.static(tinted):
                             throughput = wp.cw_mul(throughput, textures.transmittances[material])
                     reported = reported | branch.reported
@@ -378,9 +460,12 @@ def visible_kernel(
                 if wp.static(nested):
                     if not reflected:
                         inside = beyond
-                beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
                 start = 0.0
                 end = FAR
+                if sheet and not reflected:
+                    beam = passed(beam, hit)
+                else:
+                    beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
             else:
                 break
 
@@ -479,6 +564,10 @@ def visible_points(
         lens=needs.lens,
         emission=needs.emission,
         extended=bool(needs.extended_lights),
+        linked=needs.linked,
+        thin_walls=needs.thin_walls,
+        rough=needs.rough,
+        clipped=needs.clipped,
     )
     first = True
     while len(items):

@@ -157,6 +157,21 @@ def test_curves_have_colours_and_widths_of_their_own(small):
     assert (shown[second[mesh.triangles[:, 0]]] == [0, 1, 0]).all()
 
 
+def test_hermite_curves_go_through_their_points_along_their_tangents(small):
+    prim = UsdGeom.HermiteCurves.Define(small.stage, "/Curves")
+    prim.CreatePointsAttr(vectors([(0, 0, 0), (1, 0, 0), (2, 0, 0)]))
+    prim.CreateTangentsAttr(vectors([(1, 3, 0), (1, 0, 0), (1, -3, 0)]))
+    prim.CreateCurveVertexCountsAttr([3])
+    prim.CreateWidthsAttr([0.1])
+    prim.SetWidthsInterpolation("constant")
+    rows = centres_of(only(small)).reshape(2, -1, 3)
+    t = np.linspace(0, 1, rows.shape[1])
+    # The cubic h(t) = t (1 − t)² of unit slope at its start, and its mirror image.
+    np.testing.assert_allclose(rows[0, :, 1], 3 * t * (1 - t) ** 2, atol=1e-12)
+    np.testing.assert_allclose(rows[1, :, 1], 3 * t**2 * (1 - t), atol=1e-12)
+    np.testing.assert_allclose(rows[0, :, 0], t, atol=1e-12)
+
+
 def test_counts_that_do_not_fit_are_refused_by_attribute(small):
     curves_prim(small, [(0, 0, 0), (0, 0, 1)], [3])
     with pytest.raises(InputError, match=r"/Curves\.curveVertexCounts"):

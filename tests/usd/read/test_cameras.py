@@ -108,6 +108,13 @@ def test_without_a_focus_or_a_perspective_everything_is_sharp_and_that_is_said(s
     assert found.lens_radius == 0.0 and any("/Camera.fStop" in m for m in warnings)
 
 
+def test_clipping_planes_are_those_of_the_camera_but_those_that_are_none(small):
+    camera(small, ClippingPlanes=[Gf.Vec4f(0, 0, -1, -2), Gf.Vec4f(0, 0, 0, 1), Gf.Vec4f(1, 0, 0, float("nan"))])
+    found, warnings = read(small)
+    np.testing.assert_array_equal(found.clipping_planes, [[0, 0, -1, -2]])
+    assert len(warnings) == 1 and "/Camera.clippingPlanes" in warnings[0]
+
+
 def test_zoom_is_said(small):
     made = camera(small)
     made.GetFocalLengthAttr().Set(50, 1)

@@ -242,8 +242,17 @@ def test_a_colour_of_the_prototypes_own_comes_first(small):
         np.testing.assert_array_equal(mesh.colors, [[0, 0, 1]])
 
 
-def test_opacities_for_display_are_said(small):
+def test_an_opacity_for_display_is_how_much_is_there_unless_a_material_says(small):
     small.mesh().CreateDisplayOpacityAttr([0.5])
+    small.preview("/Plastic", diffuseColor=(1.0, 0.0, 0.0))
+    bound = small.mesh("/Bound")
+    bound.CreateDisplayOpacityAttr([0.25])
+    small.bind(bound, "/Plastic")
+    uneven = small.mesh("/Uneven")
+    UsdGeom.PrimvarsAPI(uneven).CreatePrimvar("displayOpacity", Sdf.ValueTypeNames.FloatArray, "vertex").Set(
+        [0.0, 0.5, 0.5, 1.0]
+    )
     scene = small.open()
-    scene.at(Shutter.still(1))
-    assert [m for m in scene.warnings.messages if "displayOpacity" in m] == scene.warnings.messages != []
+    found = {mesh.path: mesh.materials[0].presence for mesh in scene.at(Shutter.still(1)).meshes}
+    assert found == {"/Mesh": 0.5, "/Bound": 1.0, "/Uneven": 0.5}
+    assert len(scene.warnings.messages) == 1 and "/Uneven.primvars:displayOpacity" in scene.warnings.messages[0]

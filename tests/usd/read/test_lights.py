@@ -160,17 +160,17 @@ def test_other_lights_are_said_and_left_out(small, kind):
     assert len(warnings) == 1 and f"/Other: a {kind}" in warnings[0]
 
 
-def test_shaping_filters_and_linking_are_said(small):
+def test_shaping_of_suns_filters_and_shadows_of_their_own_are_said(small):
     light = distant(small)
     UsdLux.ShapingAPI.Apply(light.GetPrim()).CreateShapingConeAngleAttr(30.0)
     light.GetFiltersRel().SetTargets([Sdf.Path("/Mesh")])
-    UsdLux.LightAPI(light).GetLightLinkCollectionAPI().CreateExcludesRel().SetTargets([Sdf.Path("/Mesh")])
+    UsdLux.ShapingAPI(light.GetPrim()).CreateShapingFocusTintAttr(Gf.Vec3f(1, 0, 0))
+    shadow = UsdLux.ShadowAPI.Apply(light.GetPrim())
+    shadow.CreateShadowColorAttr(Gf.Vec3f(0.1, 0, 0))
+    shadow.CreateShadowDistanceAttr(2.0)
     _, warnings = read(small)
-    assert [word for word in ("cone", "filters", "linking") if any(word in m for m in warnings)] == [
-        "cone",
-        "filters",
-        "linking",
-    ]
+    words = ["cone", "filters", "focusTint", "shadows are black", "shadow:distance"]
+    assert [word for word in words if any(word in m for m in warnings)] == words and len(warnings) == len(words)
 
 
 @pytest.mark.parametrize(

@@ -82,11 +82,9 @@ def test_preview_surface_has_the_documented_interaction(small, inputs, interacti
 @pytest.mark.parametrize(
     ("inputs", "interaction", "blamed"),
     [
-        ({"metallic": 1.0, "roughness": 0.25}, Interaction.MIRROR, "roughness"),
-        ({"metallic": 0.75, "roughness": 0.0}, Interaction.MIRROR, "metallic"),
-        ({"metallic": 0.25, "roughness": 0.0}, Interaction.DIFFUSE, "metallic"),
+        ({"metallic": 0.03, "roughness": 0.0}, Interaction.DIFFUSE, "metallic"),
         ({"metallic": 1.0}, Interaction.DIFFUSE, "metallic"),
-        ({"opacity": 0.0, "roughness": 0.25}, Interaction.DIELECTRIC, "roughness"),
+        ({"opacity": 0.0, "roughness": 0.4}, Interaction.DIELECTRIC, "roughness"),
         ({"emissiveColor": (1.0, 0.0, 0.0)}, Interaction.DIFFUSE, "emissiveColor"),
         ({"clearcoat": 0.5}, Interaction.DIFFUSE, "clearcoat"),
         ({"displacement": 0.5}, Interaction.DIFFUSE, "displacement"),
@@ -158,6 +156,20 @@ def test_opacity_between_none_and_all_is_a_share(small, inputs, interaction, pre
     material, warnings = read_preview(small, **inputs)
     assert (material.interaction, warnings) == (interaction, [])
     assert (material.presence, material.diffuse_share) == pytest.approx((presence, diffuse_share), abs=1e-7)
+
+
+@pytest.mark.parametrize("inputs", [{"metallic": 1.0}, {"opacity": 0.0}], ids=["metal", "glass"])
+@pytest.mark.parametrize(("roughness", "width"), [(0.0, 0.0), (0.05, 0.0), (0.1, 0.01), (0.3, 0.09)])
+def test_what_is_rough_has_the_width_of_its_lobe(small, inputs, roughness, width):
+    material, warnings = read_preview(small, roughness=roughness, **inputs)
+    assert material.roughness == pytest.approx(width, rel=1e-6) and warnings == []
+
+
+@pytest.mark.parametrize("metallic", [0.25, 0.75])
+def test_what_is_partly_metal_is_a_mirror_for_that_part(small, metallic):
+    material, warnings = read_preview(small, metallic=metallic, roughness=0.0, diffuseColor=(0.5, 0.25, 0.125))
+    assert (material.interaction, material.diffuse_share, warnings) == (Interaction.MIRROR, 1 - metallic, [])
+    assert material.color == (0.5, 0.25, 0.125)
 
 
 def test_animated_inputs_are_read_at_the_frame(small):

@@ -178,13 +178,67 @@ def test_a_data_window_of_nothing_is_said_and_the_whole_rendered(small):
     assert any("dataWindowNDC" in m for m in scene.warnings.messages)
 
 
-def test_what_is_not_honoured_is_said(small):
+def products(small, files=("", "")):
     found = settings_on(small)
-    for name in ("One", "Two"):
-        UsdRender.Product.Define(small.stage, f"/Render/{name}")
+    found.CreateResolutionAttr(Gf.Vec2i(40, 20))
+    made = []
+    for name, camera, file in zip(("One", "Two"), ("/First", "/Second"), files, strict=True):
+        product = UsdRender.Product.Define(small.stage, f"/Render/{name}")
+        product.GetCameraRel().SetTargets([camera])
+        if file:
+            product.CreateProductNameAttr(file)
+        made.append(product)
     found.GetProductsRel().SetTargets(["/Render/One", "/Render/Two"])
-    warnings = small.open(camera="/First").warnings.messages
-    assert any("/Render/Two" in m for m in warnings)
+    made[1].CreateResolutionAttr(Gf.Vec2i(30, 10))
+    return made
+
+
+def test_the_first_product_is_rendered_and_that_is_said(small):
+    products(small)
+    scene = small.open()
+    assert scene.camera_path == "/First" and scene.resolution() == (40, 20)
+    assert [m for m in scene.warnings.messages if "/Render/Two" in m] == scene.warnings.messages != []
+
+
+@pytest.mark.parametrize("wanted", ["/Render/Two", "Two"])
+def test_a_product_is_chosen_by_path_or_name(small, wanted):
+    products(small)
+    scene = small.open(product=wanted)
+    assert scene.camera_path == "/Second" and scene.resolution() == (30, 10)
+    assert scene.warnings.messages == []
+
+
+@pytest.mark.parametrize(
+    ("files", "names"),
+    [
+        (("", ""), ("One", "Two")),
+        (("out/beauty.####.exr", "out/crop.####.exr"), ("beauty", "crop")),
+        (("same.exr", "same.exr"), ("One", "Two")),
+        (("a.b.exr", "c.exr"), ("a.b", "c")),
+    ],
+)
+def test_products_are_called_as_their_files_are(small, files, names):
+    products(small, files)
+    assert small.open().products == (("/Render/One", names[0]), ("/Render/Two", names[1]))
+    assert small.open(product=names[1]).camera_path == "/Second"
+
+
+def test_products_that_are_not_there_are_refused(small):
+    with pytest.raises(InputError, match="no RenderSettings"):
+        small.open(product="Two")
+    products(small)
+    with pytest.raises(InputError, match=r"no such product \(there are One, Two\)"):
+        small.open(product="Three")
+
+
+def test_the_vars_of_a_product_are_named_but_for_the_beauty(small):
+    one, _ = products(small)
+    for name, source in (("color", "Ci"), ("depth", ""), ("Normals", "N")):
+        var = UsdRender.Var.Define(small.stage, f"/Render/Vars/{name}")
+        if source:
+            var.CreateSourceNameAttr(source)
+    one.GetOrderedVarsRel().SetTargets([f"/Render/Vars/{name}" for name in ("color", "depth", "Normals")])
+    assert small.open().render_vars == ("depth", "N")
 
 
 def test_the_aspect_of_a_pixel_is_the_one_asked_for_or_that_of_the_fit(small):

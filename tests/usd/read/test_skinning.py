@@ -221,3 +221,22 @@ def test_what_is_bound_outside_a_skel_root_is_not_skinned(small):
     bound(small, path="/Alone")
     mesh = mesh_named(small.open().at(Shutter.still(3)), "/Alone")
     np.testing.assert_allclose(mesh.points, np.add(COLUMN, (0, 0, 0.4)), atol=POSITION)
+
+
+@pytest.mark.parametrize("kind", ["Points", "BasisCurves"])
+def test_points_and_curves_follow_their_skeleton_as_baking_has_it(small, kind):
+    skeleton(small)
+    prim = getattr(UsdGeom, kind).Define(small.stage, "/Root/Mesh")
+    prim.CreatePointsAttr(vectors(COLUMN))
+    prim.CreateWidthsAttr([0.1])
+    prim.SetWidthsInterpolation("constant")
+    if kind == "BasisCurves":
+        prim.CreateTypeAttr("linear")
+        prim.CreateCurveVertexCountsAttr([8, 8])
+    binding = UsdSkel.BindingAPI.Apply(prim.GetPrim())
+    binding.CreateSkeletonRel().SetTargets(["/Root/Skeleton"])
+    upper = np.clip([p[1] / 3 for p in COLUMN], 0, 1)
+    binding.CreateJointIndicesPrimvar(False, 2).Set(Vt.IntArray([0, 1] * len(COLUMN)))
+    weights = np.stack([1 - upper, upper], axis=1).ravel()
+    binding.CreateJointWeightsPrimvar(False, 2).Set(Vt.FloatArray(weights.tolist()))
+    agree(small)

@@ -13,6 +13,7 @@ from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter, reference_scenes
 from tpdwarp.scene.device.geometry import Geometry, geometry_of
 from tpdwarp.scene.device.textures import TextureArrays, TextureStore
+from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.opening import scene_at_opening
 from tpdwarp.scene.requirements import Requirements, requirements_of
@@ -44,6 +45,7 @@ class SceneLoader:
     Attributes:
         normalization: The tracer's units, the same for every frame.
         extended_lights: Whether the stills show lights with extent.
+        dispersive: Whether they show glass that refracts by wavelength.
 
     Raises:
         InputError: None of the reference scenes can be used.
@@ -54,6 +56,7 @@ class SceneLoader:
         self._textures = TextureStore(launcher)
         stills = reference_scenes(source)
         self.extended_lights = any(light.extent is not None for still in stills for light in still.lights)
+        self.dispersive = any(m.abbe > 0 for still in stills for mesh in still.meshes for m in mesh.materials)
         self.normalization = _normalization(stills, source.file)
         self._stills: Sequence[SceneAtShutter] | None = stills
 
@@ -86,9 +89,10 @@ class SceneLoader:
             with_motions = needs.photon_motion or needs.view_motion
             geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=with_motions)
             textures = TextureArrays()
-            if needs.textures or needs.partial or needs.tinted or needs.emission:
-                norm = self.normalization
-                textures = self._textures.arrays(scene.meshes, geometry.materials, norm.scale, norm.power)
+            if needs.material_arrays:
+                norm, nesting = self.normalization, nesting_of(scene)
+                media = () if nesting is None else nesting.materials
+                textures = self._textures.arrays(scene.meshes, geometry.materials, norm.scale, norm.power, media)
         return LoadedScene(scene, geometry, needs, textures)
 
 

@@ -29,7 +29,8 @@ class TextureArrays:
 
     ``texture_of`` and ``cutout_of`` are −1 for a material without one; ``presences``, ``thresholds``,
     ``diffuse_shares``, ``transmittances``, ``absorptions`` (by the tracer's unit of length) and ``emissions`` (in its
-    unit of radiance) are as in :class:`tpdwarp.scene.description.Material`. A texture has a grid of tiles (its
+    unit of radiance) are as in :class:`tpdwarp.scene.description.Material`, and so are ``thin_walls`` (1 for a sheet)
+    and ``roughnesses``; ``medium_absorptions`` are those of nested media. A texture has a grid of tiles (its
     columns, rows and first tile), a tile its levels (the first of them and their number; none where it is missing), a
     level its width, height and first texel. Rows of texels go from t = 1 down.
     """
@@ -44,6 +45,9 @@ class TextureArrays:
     transmittances: wp.array(dtype=wp.vec3)
     absorptions: wp.array(dtype=wp.vec3)
     emissions: wp.array(dtype=wp.vec3)
+    thin_walls: wp.array(dtype=wp.int32)
+    roughnesses: wp.array(dtype=wp.float32)
+    medium_absorptions: wp.array(dtype=wp.vec3)
     grids: wp.array(dtype=wp.vec3i)
     wraps: wp.array(dtype=wp.vec2i)
     borders: wp.array(dtype=wp.vec3)
@@ -66,6 +70,7 @@ class TextureStore:
         materials: Sequence[Material],
         scale: float = 1.0,
         power: float = 1.0,
+        media: Sequence[Material] = (),
     ) -> TextureArrays:
         """The kernel's view of the textures.
 
@@ -74,6 +79,7 @@ class TextureStore:
             materials: Its materials, in the order of the kernel's.
             scale: The tracer's units of length in a scene unit.
             power: The tracer's unit of power.
+            media: What nested media are made of.
         """
         launcher = self._launcher
         used = [texture for m in materials for texture in (m.texture, m.cutout) if texture is not None]
@@ -102,6 +108,12 @@ class TextureStore:
         for name in ("presence", "threshold", "diffuse_share"):
             values = np.array([getattr(material, name) for material in materials], np.float32)
             setattr(arrays, f"{name}s", launcher.array(values, wp.float32))
+        thin = np.array([material.thin_walled for material in materials], np.int32)
+        arrays.thin_walls = launcher.array(thin, wp.int32)
+        widths = np.array([material.roughness for material in materials], np.float32)
+        arrays.roughnesses = launcher.array(widths, wp.float32)
+        inside = np.array([material.absorption for material in media]).reshape(-1, 3) / scale
+        arrays.medium_absorptions = launcher.array(inside.astype(np.float32), wp.vec3)
         units = {"transmittance": 1.0, "absorption": 1.0 / scale, "emission": 1.0 / (scale**2 * power)}
         for name, unit in units.items():
             colors = unit * np.array([getattr(material, name) for material in materials])
@@ -255,5 +267,22 @@ def textured_color(
 @wp.func
 def absorbed_within(textures: TextureArrays, material: int, distance: float) -> wp.vec3:
     """What Beer's law leaves of light after ``distance`` inside a dielectric."""
-    depth = -distance * textures.absorptions[material]
-    return wp.vec3(wp.exp(depth[0]), wp.exp(depth[1]), wp.exp(depth[2]))
+    return left_after(textures.absorptions[material], distance)
+
+
+@wp.func
+def absorbed_in_media(textures: TextureArrays, inside: int, distance: float) -> wp.vec3:
+    """What Beer's law leaves of light after ``distance`` in the media of the mask ``inside``: the highest holds."""
+    absorption = wp.vec3(0.0, 0.0, 0.0)
+    for medium in range(textures.medium_absorptions.shape[0]):
+        if (inside & (1 << medium)) != 0:
+            absorption = textures.medium_absorptions[medium]
+    return left_after(absorption, distance)
+
+
+@wp.func
+def left_after(absorption: wp.vec3, distance: float) -> wp.vec3:
+    """exp(−absorption · distance), by channel."""
+    return wp.vec3(
+        wp.exp(-distance * absorption[0]), wp.exp(-distance * absorption[1]), wp.exp(-distance * absorption[2])
+    )

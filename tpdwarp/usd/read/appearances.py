@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Interaction, Material
-from tpdwarp.usd.read.materials import BRIGHTEST, Materials, Surface
+from tpdwarp.usd.read.materials import BRIGHTEST, DISPLAY_COLOR, Materials, Surface
 from tpdwarp.usd.read.primvars import flattened
 from tpdwarp.usd.read.topology import Topology
-from tpdwarp.usd.read.values import indices_at, text_at
+from tpdwarp.usd.read.values import indices_at, text_at, value_at
 
 # Of nested dielectrics; see tpdwarp.scene.nesting.
 PRIORITY = "tpdwarp:priority"
@@ -133,19 +133,30 @@ def appearance_of(
     renumbered[used] = np.arange(len(used))
     surfaces = [surfaces[i] for i in used]
     triangle_materials = renumbered[face_surfaces[topology.faces]]
-    open_to_color = np.array(
-        [s.by_display_color and s.material.interaction == Interaction.DIFFUSE for s in surfaces], dtype=bool
-    )
+    named = [s.color_primvar if s.material.interaction == Interaction.DIFFUSE else "" for s in surfaces]
     colors = indices = None
     colors_vary = False
-    if open_to_color.any():
-        colors, indices, colors_vary = _display_colors(prim, topology, point_count, frame, warnings)
-        if colors is None and (given := given_color(frame)) is not None:
-            colors, indices = given[None], np.zeros(topology.triangles.shape, dtype=np.int32)
-            colors_vary = True
-        _warn_of_opacity(prim, warnings)
-    if indices is not None and not open_to_color.all():
-        indices = np.where(open_to_color[triangle_materials][:, None], indices, -1).astype(np.int32)
+    for name in filter(None, dict.fromkeys(named)):
+        found, of_corners, vary = _colors_of(prim, name, topology, point_count, frame, warnings)
+        if found is None and name == DISPLAY_COLOR and (given := given_color(frame)) is not None:
+            found, of_corners = given[None], np.zeros(topology.triangles.shape, dtype=np.int32)
+            vary = True
+        colors_vary |= vary
+        if found is None:
+            continue
+        asked = np.array([of_surface == name for of_surface in named], dtype=bool)
+        if colors is None:
+            colors, indices = np.zeros((0, 3)), np.full(topology.triangles.shape, -1, dtype=np.int32)
+        indices = np.where(asked[triangle_materials][:, None], of_corners + len(colors), indices).astype(np.int32)
+        colors = np.concatenate([colors, found])
+    opacity, opacity_varies = _display_opacity(prim, frame, warnings)
+    if opacity < 1.0:
+        # Materials say themselves how much of them is there.
+        surfaces = [
+            surface if surface.material.path else replace(surface, material=replace(surface.material, presence=opacity))
+            for surface in surfaces
+        ]
+    colors_vary |= opacity_varies
     coordinates, coordinate_indices, coordinates_vary = _coordinates(
         prim, topology, point_count, frame, surfaces, triangle_materials, warnings
     )
@@ -208,17 +219,25 @@ def _coordinates(
     return (np.concatenate(parts), indices, varies) if parts else (None, None, varies)
 
 
-def _warn_of_opacity(prim: Usd.Prim, warnings: WarnOnce) -> None:
+def _display_opacity(prim: Usd.Prim, frame: float, warnings: WarnOnce) -> tuple[float, bool]:
+    """``displayOpacity`` of a mesh, the mean of it where it differs over the surface, and whether it may change."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayOpacity")
-    if primvar and primvar.HasValue() and (value := primvar.Get(Usd.TimeCode.EarliestTime())) is not None:
-        if np.min(value, initial=1.0) < 1:
-            warnings(str(primvar.GetAttr().GetPath()), "displayOpacity is not rendered: the surface is opaque")
+    if not primvar or not primvar.HasValue():
+        return 1.0, False
+    attribute = primvar.GetAttr()
+    values = value_at(attribute, frame)
+    if values is None or not values.size or not np.isfinite(values).all():
+        return 1.0, attribute.ValueMightBeTimeVarying()
+    if values.size > 1 and np.ptp(values) > 0:
+        warnings(str(attribute.GetPath()), "displayOpacity is rendered by its mean over the surface")
+    return float(np.clip(values.mean(), 0.0, 1.0)), attribute.ValueMightBeTimeVarying()
 
 
-def _display_colors(
-    prim: Usd.Prim, topology: Topology, point_count: int, frame: float, warnings: WarnOnce
+def _colors_of(
+    prim: Usd.Prim, name: str, topology: Topology, point_count: int, frame: float, warnings: WarnOnce
 ) -> tuple[np.ndarray | None, np.ndarray | None, bool]:
-    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+    """A primvar's colours [c, 3], those of each triangle corner [m, 3], and whether they may change."""
+    primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     if not primvar or not primvar.HasValue():
         return None, None, False
     path = str(primvar.GetAttr().GetPath())

@@ -14,11 +14,12 @@ from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.read.normals import unit
 from tpdwarp.usd.read.primvars import require_finite
-from tpdwarp.usd.read.samples import sample_times
+from tpdwarp.usd.read.samples import SampledArray, sample_times
 from tpdwarp.usd.read.shapes import ShapeAtShutter
+from tpdwarp.usd.read.skinning import Deformation
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import union
-from tpdwarp.usd.read.values import LIST, indices_at, text_at, value_at
+from tpdwarp.usd.read.values import LIST, ROWS, indices_at, text_at, value_at
 
 # Triangles that all points, or all curves, of one prim come to at most.
 MOST_TRIANGLES = 1_000_000
@@ -32,7 +33,7 @@ BASES = {
     "bspline": (np.array([[-1, 3, -3, 1], [3, -6, 3, 0], [-3, 0, 3, 0], [1, 4, 1, 0]], dtype=float) / 6.0, 1),
     "catmullRom": (np.array([[-1, 3, -3, 1], [2, -5, 4, -1], [-1, 0, 1, 0], [0, 2, 0, 0]], dtype=float) / 2.0, 1),
 }
-KINDS = (UsdGeom.Points, UsdGeom.BasisCurves)
+KINDS = (UsdGeom.Points, UsdGeom.BasisCurves, UsdGeom.HermiteCurves)
 
 
 def is_blob(prim: Usd.Prim) -> bool:
@@ -73,16 +74,21 @@ class Blobs:
     """Points or curves over time, as :class:`tpdwarp.usd.read.shapes.Shape`; they move as USD says points do.
 
     Args:
-        prim: A Points or BasisCurves prim.
+        prim: A Points, BasisCurves or HermiteCurves prim.
         warnings: Takes what is left out, and names the file in errors.
+        deformation: The skeleton and blend shapes that deform it; its velocities are not read then.
     """
 
-    def __init__(self, prim: Usd.Prim, warnings: WarnOnce) -> None:
+    def __init__(self, prim: Usd.Prim, warnings: WarnOnce, deformation: Deformation | None = None) -> None:
         self.path, self._prim, self._warnings = str(prim.GetPath()), prim, warnings
+        self._deformation = deformation
+        self._deformed = None if deformation is None else SampledArray(deformation.times, self._deformed_at)
         self._base = UsdGeom.PointBased(prim)
         self.span: tuple[float, float] | None = None
         moving = self._base.GetVelocitiesAttr().HasAuthoredValue()
-        for name in ("points", "widths", "curveVertexCounts", "velocities"):
+        if self.deformed_at:
+            self.span = self.deformed_at[0], self.deformed_at[-1]
+        for name in ("points", "widths", "curveVertexCounts", "velocities", "tangents"):
             attribute = prim.GetAttribute(name)
             times = sample_times(attribute) if attribute else []
             if len(times) > 1 or (times and moving):
@@ -91,6 +97,11 @@ class Blobs:
     @property
     def varies(self) -> bool:
         return self.span is not None
+
+    @property
+    def deformed_at(self) -> list[float]:
+        """Sample times of the skeleton and blend shapes that deform it."""
+        return [] if self._deformation is None else self._deformation.times
 
     def at(self, shutter: Shutter, span: tuple[float, float]) -> ShapeAtShutter | None:
         """The spheres or tubes over ``shutter``; None (and a warning) where there are none.
@@ -113,10 +124,21 @@ class Blobs:
         return self._tubes(points, first, frame)
 
     def _points(self, time: float, frame: float) -> np.ndarray:
-        computed = self._base.ComputePointsAtTimes([time], frame)
-        found = np.array(computed[0] if len(computed) else [], dtype=np.float64).reshape(-1, 3)
+        if self._deformed is not None:
+            deformed = self._deformed.at(time)
+            found = np.zeros((0, 3)) if deformed is None else deformed
+        else:
+            computed = self._base.ComputePointsAtTimes([time], frame)
+            found = np.array(computed[0] if len(computed) else [], dtype=np.float64).reshape(-1, 3)
         require_finite(found, self._warnings.file, f"{self.path}.points", time)
         return found
+
+    def _deformed_at(self, time: float | None) -> np.ndarray | None:
+        """The points as skeleton and blend shapes leave them at one of their sample times."""
+        # What has one sample or none is the same at any time.
+        time = time or 0.0
+        stored = value_at(self._base.GetPointsAttr(), time, ROWS)
+        return None if stored is None else self._deformation.points(stored, time)
 
     def _widths(self, frame: float, count: int, spread: dict[str, np.ndarray | None]) -> np.ndarray:
         """Width of each element; ``spread`` has those of a primvar's interpolations, None for one each."""
@@ -140,6 +162,14 @@ class Blobs:
         self._warnings(str(attribute.GetPath()), "does not fit its interpolation: its first width is used")
         return np.repeat(widths[:1], count)
 
+    def _tangents(self, frame: float, count: int) -> np.ndarray:
+        """Tangents of a Hermite curve's points, shape [n, 3]; without, it goes straight."""
+        tangents = value_at(self._prim.GetAttribute("tangents"), frame, ROWS)
+        if tangents is not None and len(tangents) == count and np.isfinite(tangents).all():
+            return tangents
+        self._warnings(f"{self.path}.tangents", "does not fit the points: the curve is rendered as straight pieces")
+        return np.zeros((count, 3))
+
     def _tubes(self, points: Callable[[float], np.ndarray], first: np.ndarray, frame: float) -> ShapeAtShutter | None:
         curves = UsdGeom.BasisCurves(self._prim)
         counts = indices_at(curves.GetCurveVertexCountsAttr(), frame)
@@ -149,12 +179,17 @@ class Blobs:
                 self._warnings.file,
                 f"{self.path}.curveVertexCounts",
             )
-        cubic = text_at(curves.GetTypeAttr()) != UsdGeom.Tokens.linear
+        hermite = self._prim.IsA(UsdGeom.HermiteCurves)
+        cubic = hermite or text_at(curves.GetTypeAttr()) != UsdGeom.Tokens.linear
         basis, wrap = text_at(curves.GetBasisAttr()), text_at(curves.GetWrapAttr())
+        if hermite:
+            # By points and tangents; their Bezier control vertices follow from these.
+            basis, wrap = "bezier", UsdGeom.Tokens.nonperiodic
+            leaving = self._tangents(frame, len(first))
         if cubic and basis not in BASES:
             self._warnings(self.path, f"curves of basis {basis} are rendered as straight pieces")
             cubic = False
-        segments, of_curve = _segments(counts, basis if cubic else "", wrap)
+        segments, of_curve = _segments(counts, "" if hermite or not cubic else basis, wrap)
         if not len(segments):
             self._warnings(self.path, "has no curve of enough vertices and is left out")
             return None
@@ -163,7 +198,8 @@ class Blobs:
         pieces = int(np.clip(fewest / (2 * sides), 1, PIECES)) if cubic else 1
         weights, slopes = _weights(basis if cubic else "", pieces)
         rings = np.arange(len(segments) * (pieces + 1)).reshape(len(segments), pieces + 1)
-        nearest = segments[:, np.argmax(weights, axis=1)]
+        strongest = np.argmax(weights, axis=1)
+        nearest = segments[:, strongest // 2 if hermite else strongest]
         widths = self._widths(
             frame,
             rings.size,
@@ -172,6 +208,10 @@ class Blobs:
 
         def frames(time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             placed = points(time)[segments]
+            if hermite:
+                third = leaving[segments] / 3.0
+                (start, end), (leaves, arrives) = placed.swapaxes(0, 1), third.swapaxes(0, 1)
+                placed = np.stack([start, start + leaves, end - arrives, end], axis=1)
             centres = np.einsum("pk,skx->spx", weights, placed).reshape(-1, 3)
             tangents = unit(np.einsum("pk,skx->spx", slopes, placed).reshape(-1, 3))
             # Any direction across will do that changes little along a segment: that of the axis most across its chord.

@@ -133,7 +133,16 @@ class Camera:
             to_camera,
             to_camera @ projection(window, near, far, orthographic),
             *self._lens_and_focus(camera, orthographic),
+            self._clipping_planes(camera),
         )
+
+    def _clipping_planes(self, camera: Gf.Camera) -> np.ndarray:
+        """Its clipping planes [k, 4] but those that are not finite, in its own frame."""
+        planes = np.array([tuple(plane) for plane in camera.clippingPlanes], np.float64).reshape(-1, 4)
+        usable = np.isfinite(planes).all(axis=1) & planes[:, :3].any(axis=1)
+        if not usable.all():
+            self._warnings(f"{self.path}.clippingPlanes", "holds planes that are none, which are left out")
+        return planes[usable]
 
     def _lens_and_focus(self, camera: Gf.Camera, orthographic: bool) -> tuple[float, float]:
         """Radius of the lens and distance of the focus in scene units; a radius of 0 for a pinhole."""
@@ -171,8 +180,6 @@ class Camera:
         return scale
 
     def _warn_unsupported(self, camera: Gf.Camera, shutter: Shutter) -> None:
-        if len(camera.clippingPlanes):
-            self._warnings(f"{self.path}.clippingPlanes", "is not taken into account")
         lens = (
             self._camera.GetFocalLengthAttr(),
             self._camera.GetHorizontalApertureAttr(),

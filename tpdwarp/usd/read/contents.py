@@ -12,6 +12,7 @@ from tpdwarp.usd.read.blobs import is_blob
 from tpdwarp.usd.read.domes import is_dome
 from tpdwarp.usd.read.instances import Instancer, Prototype
 from tpdwarp.usd.read.lights import is_light
+from tpdwarp.usd.read.mesh_lights import is_mesh_light
 from tpdwarp.usd.read.primitives import is_primitive
 from tpdwarp.usd.read.transforms import Transforms
 
@@ -105,11 +106,14 @@ class Walker:
         prototype = self._prototypes[key] = Prototype(root)
         self._walking.add(key)
         for prim in self._prims(root, PROTOTYPE_PRIMS):
-            if prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Mesh):
+            if prim.HasAPI(UsdLux.LightAPI) and not is_drawn(prim):
                 self._warnings(str(prim.GetPath()), "a light in a prototype is left out")
-            elif not self._included(prim):
                 continue
-            elif is_drawn(prim):
+            if not self._included(prim):
+                continue
+            if is_mesh_light(prim):
+                self._warnings(str(prim.GetPath()), "the mesh is rendered, but not the light it emits in a prototype")
+            if is_drawn(prim):
                 prototype.meshes.append(prim)
             elif prim.IsA(UsdGeom.PointInstancer):
                 prototype.instancers.append(self._instancer(prim))
@@ -122,11 +126,12 @@ class Walker:
         if not may_be_visible(prim):
             return
         if prim.IsA(UsdGeom.Mesh):
-            if prim.HasAPI(UsdLux.LightAPI):
-                self._warnings(path, "the mesh is rendered, but the light it emits is not")
+            if prim.HasAPI(UsdLux.LightAPI) and not is_mesh_light(prim):
+                self._warnings(path, "the mesh is rendered, but the light it emits is not (apply MeshLightAPI)")
             return
-        if is_drawn(prim) and UsdSkel.BindingAPI(prim).GetJointIndicesPrimvar().HasValue():
-            self._warnings(path, f"a {kind} is not deformed by its skeleton: it is rendered as it is authored")
+        if is_drawn(prim) and prim.HasAPI(UsdLux.LightAPI):
+            self._warnings(path, f"the {kind} is rendered, but the light it emits is not")
+            return
         drawn = is_drawn(prim) or any(map(prim.IsA, DRAWN_OTHERWISE))
         if prim.HasAPI(UsdLux.LightAPI) or (prim.IsA(UsdGeom.Boundable) and not drawn):
             self._warnings(path, f"a {kind} is not rendered")

@@ -48,7 +48,10 @@ def _usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
         del delegate
         for diagnostic in collected:
             try:
-                text = _without_innards(diagnostic.commentary)
+                whole = diagnostic.commentary
+                if any(name in whole for name in warnings.settled):
+                    continue
+                text = _without_innards(whole)
             except UnicodeDecodeError:
                 text = "USD warns of something whose text is not UTF-8"
             warnings.of_usd.append(text)

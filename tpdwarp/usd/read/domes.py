@@ -35,6 +35,8 @@ class Dome(Light):
         super().__init__(*arguments)
         self._last: DomeAtShutter | None = None
         self._last_of: tuple[object, ...] = ()
+        if self.links.limited:
+            self._warnings(self.path, "light linking of a dome is ignored: it shines on everything")
         if self.prim.GetRelationship("portals").HasAuthoredTargets():
             self._warnings(self.path, "the portals of a dome are not used: it is sampled as a whole")
 

@@ -21,10 +21,11 @@ from tpdwarp.scene.description import (
 )
 from tpdwarp.scene.light_places import tiles_of
 from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
+from tpdwarp.usd.read.links import LightLinks
 from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_at, raw_at, text_at, value_at
+from tpdwarp.usd.read.values import number_at, text_at, value_at
 
 # Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
 AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
@@ -86,6 +87,7 @@ class Light:
         self.prim, self.path = prim, str(prim.GetPath())
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
         self._api = UsdLux.LightAPI(prim)
+        self.links = LightLinks(self._api)
         self.kind = LightKind.DISTANT if prim.IsA(UsdLux.DistantLight) else LightKind.POINT
         self._shape = next((kind for kind in AREAS if prim.IsA(kind)), None)
         self.varies = transforms.span(prim) is not None
@@ -301,6 +303,9 @@ class Light:
 
     def _warn_unsupported(self) -> None:
         shaping, shadow = UsdLux.ShapingAPI(self.prim), UsdLux.ShadowAPI(self.prim)
+        tint = shaping.GetShapingFocusTintAttr()
+        if tint and tint.HasAuthoredValue() and np.any(value_at(tint, EARLIEST, (3,))):
+            self._warnings(self.path, "the light's focusTint is not rendered")
         asks_for_cone = _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
             shaping.GetShapingFocusAttr(), 0.0
         )
@@ -311,18 +316,16 @@ class Light:
         ies = shaping.GetShapingIesFileAttr()
         if ies and ies.HasAuthoredValue():
             self._warnings(self.path, "the light's IES profile is not rendered")
-        if _authored(shadow.GetShadowEnableAttr(), True):
-            self._warnings(self.path, "the light throws shadows although it asks for none")
         if _authored(self._api.GetSpecularAttr(), 1.0):
             self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
         if self._api.GetFiltersRel().HasAuthoredTargets():
             self._warnings(self.path, "light filters are not rendered")
-        for collection in (self._api.GetLightLinkCollectionAPI(), self._api.GetShadowLinkCollectionAPI()):
-            include_root = collection.GetIncludeRootAttr()
-            whole = raw_at(include_root, None) if include_root else None
-            limited = [collection.GetIncludesRel(), collection.GetExcludesRel()]
-            if whole is False or any(rel.HasAuthoredTargets() for rel in limited if rel):
-                self._warnings(self.path, "light linking is ignored: the light shines on everything")
+        distance = shadow.GetShadowDistanceAttr()
+        if distance and distance.HasAuthoredValue() and number_at(distance, EARLIEST) >= 0:
+            self._warnings(self.path, "shadow:distance is not taken into account")
+        color = shadow.GetShadowColorAttr()
+        if color and color.HasAuthoredValue() and np.any(value_at(color, EARLIEST, (3,))):
+            self._warnings(self.path, "the light's shadows are black, whatever their colour")
 
 
 def is_light(prim: Usd.Prim) -> bool:

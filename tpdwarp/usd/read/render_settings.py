@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 
 import numpy as np
 from pxr import Sdf, Usd, UsdRender
@@ -12,6 +14,8 @@ from tpdwarp.usd.read.values import text_at, texts_at, value_at
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
+# What RenderVars call the picture itself.
+BEAUTY = ("ci", "c.*", "lpe:c.*", "color", "beauty", "rgba", "rgb", "a", "alpha", "c", "lpe:c.*[lo]")
 # A window that holds the whole image.
 WHOLE = (0.0, 0.0, 1.0, 1.0)
 POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
@@ -31,6 +35,8 @@ class RenderRequest:
         purposes: Purposes included; None where not authored.
         material_purpose: Material purpose looked for first.
         data_window: Part of the image that is rendered: left, bottom, right and top in 0 … 1, from its lower left.
+        products: Path and name of each product; the name is that of its file, without folders, frame and kind.
+        render_vars: What the product's RenderVars are called (``sourceName``, or the prim's name), but the beauty.
     """
 
     path: str = ""
@@ -42,13 +48,18 @@ class RenderRequest:
     purposes: tuple[str, ...] | None = None
     material_purpose: str = "full"
     data_window: tuple[float, float, float, float] = WHOLE
+    products: tuple[tuple[str, str], ...] = ()
+    render_vars: tuple[str, ...] = ()
 
 
-def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce) -> RenderRequest:
+def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce, wanted: str = "") -> RenderRequest:
     """The render settings at ``path``, or the stage's own where it is empty.
 
+    Args:
+        wanted: Path or name of the product; empty takes the first.
+
     Raises:
-        InputError: No RenderSettings at ``path``, or values that mean nothing.
+        InputError: No RenderSettings at ``path``, no such product, or values that mean nothing.
     """
     if path:
         settings = UsdRender.Settings(stage.GetPrimAtPath(path)) if Sdf.Path.IsValidPathString(path) else None
@@ -57,8 +68,12 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce) -> RenderReque
     else:
         settings = UsdRender.Settings.GetStageRenderSettings(stage)
         if not settings:
+            if wanted:
+                raise InputError("the stage has no RenderSettings (leave --product out)", warnings.file, wanted)
             return RenderRequest()
-    product = _product(stage, settings, warnings)
+    products = _products(stage, settings)
+    names = _names_of(products)
+    product = _chosen(products, names, wanted, warnings)
     prims = [settings] if product is None else [product, settings]
 
     def authored(name: str) -> Usd.Attribute | None:
@@ -101,6 +116,8 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce) -> RenderReque
         texts_at(purposes) if purposes.HasAuthoredValue() else None,
         order[0] if order else "",
         window,
+        tuple((str(found.GetPath()), name) for found, name in zip(products, names, strict=True)),
+        () if product is None else _render_vars(stage, product),
     )
 
 
@@ -133,12 +150,49 @@ def conformed(
     return x - 0.5 * width, x + 0.5 * width, y - 0.5 * height, y + 0.5 * height
 
 
-def _product(stage: Usd.Stage, settings: UsdRender.Settings, warnings: WarnOnce) -> UsdRender.Product | None:
+def _products(stage: Usd.Stage, settings: UsdRender.Settings) -> list[UsdRender.Product]:
     targets = settings.GetProductsRel().GetForwardedTargets()
-    products = [product for path in targets if (product := UsdRender.Product(stage.GetPrimAtPath(path)))]
+    return [product for path in targets if (product := UsdRender.Product(stage.GetPrimAtPath(path)))]
+
+
+def _names_of(products: list[UsdRender.Product]) -> list[str]:
+    """Names of products: of their files, where these differ, and else of their prims."""
+    files = [text_at(product.GetProductNameAttr(), EARLIEST) for product in products]
+    stems = [re.sub(r"[.#]*#[.#]*|[._]+$", "", PurePosixPath(file).stem) for file in files]
+    if all(stems) and len(set(stems)) == len(stems):
+        return stems
+    names = [product.GetPrim().GetName() for product in products]
+    if len(set(names)) == len(names):
+        return names
+    return [str(product.GetPath()).strip("/").replace("/", "_") for product in products]
+
+
+def _chosen(
+    products: list[UsdRender.Product], names: list[str], wanted: str, warnings: WarnOnce
+) -> UsdRender.Product | None:
+    """The product of this path or name; the first without one."""
+    for product, name in zip(products, names, strict=True):
+        if wanted and wanted in (str(product.GetPath()), product.GetPrim().GetName(), name):
+            return product
+    if wanted:
+        raise InputError(f"no such product (there are {', '.join(names) or 'none'})", warnings.file, wanted)
     for extra in products[1:]:
-        warnings(str(extra.GetPath()), "is left out: only the first product of the render settings is rendered")
+        warnings(
+            str(extra.GetPath()),
+            "is left out: the first product of the render settings is rendered "
+            "(choose with --product, or write <product> in the name of the image for all)",
+        )
     return products[0] if products else None
+
+
+def _render_vars(stage: Usd.Stage, product: UsdRender.Product) -> tuple[str, ...]:
+    """What the RenderVars of a product are called, but the beauty."""
+    found = []
+    for path in product.GetOrderedVarsRel().GetForwardedTargets():
+        var = UsdRender.Var(stage.GetPrimAtPath(path))
+        if var:
+            found.append(text_at(var.GetSourceNameAttr(), EARLIEST) or var.GetPrim().GetName())
+    return tuple(name for name in found if name.lower() not in BEAUTY)
 
 
 def _where(attribute: Usd.Attribute | None) -> str:

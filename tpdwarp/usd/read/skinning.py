@@ -130,7 +130,15 @@ class Deformation:
         return skeleton @ np.linalg.inv(self._transforms.world(self._prim, code.GetValue()))
 
     def _sample_times(self) -> list[float]:
-        times = {*sample_times(UsdGeom.PointBased(self._prim).GetPointsAttr()), *self._query.GetTimeSamples()}
+        # USD's own times of a binding end in an error where it has no geomBindTransform.
+        binding = UsdSkel.BindingAPI(self._prim)
+        attributes = (
+            UsdGeom.PointBased(self._prim).GetPointsAttr(),
+            binding.GetGeomBindTransformAttr(),
+            binding.GetJointIndicesAttr(),
+            binding.GetJointWeightsAttr(),
+        )
+        times = {time for attribute in attributes if attribute for time in sample_times(attribute)}
         if self._animation:
             times |= {*self._animation.GetJointTransformTimeSamples()}
             if self._shapes is not None:

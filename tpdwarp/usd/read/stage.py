@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +14,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.io.image_region import ImageRegion
-from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
+from tpdwarp.scene.description import LightAtShutter, MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.appearances import Appearances
 from tpdwarp.usd.read.blobs import Blobs, is_blob
@@ -29,6 +30,8 @@ from tpdwarp.usd.read.instances import InstancedMeshes
 from tpdwarp.usd.read.layer_limits import checked_layers
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
+from tpdwarp.usd.read.materialx_files import bring_in, references_materialx
+from tpdwarp.usd.read.mesh_lights import MeshLight, is_mesh_light
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
 from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
@@ -48,7 +51,7 @@ HIGHEST_RATE = 1e6
 LONGEST_SHUTTER = 1e6
 REFERENCE_COUNT = 9
 # Of the power of each kind of light: irradiance at normal incidence, radiant intensity, radiance (times a picture's).
-UNITS = {"distant": "W/m2", "point": "W/sr", "dome": "W/(m2 sr)"}
+UNITS = {"distant": "W/m2", "point": "W/sr", "dome": "W/(m2 sr)", "mesh": "W/(m2 sr)"}
 
 # What names a stage: its file, its root layer, or itself.
 StageLike = str | os.PathLike[str] | Sdf.Layer | Usd.Stage
@@ -76,6 +79,8 @@ class StageScene:
     def __init__(self, file: str, stage: Usd.Stage, settings: StageSettings, warnings: WarnOnce) -> None:
         self.file, self.warnings = file, warnings
         self._stage, self._settings = stage, settings
+        # Layers in memory that the stage is composed of.
+        self._kept: list[Sdf.Layer] = []
         self.time_codes_per_second = self._rate("timeCodesPerSecond", stage.GetTimeCodesPerSecond())
         self.frames_per_second = self._rate("framesPerSecond", stage.GetFramesPerSecond())
         self.up_axis = str(UsdGeom.GetStageUpAxis(stage))
@@ -83,7 +88,7 @@ class StageScene:
             raise InputError(f"holds {self.up_axis!r} (author Y or Z)", file, "the stage's upAxis")
         self.meters_per_unit = UsdGeom.GetStageMetersPerUnit(stage)
         self.start, self.end = _time_range(stage)
-        self._request = read_request(stage, settings.render_settings, warnings)
+        self._request = read_request(stage, settings.render_settings, warnings, settings.product)
         self._cubic = settings.motion == "cubic"
         self._transforms = Transforms(self._cubic)
         self._materials = Materials(warnings, self._request.material_purpose)
@@ -101,6 +106,11 @@ class StageScene:
             )
             for instancer in contents.instancers
         ]
+        self._mesh_lights = {
+            str(prim.GetPath()): MeshLight(prim, self._transforms, self._animation, warnings)
+            for prim in contents.meshes
+            if is_mesh_light(prim)
+        }
         self._lights = [Light(prim, self._transforms, self._animation, warnings) for prim in contents.lights]
         self._domes = [Dome(prim, self._transforms, self._animation, warnings) for prim in contents.domes]
         self._cameras = [str(prim.GetPath()) for prim in contents.cameras]
@@ -121,8 +131,8 @@ class StageScene:
 
         Args:
             stage: A USD file, a root layer, or a stage that is open already (of which nothing is changed).
-            settings: ``motion``, ``purposes``, ``mask``, ``camera``, ``render_settings``, ``image_width``,
-                ``shutter`` and ``exposure`` are used.
+            settings: ``motion``, ``purposes``, ``mask``, ``camera``, ``render_settings``, ``product``,
+                ``image_width``, ``shutter`` and ``exposure`` are used.
             max_memory: Bytes that its largest array may need.
 
         Raises:
@@ -148,9 +158,14 @@ class StageScene:
             layers = checked_layers(name, max_memory) if isinstance(stage, str) else []
             refuse_too_many_prims(composed_prims(layers))
             opened = _open_stage(stage, name, settings)
+            if isinstance(stage, Usd.Stage) and references_materialx(opened):
+                opened = _with_session_of_its_own(opened)
+            kept = bring_in(opened, warnings)
             del layers
             check_native_instances(opened)
-            return cls(name, opened, settings, warnings)
+            source = cls(name, opened, settings, warnings)
+            source._kept = kept
+            return source
 
     def at(self, shutter: Shutter) -> SceneAtShutter:
         """The scene over ``shutter``; what does not move is the same object on every call.
@@ -165,12 +180,44 @@ class StageScene:
             width, height = self._resolution()
             aspect = width * self._request.pixel_aspect / height
             camera = self._camera.over(shutter, aspect, self._request.policy)
+            if self._mesh_lights:
+                meshes, more = self._shining(meshes, shutter)
+                lights += more
+            lights = self._linked(lights, shutter)
             if self._camera_light:
                 lights = (camera_light(camera),)
             domes = tuple(found for dome in self._domes if (found := dome.at(shutter)) is not None)
             if domes and any(mesh.specular for mesh in meshes):
                 self.warnings(domes[0].path, "light of a dome shines through glass straight, and makes no caustics")
             return SceneAtShutter(shutter, meshes, lights, camera, domes)
+
+    def _shining(
+        self, meshes: tuple[MeshAtShutter, ...], shutter: Shutter
+    ) -> tuple[tuple[MeshAtShutter, ...], tuple[LightAtShutter, ...]]:
+        """The meshes, those that shine as they are seen, and the lights that these are."""
+        seen: list[MeshAtShutter] = []
+        lights: list[LightAtShutter] = []
+        for mesh in meshes:
+            light = self._mesh_lights.get(mesh.path)
+            parts = [] if light is None else light.parts(mesh, shutter)
+            own = frozenset((mesh.path,))
+            lights += [replace(part, unlit=own, passed=own) for part in parts]
+            seen.append(light.shining(mesh, shutter) if parts else mesh)
+        return tuple(seen), tuple(lights)
+
+    def _linked(self, lights: tuple[LightAtShutter, ...], shutter: Shutter) -> tuple[LightAtShutter, ...]:
+        """The lights with what their collections say of meshes."""
+        links = {light.path: light.links for light in (*self._lights, *self._mesh_lights.values())}
+        limited = {path: found for path, found in links.items() if found.limited}
+        if not limited:
+            return lights
+        meshes = [(placed.label, collected_as(placed)) for placed in self._placed(shutter.frame)]
+        found = []
+        for light in lights:
+            own = limited.get(light.path) or limited.get(light.path.rpartition("/light")[0])
+            unlit, passed = own.of(meshes) if own else (frozenset(), frozenset())
+            found.append(replace(light, unlit=light.unlit | unlit, passed=light.passed | passed))
+        return tuple(found)
 
     def _meshes_over(self, shutter: Shutter) -> tuple[MeshAtShutter, ...]:
         """The meshes over ``shutter``, without those that cannot be used.
@@ -215,6 +262,21 @@ class StageScene:
         return None
 
     @property
+    def products(self) -> tuple[tuple[str, str], ...]:
+        """Path and name of each product of the render settings."""
+        return self._request.products
+
+    @property
+    def render_settings_path(self) -> str:
+        """Path of the render settings; empty where the stage has none."""
+        return self._request.path
+
+    @property
+    def render_vars(self) -> tuple[str, ...]:
+        """What the RenderVars of the product are called, but the beauty."""
+        return self._request.render_vars
+
+    @property
     def stage(self) -> Usd.Stage:
         """The stage itself, to be read only."""
         return self._stage
@@ -246,7 +308,8 @@ class StageScene:
             prims = [mesh.prim for mesh in self._placed(shutter.frame)]
             prims += [of.instancer.instancer.GetPrim() for of in self._instancers]
             prims += [light.prim for light in self._lights]
-            skinned = {t for shape in self._shapes.values() if isinstance(shape, Shape) for t in shape.deformed_at}
+            deformed = (shape for shape in self._shapes.values() if not isinstance(shape, Primitive))
+            skinned = {t for shape in deformed for t in shape.deformed_at}
             found = motion_breaks_of(prims, shutter.open, shutter.close)
             return sorted({*found, *(t for t in skinned if shutter.open < t < shutter.close)})
 
@@ -254,7 +317,15 @@ class StageScene:
         """The group that each light but domes names itself, by its path; empty where it names none."""
         if self._camera_light:
             return {CAMERA_LIGHT: ""}
-        return {light.path: light.group for light in self._lights}
+        own = {light.path: light.group for light in self._lights}
+        if self._mesh_lights:
+            parts = self.at(Shutter.still(self.start)).lights
+            own |= {
+                part.path: self._mesh_lights[whole].group or whole.rpartition("/")[2]
+                for part in parts
+                if (whole := part.path.rpartition("/light")[0]) in self._mesh_lights
+            }
+        return own
 
     def resolution(self) -> tuple[int, int]:
         """Width and height of the image in pixels.
@@ -413,7 +484,7 @@ class StageScene:
         return cameras if self.camera_path is not None else [{"path": FREE_CAMERA, "used": True}]
 
     def _described_lights(self) -> list[dict[str, Any]]:
-        lights = [self._described_light(light) for light in (*self._lights, *self._domes)]
+        lights = [self._described_light(light) for light in (*self._lights, *self._domes, *self._mesh_lights.values())]
         if self._camera_light:
             power = [CAMERA_LIGHT_IRRADIANCE] * 3
             unit = UNITS["distant"]
@@ -433,7 +504,7 @@ class StageScene:
         }
 
     def _place(self, label: str, prim: Usd.Prim, placement: Placement) -> PlacedMesh:
-        deformation = self._skeletons.deformation(prim) if prim.IsA(UsdGeom.Mesh) else None
+        deformation = self._skeletons.deformation(prim) if prim.IsA(UsdGeom.PointBased) else None
         # Instances share their shape, unless each has a skeleton of its own.
         shared = prim.IsInstanceProxy() and deformation is None
         key = str((prim.GetPrimInPrototype() if shared else prim).GetPath())
@@ -447,7 +518,7 @@ class StageScene:
         if is_primitive(prim):
             return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
         if is_blob(prim):
-            return Blobs(prim, self.warnings)
+            return Blobs(prim, self.warnings, deformation)
         return Shape(
             UsdGeom.Mesh(prim),
             self.time_codes_per_second,
@@ -489,7 +560,7 @@ class StageScene:
         for instancer in self._instancers:
             if instancer.instancer.span is not None or visibility_varies(instancer.instancer.instancer.GetPrim()):
                 return True
-        lights = (*self._lights, *self._domes)
+        lights = (*self._lights, *self._domes, *self._mesh_lights.values())
         return any(light.varies or light.power_varies or visibility_varies(light.prim) for light in lights)
 
     def _any_attribute_varies(self) -> bool:
@@ -545,8 +616,14 @@ class StageScene:
         """Whether any light shines at any time."""
         return any(
             may_be_visible(light.prim) and (light.power_varies or any(light.power(self.start)))
-            for light in (*self._lights, *self._domes)
+            for light in (*self._lights, *self._domes, *self._mesh_lights.values())
         )
+
+
+def collected_as(placed: PlacedMesh) -> Sdf.Path:
+    """The path that collections know a mesh by: its own, or its instancer's."""
+    instancer, instanced, _ = placed.label.partition("[")
+    return Sdf.Path(instancer) if instanced else placed.prim.GetPath()
 
 
 def _is_subdivided(prim: Usd.Prim) -> bool:

@@ -27,13 +27,13 @@ class Value:
     Attributes:
         numbers: The value, shape [n]; None where it cannot be determined.
         spread: Whether it differs over the surface, so that ``numbers`` is its mean or a fallback.
-        display_color: Whether it is the mesh's ``displayColor``.
+        primvar: The mesh's primvar that it is; empty for none.
         image: The value over the surface, where that was asked for and is known.
     """
 
     numbers: np.ndarray | None
     spread: bool = False
-    display_color: bool = False
+    primvar: str = ""
     image: Image | None = None
 
     @property
@@ -197,7 +197,7 @@ class Inputs:
         if value.numbers is not None and value.numbers.size == 4 and found.GetTypeName() != "float4":
             # A texture has four channels whatever it feeds.
             image = None if value.image is None else value.image.mapped(lambda pixels: pixels[..., :3])
-            return Value(value.numbers[:3], value.spread, value.display_color, image)
+            return Value(value.numbers[:3], value.spread, value.primvar, image)
         return value
 
     def _computed(self, node: UsdShade.Shader, output: str, asking: str, depth: int) -> Value:
@@ -213,7 +213,7 @@ class Inputs:
             words = self._words(node)
             numbers = operation.apply([argument.numbers for argument in arguments], output, words)
             spread = any(argument.spread for argument in arguments)
-            shown = len(arguments) == 1 and arguments[0].display_color
+            shown = arguments[0].primvar if len(arguments) == 1 else ""
             image = None
             if numbers is not None and any(argument.image is not None for argument in arguments):
                 image = combined(
@@ -227,10 +227,9 @@ class Inputs:
             name = inner.text("varname") or inner.text("geomprop")
             value = inner.value(*DEFAULTS)
             self.varies |= inner.varies
-            color = name == "displayColor" or "geomcolor" in kind
-            if not color:
-                self.warnings(asking, f"reads a primvar by {kind}, which is not spread; its fallback is used")
-            return Value(None if value is None else value.numbers, True, color)
+            if "geomcolor" in kind:
+                name = "displayColor"
+            return Value(None if value is None else value.numbers, True, name)
         value = self._texture(inner, output, asking, kind)
         self.varies |= inner.varies
         return value

@@ -12,8 +12,11 @@ from tpdwarp.usd.read.materials.physical import Physical
 
 # Up to this roughness r a microfacet lobe is narrower (r² < .0049) than the sun's disc (.0046 rad): smooth.
 SMOOTH = 0.07
-# Up to this the lobe (.09 rad) is a blurred mirror rather than a surface that shines everywhere.
-MIRROR_LIKE = 0.3
+# Up to this (.3, in single precision) the lobe (.09 rad) is a blurred mirror rather than a surface that shines
+# everywhere.
+MIRROR_LIKE = 0.3 + 1e-6
+# Less metal than this is left out: it would reflect no more than varnish does.
+LEAST_METAL = 0.05
 # Weights are authored in single precision and by hand: this near to 0 or 1 they are.
 NEARLY = 0.01
 # A tint of nothing would absorb without end: after its depth this much is left, which is no step of eight bits.
@@ -58,10 +61,12 @@ def _present(physical: Physical, path: str, warn: Callable[[str, str], None], wa
         if transmission > 1 - NEARLY:
             return clear
         return replace(clear, diffuse_share=1.0 - transmission, texture=_texture(physical))
-    if physical.metalness >= 0.5 and physical.roughness <= MIRROR_LIKE:
-        return _mirror(physical, path, warn)
+    if physical.metalness >= LEAST_METAL and physical.roughness <= MIRROR_LIKE:
+        mirror = _mirror(physical, path, warn)
+        share = 1.0 - physical.metalness
+        return replace(mirror, diffuse_share=share, texture=_texture(physical)) if share > NEARLY else mirror
     if physical.metalness > NEARLY:
-        warn("metalness", "metal that is rough or partial is rendered as diffuse")
+        warn("metalness", "metal that is rough, or hardly any, is rendered as diffuse")
     texture, emission = _texture(physical), physical.emission
     return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, texture, emission=emission)
 
@@ -78,29 +83,32 @@ def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None],
             warnings.file,
             physical.sources.get("ior", path),
         )
-    if physical.roughness > SMOOTH:
-        warn("roughness", "rough transmission is rendered as smooth")
-    if physical.thin_walled:
-        warn("thin_walled", "a thin wall passes light straight on; what it reflects is not rendered")
-        ior = 1.0
+    if physical.roughness > MIRROR_LIKE:
+        warn("roughness", f"transmission as rough as this (above {MIRROR_LIKE:g}) is rendered as a wide beam")
+    inside = {
+        "thin_walled": physical.thin_walled,
+        "roughness": _width(physical.roughness),
+        "abbe": 0.0 if physical.thin_walled or not math.isfinite(physical.abbe) else max(physical.abbe, 0.0),
+    }
     if max(physical.tint) > 1:
         warn("tint", "glass passes no more than it receives: its tint is limited to 1")
     tint = tuple(min(channel, 1.0) for channel in physical.tint)
     if physical.absorption_depth > 0 and not physical.thin_walled:
         absorption = tuple(-math.log(max(channel, DARKEST)) / physical.absorption_depth for channel in tint)
-        return Material(Interaction.DIELECTRIC, physical.base_color, ior, path, absorption=absorption)
-    return Material(Interaction.DIELECTRIC, physical.base_color, ior, path, transmittance=tint)
+        return Material(Interaction.DIELECTRIC, physical.base_color, ior, path, absorption=absorption, **inside)
+    return Material(Interaction.DIELECTRIC, physical.base_color, ior, path, transmittance=tint, **inside)
 
 
 def _mirror(physical: Physical, path: str, warn: Callable[[str, str], None]) -> Material:
-    if physical.metalness < 1 - NEARLY:
-        warn("metalness", "partial metalness is rendered as metal")
-    if physical.roughness > SMOOTH:
-        warn("roughness", "rough metal is rendered as a smooth mirror")
     color = physical.base_color
     if physical.base_image is not None:
         warn("base_color", "is a texture on metal, of which the mean colour is rendered")
     if max(color) > 1:
         warn("base_color", "a mirror reflects no more than it receives: its colour is limited to 1")
         color = tuple(min(channel, 1.0) for channel in color)
-    return Material(Interaction.MIRROR, color, physical.ior, path)
+    return Material(Interaction.MIRROR, color, physical.ior, path, roughness=_width(physical.roughness))
+
+
+def _width(roughness: float) -> float:
+    """The width α = r² of the microfacet distribution; 0 for what is smooth, and no more than 1."""
+    return min(roughness, 1.0) ** 2 if roughness > SMOOTH else 0.0

@@ -18,13 +18,14 @@ class Physical:
     Attributes:
         base_color: Albedo, and what a metal reflects.
         base_image: The base colour over the surface; None where it is the same everywhere.
-        by_display_color: Whether the mesh's ``displayColor`` takes the place of the base colour where there is one.
+        color_primvar: The mesh's primvar that takes the place of the base colour where there is one; empty for none.
         metalness: Share that is metal.
         transmission: Share of what is not metal that is clear: refracts, or passes a thin wall.
         ior: Index of refraction inside, relative to outside.
         roughness: Square root of the width α of the microfacet distribution.
         tint: Colour of what is transmitted.
         absorption_depth: Distance after which white light has taken on the tint, in scene units; 0: at once.
+        abbe: Abbe number of what disperses; 0 for none.
         thin_walled: Whether the surface is a sheet, which does not refract.
         presence: Share of the surface that is there at all.
         cutout: Presence over the surface; None where it is the same everywhere.
@@ -35,13 +36,14 @@ class Physical:
 
     base_color: Color = (0.18, 0.18, 0.18)
     base_image: Image | None = None
-    by_display_color: bool = False
+    color_primvar: str = ""
     metalness: float = 0.0
     transmission: float = 0.0
     ior: float = 1.5
     roughness: float = 0.0
     tint: Color = WHITE
     absorption_depth: float = 0.0
+    abbe: float = 0.0
     thin_walled: bool = False
     presence: float = 1.0
     cutout: Image | None = None

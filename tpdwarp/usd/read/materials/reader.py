@@ -15,11 +15,17 @@ from tpdwarp.usd.read.materials.inputs import Inputs
 from tpdwarp.usd.read.materials.interactions import interaction_of
 from tpdwarp.usd.read.materials.physical import Physical
 from tpdwarp.usd.read.materials.textures import Textures
+from tpdwarp.usd.read.values import number_at
 
-__all__ = ["BRIGHTEST", "Materials", "Surface"]
+__all__ = ["BRIGHTEST", "DISPLAY_COLOR", "Materials", "Surface"]
 
 # Render contexts in the order in which their surfaces are chosen: this renderer's own, MaterialX, and what is for all.
 CONTEXTS = ("tpdwarp", "mtlx", UsdShade.Tokens.universalRenderContext)
+
+EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
+DISPLAY_COLOR = "displayColor"
+# Terminals of MaterialX that hand on another shader, by the input that it is connected to.
+HANDED_ON = {"ND_surfacematerial": "surfaceshader", "ND_mix_surfaceshader": "fg"}
 
 
 @dataclass(frozen=True)
@@ -28,7 +34,7 @@ class Surface:
 
     Attributes:
         material: Its optical behaviour at the frame asked for.
-        by_display_color: Whether its albedo is the mesh's ``displayColor`` where there is one.
+        color_primvar: The mesh's primvar that is its albedo where there is one; empty for none.
         varies: Whether any of its inputs may change with time.
         absent: Whether the surface is cut out: there is nothing there.
         coordinates: Where the coordinates of its textures come from; None where it has none.
@@ -36,17 +42,17 @@ class Surface:
     """
 
     material: Material
-    by_display_color: bool
+    color_primvar: str
     varies: bool
     absent: bool = False
     coordinates: Coordinates | None = None
     physical: Physical | None = None
 
     def __hash__(self) -> int:
-        return hash((self.material, self.by_display_color, self.absent))
+        return hash((self.material, self.color_primvar, self.absent))
 
 
-UNBOUND = Surface(Material(), True, False)
+UNBOUND = Surface(Material(), DISPLAY_COLOR, False)
 
 
 class Materials:
@@ -91,17 +97,17 @@ class Materials:
 
     def _surface(self, material: UsdShade.Material, frame: float) -> Surface:
         path = str(material.GetPath())
-        shaders = _surface_shaders(material)
+        shaders = _surface_shaders(material, self.warnings)
         if not shaders:
             self.warnings(path, "has no surface shader that can be read; displayColor or grey is used")
-            return Surface(Material(path=path), True, False)
+            return Surface(Material(path=path), DISPLAY_COLOR, False)
         readers = [(shader, reader) for shader in shaders if (reader := reader_of(shader)) is not None]
         if not readers:
             kind = name_of(shaders[0]) or "the surface shader"
             self.warnings(
                 str(shaders[0].GetPath()), f"{kind} is of a kind that is not read; displayColor or grey is used"
             )
-            return Surface(Material(path=path), True, False)
+            return Surface(Material(path=path), DISPLAY_COLOR, False)
         shader, reader = readers[0]
         inputs = Inputs(shader, frame, self._textures, self.warnings)
         physical = reader(inputs)
@@ -115,7 +121,7 @@ class Materials:
             self.warnings(path, "its textures lie differently: those that cut out lie as those that colour")
         return Surface(
             found or Material(path=path),
-            physical.by_display_color,
+            physical.color_primvar,
             inputs.varies,
             found is None,
             lie[0] if lie else None,
@@ -123,7 +129,24 @@ class Materials:
         )
 
 
-def _surface_shaders(material: UsdShade.Material) -> list[UsdShade.Shader]:
+def _handed_on(shader: UsdShade.Shader, warnings: WarnOnce) -> UsdShade.Shader:
+    """The shader that a terminal hands on; of a mixture the larger part, which is said."""
+    seen: set[str] = set()
+    while shader and (kind := name_of(shader)) in HANDED_ON and str(shader.GetPath()) not in seen:
+        seen.add(str(shader.GetPath()))
+        name = HANDED_ON[kind]
+        if kind == "ND_mix_surfaceshader":
+            attribute = shader.GetInput("mix").GetAttr() if shader.GetInput("mix") else None
+            share = number_at(attribute, EARLIEST) if attribute else 0.0
+            name = "fg" if share >= 0.5 else "bg"
+            if 0 < share < 1:
+                warnings(str(shader.GetPath()), "a mixture of surfaces is rendered as the larger part of it")
+        sources = shader.GetInput(name).GetConnectedSources()[0] if shader.GetInput(name) else []
+        shader = UsdShade.Shader(sources[0].source.GetPrim()) if sources else UsdShade.Shader()
+    return shader
+
+
+def _surface_shaders(material: UsdShade.Material, warnings: WarnOnce) -> list[UsdShade.Shader]:
     """The surface shaders of a material, in the order in which they are chosen.
 
     What is authored for another renderer alone is better than nothing: such contexts come last, by name.
@@ -135,6 +158,6 @@ def _surface_shaders(material: UsdShade.Material) -> list[UsdShade.Shader]:
     found: dict[str, UsdShade.Shader] = {}
     for context in contexts:
         shader = material.ComputeSurfaceSource(context)[0]
-        if shader:
+        if shader := _handed_on(shader, warnings):
             found.setdefault(str(shader.GetPath()), shader)
     return list(found.values())

@@ -9,13 +9,16 @@ from pxr import UsdShade
 
 from tpdwarp.usd.read.materials.dialects import (
     bsdf_nodes,
+    diffuse,
     gltf_pbr,
     omniverse,
     open_pbr,
     plain,
     preview_surface,
+    redshift,
     renderman,
     standard_surface,
+    unlit,
 )
 from tpdwarp.usd.read.materials.inputs import Inputs
 from tpdwarp.usd.read.materials.physical import Physical
@@ -31,6 +34,12 @@ TABLES = (
     omniverse.GLASS,
     omniverse.PBR,
     omniverse.SURFACE,
+    redshift.STANDARD,
+    diffuse.ARNOLD,
+    diffuse.RENDERMAN,
+    unlit.MATERIALX,
+    unlit.ARNOLD,
+    unlit.RENDERMAN,
 )
 READERS: dict[str, Callable[[Inputs], Physical]] = {
     **{name: dialect.read for dialect in TABLES for name in dialect.ids},

@@ -20,6 +20,8 @@ def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
         values["threshold"] = cutoff if mode == MASK else 0.0
     else:
         values["presence"] = float(alpha >= cutoff) if mode == MASK else alpha
+    # KHR_materials_dispersion holds 20/V.
+    values["abbe"] = 20.0 / values["dispersion"] if values["dispersion"] > 0 else 0.0
     distance = values["absorption_depth"]
     values["tint"] = values["base_color"]
     if math.isfinite(distance) and distance > 0 and min(values["attenuation_color"]) < 1:
@@ -39,8 +41,9 @@ DIALECT = Dialect(
         "alpha": Field(("alpha",), 1.0),
         "attenuation_color": Field(("attenuation_color",), (1.0, 1.0, 1.0)),
         "absorption_depth": Field(("attenuation_distance",), 0.0),
+        "dispersion": Field(("dispersion",), 0.0),
         "emission": Field(("emissive",), (0.0, 0.0, 0.0), ("emissive_strength", 1.0)),
     },
-    ignored={"clearcoat": 0.0, "sheen_color": 0.0, "iridescence": 0.0, "dispersion": 0.0},
+    ignored={"clearcoat": 0.0, "sheen_color": 0.0, "iridescence": 0.0},
     adjust=_adjust,
 )

@@ -1,6 +1,16 @@
 """OpenPBR Surface: MaterialX's and Arnold's."""
 
+from __future__ import annotations
+
+from typing import Any
+
 from tpdwarp.usd.read.materials.dialects.table import Dialect, Field
+from tpdwarp.usd.read.materials.inputs import Inputs
+
+
+def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
+    values["abbe"] = values["abbe"] / values["dispersion"] if values["dispersion"] > 0 else 0.0
+
 
 DIALECT = Dialect(
     ids=("open_pbr_surface", "openpbr_surface"),
@@ -12,6 +22,8 @@ DIALECT = Dialect(
         "transmission": Field(("transmission_weight",), 0.0),
         "tint": Field(("transmission_color",), (1.0, 1.0, 1.0)),
         "absorption_depth": Field(("transmission_depth",), 0.0),
+        "dispersion": Field(("transmission_dispersion_scale",), 0.0),
+        "abbe": Field(("transmission_dispersion_abbe_number",), 20.0),
         "thin_walled": Field(("geometry_thin_walled",), False),
         "presence": Field(("geometry_opacity",), 1.0),
         "emission": Field(("emission_color",), (1.0, 1.0, 1.0), ("emission_luminance", 0.0)),
@@ -21,9 +33,9 @@ DIALECT = Dialect(
         "fuzz_weight": 0.0,
         "subsurface_weight": 0.0,
         "thin_film_weight": 0.0,
-        "transmission_dispersion_scale": 0.0,
         "transmission_scatter": 0.0,
         "specular_roughness_anisotropy": 0.0,
     },
+    adjust=_adjust,
     untinted="transmission_color",
 )

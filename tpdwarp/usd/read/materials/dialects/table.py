@@ -62,7 +62,7 @@ class Dialect:
         """
         values: dict[str, Any] = {}
         sources: dict[str, str] = {}
-        shown = False
+        shown = ""
         for name, where in self.fields.items():
             sources[name] = inputs.source(*where.names)
             image = _base_image(inputs, where) if name == "base_color" else None
@@ -77,7 +77,9 @@ class Dialect:
             values[name] = _value(inputs, name, where)
             if name == "base_color":
                 found = inputs.value(*where.names)
-                shown = found is None or found.display_color
+                shown = "displayColor" if found is None else found.primvar
+            elif (found := inputs.value(*where.names)) is not None and found.primvar:
+                inputs.warn(where.names[0], "is a primvar, which is not spread; its fallback is used")
         if self.adjust is not None:
             self.adjust(inputs, values)
         for name in PRESENCES:
@@ -85,7 +87,7 @@ class Dialect:
                 sources.setdefault("presence", sources[name])
         self._warn(inputs, values)
         known = {name: value for name, value in values.items() if name in Physical.__dataclass_fields__}
-        return Physical(**{"by_display_color": shown, **known}, sources=sources)
+        return Physical(**{"color_primvar": shown, **known}, sources=sources)
 
     def _warn(self, inputs: Inputs, values: dict[str, Any]) -> None:
         for name, harmless in self.ignored.items():
