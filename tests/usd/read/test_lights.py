@@ -1,6 +1,7 @@
 """Lights: UsdLux units, motion, and what is left out."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
@@ -97,6 +98,24 @@ def test_a_sphere_is_as_large_as_it_is_in_the_world_unless_it_asks_to_be_a_point
 def test_colour_temperature_tints_by_the_blackbody(small):
     distant(small, EnableColorTemperature=True, ColorTemperature=3000.0)
     np.testing.assert_allclose(read(small)[0].power, 8 * np.array(UsdLux.BlackbodyTemperatureAsRgb(3000.0)), rtol=1e-7)
+
+
+def test_suns_of_blender_are_as_bright_wide_and_white_as_blender_means_them(small):
+    light = distant(small)
+    light.CreateIntensityAttr(0.75)
+    light.CreateAngleAttr(4.0)
+    light.CreateNormalizeAttr(True)
+    light.CreateEnableColorTemperatureAttr(True)
+    light.CreateColorTemperatureAttr(6500.0)
+    plain, _ = read(small)
+    tint = np.array(UsdLux.BlackbodyTemperatureAsRgb(6500.0))
+    np.testing.assert_allclose(plain.power, 0.75 * tint, rtol=1e-6)
+    small.stage.GetRootLayer().documentation = "Blender v5.0.1"
+    found, warnings = read(small)
+    # A sun of 3 W/m² and 8°, as Blender exports and imports it.
+    np.testing.assert_allclose(found.power, 3.0, rtol=1e-6)
+    assert found.extent.radius == pytest.approx(math.radians(4.0))
+    assert len(warnings) == 1 and "Blender" in warnings[0]
 
 
 def test_the_diffuse_multiplier_scales_the_power(small):
@@ -272,27 +291,36 @@ def test_a_rectangle_that_turns_has_spans_that_move(small):
     np.testing.assert_allclose(extent.spans_motion, half(30) - half(20), atol=1e-12)
 
 
-def test_textures_of_rectangles_and_shaping_of_cylinders_are_said(small):
+def test_pictures_that_cannot_be_read_and_shaping_of_cylinders_are_said(small):
     UsdLux.RectLight.Define(small.stage, "/Panel").CreateTextureFileAttr("picture.exr")
     tube = UsdLux.CylinderLight.Define(small.stage, "/Tube")
     UsdLux.ShapingAPI.Apply(tube.GetPrim()).CreateShapingConeAngleAttr(30.0)
-    warnings = small.open().warnings.messages
-    assert len(warnings) == 2 and "/Panel: the rectangle's texture" in warnings[0] and "/Tube: " in warnings[1]
+    scene = small.open()
+    assert len(scene.at(Shutter.still(1)).lights) == 2
+    tube_said, panel_said = scene.warnings.messages
+    assert "/Panel.inputs:texture:file: cannot" in panel_said and "/Tube: " in tube_said
 
 
-def test_a_rectangle_shines_by_the_mean_colour_of_its_texture(small, tmp_path):
-    pixels = np.zeros((2, 2, 3), np.float32)
-    pixels[0, :] = (4.0, 2.0, 1.0)
-    spec = oiio.ImageSpec(2, 2, 3, "float")
-    output = oiio.ImageOutput.create(str(tmp_path / "picture.exr"))
-    assert output.open(str(tmp_path / "picture.exr"), spec) and output.write_image(pixels)
-    output.close()
-    panel = UsdLux.RectLight.Define(small.stage, "/Panel")
-    panel.CreateTextureFileAttr("./picture.exr")
-    panel.CreateIntensityAttr(3.0)
-    light, warnings = read(small)
-    assert light.power == pytest.approx((6.0, 3.0, 1.5))
-    assert len(warnings) == 1 and "mean colour" in warnings[0]
+def test_a_rectangle_with_a_picture_is_one_light_a_pixel_upright_before_it(small):
+    """The picture's first pixel lies at (+x, +y), which is up and left for who looks along +z, against the light."""
+    colors = np.zeros((2, 3, 3), np.float32)
+    colors[0, 0], colors[1, 2], colors[1, 1] = (1.0, 0.5, 0.25), (0.0, 2.0, 0.0), (4.0, 4.0, 4.0)
+    image = oiio.ImageBuf(np.ascontiguousarray(colors))
+    assert image.write(str(Path(small.file).parent / "picture.exr"))
+    light = UsdLux.RectLight.Define(small.stage, "/Panel")
+    light.CreateTextureFileAttr("picture.exr")
+    light.CreateWidthAttr(6.0)
+    light.CreateHeightAttr(2.0)
+    light.CreateIntensityAttr(3.0)
+    scene = small.open()
+    found = {light.path: light for light in scene.at(Shutter.still(1)).lights}
+    assert list(found) == ["/Panel[0]", "/Panel[4]", "/Panel[5]"] and scene.warnings.messages == []
+    places = [light.position.tolist() for light in found.values()]
+    np.testing.assert_allclose(places, [(2.0, 0.5, 0.0), (0.0, -0.5, 0.0), (-2.0, -0.5, 0.0)], atol=1e-12)
+    # A sixth of the area, 2 by 1, of radiance 3.
+    np.testing.assert_allclose(found["/Panel[0]"].power, (6.0, 3.0, 1.5), rtol=1e-3)
+    np.testing.assert_allclose(found["/Panel[5]"].power, (0.0, 12.0, 0.0), rtol=1e-3)
+    np.testing.assert_allclose(found["/Panel[4]"].extent.spans, [(1.0, 0.0, 0.0), (0.0, 0.5, 0.0)], atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdLux
+from pxr import Usd, UsdGeom, UsdLux
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import (
@@ -19,12 +19,14 @@ from tpdwarp.scene.description import (
     Shaping,
     Shutter,
 )
+from tpdwarp.scene.light_places import tiles_of
 from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
+from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is_of_blender
 from tpdwarp.usd.read.links import LightLinks
 from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_at, raw_at, text_at, value_at
+from tpdwarp.usd.read.values import number_at, text_at, value_at
 
 # Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
 AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
@@ -44,6 +46,8 @@ PROFILES: dict[type, tuple[EmissionProfile, float]] = {
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 
+# Pictures of rectangles are brought down to so many rows: each pixel is a light. Chosen, not derived.
+PICTURE_ROWS = 4
 # Where lights name their groups for other renderers: ours, then RenderMan's, Karma's and Arnold's.
 GROUP_ATTRIBUTES = (
     "tpdwarp:lightGroup",
@@ -56,8 +60,6 @@ GROUP_ATTRIBUTES = (
     "inputs:arnold:aov",
 )
 
-# Rows that a rectangle's texture is brought down to for its mean.
-MEAN_ROWS = 64
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
 # What photographs of suns and what the account of energy hold; squares of it stay numbers.
@@ -87,6 +89,7 @@ class Light:
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
         self._api = UsdLux.LightAPI(prim)
         self.links = LightLinks(self._api)
+        self._of_blender = is_of_blender(prim)
         self.kind = LightKind.DISTANT if prim.IsA(UsdLux.DistantLight) else LightKind.POINT
         self._shape = next((kind for kind in AREAS if prim.IsA(kind)), None)
         self.varies = transforms.span(prim) is not None
@@ -95,7 +98,7 @@ class Light:
         ]
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
         self._visibilities = _visibilities(prim)
-        self._texture = self._texture_mean()
+        self._pictures: dict[str, np.ndarray | None] = {}
         self._warn_unsupported()
 
     @property
@@ -113,7 +116,7 @@ class Light:
     def extent_in_words(self, frame: float) -> str:
         """What it is in its own space, if it has an extent; else empty."""
         if self.kind == LightKind.DISTANT:
-            angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
+            angle = self._angle(frame)
             return f"a disc of {angle:g} degrees" if angle else ""
         sizes = [] if self._shape is None else self._sizes(frame)
         if not sizes or not all(sizes) or self._asks_to_be_a_point(frame):
@@ -144,11 +147,34 @@ class Light:
         place = position, axes, position_motion, axes_motion
         return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent)
 
+    def all_over(self, shutter: Shutter) -> list[LightAtShutter]:
+        """The lights that it is over ``shutter``: none, itself, or one for each part of a rectangle's picture."""
+        light = self.over(shutter)
+        if light is None:
+            return []
+        if light.extent is None or light.extent.shape != ExtentShape.RECT:
+            return [light]
+        colors = self._picture(shutter.frame)
+        return [light] if colors is None else tiles_of(light, colors)
+
+    def _picture(self, frame: float) -> np.ndarray | None:
+        """A rectangle's picture, brought down to a few pixels, shape [h, w, 3]; None where it has none."""
+        attribute = UsdLux.RectLight(self.prim).GetTextureFileAttr()
+        value = attribute.Get(frame) if attribute else None
+        if not value or not value.path:
+            return None
+        path = value.resolvedPath or value.path
+        if path not in self._pictures:
+            self._pictures[path] = picture_of(path, PICTURE_ROWS)
+        if self._pictures[path] is None:
+            self._warnings(str(attribute.GetPath()), "cannot be read: the rectangle is of its colour all over")
+        return self._pictures[path]
+
     def _extent(self, shutter: Shutter) -> Extent | None:
         """Its extent at mid shutter; None where it has none, or is not to be taken for more than a point."""
         time = shutter.middle
         if self.kind == LightKind.DISTANT:
-            angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), time)
+            angle = self._angle(time)
             return Extent(ExtentShape.ROUND, math.radians(0.5 * min(angle, 180.0))) if angle > 0 else None
         sizes = self._sizes(time)
         if not all(sizes) or self._asks_to_be_a_point(time):
@@ -220,14 +246,14 @@ class Light:
         color = value_at(self._api.GetColorAttr(), frame, (3,))
         if not np.isfinite(color).all() or color.min() < 0:
             self._refuse(self._api.GetColorAttr(), f"holds {tuple(map(float, color))}")
-        if number_at(self._api.GetEnableColorTemperatureAttr(), frame):
-            kelvin = self._number(self._api.GetColorTemperatureAttr(), frame)
+        asks = number_at(self._api.GetEnableColorTemperatureAttr(), frame)
+        kelvin = self._number(self._api.GetColorTemperatureAttr(), frame) if asks else None
+        white = self._of_blender and kelvin == BLENDER_WHITE
+        if kelvin is not None and not white:
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
         scale *= self._factor(frame)
-        if self._texture is not None:
-            color = color * self._texture
         with np.errstate(over="ignore", invalid="ignore"):
             power = scale * color
         if not power.max() <= LARGEST:
@@ -238,26 +264,20 @@ class Light:
             )
         return tuple(map(float, power))
 
-    def _texture_mean(self) -> np.ndarray | None:
-        """Mean colour [3] of a rectangle's texture; None without one that can be read."""
-        rectangle = UsdLux.RectLight(self.prim) if self._shape is UsdLux.RectLight else None
-        value = raw_at(rectangle.GetTextureFileAttr(), EARLIEST) if rectangle else None
-        if not isinstance(value, Sdf.AssetPath) or not value.path:
-            return None
-        picture = picture_of(value.resolvedPath or value.path, MEAN_ROWS)
-        if picture is None:
-            self._warnings(self.path, "the rectangle's texture cannot be read: it is of its colour all over")
-            return None
-        return picture.mean(axis=(0, 1), dtype=np.float64)
-
     def _factor(self, frame: float) -> float:
         """By what the radiance is to be multiplied for :meth:`power`."""
         return self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._area_factor(frame)
 
-    def _distant_factor(self, frame: float) -> float:
+    def _angle(self, frame: float) -> float:
+        """Angle of a distant light's disc [degrees]."""
         angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
-        if angle == 0:
-            return 1.0
+        return angle * BLENDER_ANGLE if self._of_blender else angle
+
+    def _distant_factor(self, frame: float) -> float:
+        angle = self._angle(frame)
+        host = BLENDER_SUN if self._of_blender else 1.0
+        if angle == 0 or self._of_blender:
+            return host
         if number_at(self._api.GetNormalizeAttr(), frame):
             return 1.0
         return math.pi * math.sin(math.radians(0.5 * min(angle, 180.0))) ** 2
@@ -299,10 +319,12 @@ class Light:
         asks_for_cone = _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
             shaping.GetShapingFocusAttr(), 0.0
         )
+        if self._of_blender and self.kind == LightKind.DISTANT:
+            self._warnings(
+                self.path, "is as bright and wide as in Blender, which wrote it: four times and twice what USD says"
+            )
         if asks_for_cone and self.kind == LightKind.DISTANT:
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
-        if self._texture is not None:
-            self._warnings(self.path, "the rectangle's texture is rendered by its mean colour")
         if asks_for_cone and self._shape is UsdLux.CylinderLight:
             self._warnings(self.path, "the shaping of a cylinder is not rendered")
         ies = shaping.GetShapingIesFileAttr()

@@ -129,7 +129,7 @@ class PlacedMesh:
             appearance = self._appearances.of(
                 self.prim, geometry.topology, geometry.point_count, shutter.frame, None if given is None else given[0]
             )
-            if self.copies and appearance.given_row >= 0:
+            if self.copies and appearance.given_at >= 0:
                 appearance = replace(appearance, colors=np.concatenate([appearance.colors, given]))
             self._appearance = geometry.topology, appearance
             self._whole = None
@@ -146,10 +146,10 @@ class PlacedMesh:
         """The mesh with its materials, without what these cut out."""
         count, kept = self.count, appearance.kept
         color_indices = _for_copies(appearance.color_indices, count)
-        if self.copies and appearance.given_row >= 0:
+        if self.copies and appearance.given_at >= 0:
             # Each has a colour of its own, after all others.
             own = len(appearance.colors) - count + np.repeat(np.arange(count), len(appearance.color_indices))
-            given = color_indices == appearance.given_row
+            given = color_indices == appearance.given_at
             color_indices = np.where(given, own[:, None], color_indices).astype(np.int32)
         return _without_holes(
             replace(
