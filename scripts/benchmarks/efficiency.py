@@ -202,17 +202,21 @@ def growth() -> dict[str, float]:
 
 
 def instances() -> dict[str, float]:
-    """CPU seconds of a process that renders seventy thousand instances of a small mesh, 160 pixels wide."""
-    with tempfile.TemporaryDirectory() as folder:
-        stage = _instanced(Path(folder) / "instances.usdc")
-        script = (
-            "import sys, time, tpdwarp\nstart = time.process_time()\n"
-            "tpdwarp.render(sys.argv[1], sys.argv[2], frames=1, photons=16384, image_width=160)\n"
-            "print(time.process_time() - start)"
-        )
-        command = [sys.executable, "-c", script, str(stage), f"{folder}/a.exr"]
-        printed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
-    return _said(f"CPU s of {INSTANCES} instances", float(printed.splitlines()[-1]), "at most 3 s on two cores")
+    """CPU seconds of a process that renders seventy thousand instances of a small mesh, 160 pixels wide, or moving."""
+    found = {}
+    script = (
+        "import sys, time, tpdwarp\nstart = time.process_time()\n"
+        "tpdwarp.render(sys.argv[1], sys.argv[2], frames=1, photons=16384, image_width=160)\n"
+        "print(time.process_time() - start)"
+    )
+    for moving in (False, True):
+        with tempfile.TemporaryDirectory() as folder:
+            stage = _instanced(Path(folder) / "instances.usdc", moving)
+            command = [sys.executable, "-c", script, str(stage), f"{folder}/a.exr"]
+            printed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+        what = f"CPU s of {INSTANCES} {'moving' if moving else 'still'} instances"
+        found |= _said(what, float(printed.splitlines()[-1]), "at most 3 s on two cores")
+    return found
 
 
 def process() -> dict[str, float]:
@@ -267,8 +271,8 @@ def _cells(photons: PhotonMap, patch: Patch) -> np.ndarray:
     return (v - patch.first_v) * patch.count_u + u - patch.first_u
 
 
-def _instanced(path: Path) -> Path:
-    """The wave with a crowd of small pyramids on its floor."""
+def _instanced(path: Path, moving: bool) -> Path:
+    """The wave with a crowd of small pyramids on its floor, at rest or gliding along it."""
     from pxr import Gf, Usd, UsdGeom, Vt
 
     stage = Usd.Stage.CreateInMemory()
@@ -288,6 +292,10 @@ def _instanced(path: Path) -> Path:
     places = np.stack(np.divmod(np.arange(INSTANCES), side), axis=1) * (2.0 / side) - 1.0
     positions = np.column_stack([places, np.full(INSTANCES, 1e-4)]).astype(np.float32)
     instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(positions))
+    if moving:
+        for time_code in (1, 2):
+            glided = positions + np.float32([2e-4 * time_code, 0.0, 0.0])
+            instancer.GetPositionsAttr().Set(Vt.Vec3fArray.FromNumpy(glided), time_code)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     stage.GetRootLayer().Export(str(path))
     return path

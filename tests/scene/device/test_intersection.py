@@ -11,7 +11,7 @@ import warp as wp
 from tests.photons.shapes import DIFFUSE, MIRROR, floor, mesh, ripples
 from tests.photons.traced import EPS, scene_of
 from tpdwarp.device import Launcher
-from tpdwarp.scene.device.geometry import Geometry, Surfaces
+from tpdwarp.scene.device.geometry import Geometry, Surfaces, geometry_of
 from tpdwarp.scene.device.intersection import closest_hit, diffuse_color, occluded, shading_normal
 from usd_scenes.oracle import surfaces_of
 from usd_scenes.oracle.tracer import trace
@@ -79,6 +79,20 @@ def test_hits_are_those_of_the_oracle(smooth):
     np.testing.assert_allclose(hits["n"], shading, atol=16 * EPS / cell)
     motion = np.einsum("nk,nki->ni", path.barycentrics[0], water.motions[water.triangles[triangles]])
     np.testing.assert_allclose(NORM.world_vectors(hits["motion"]), motion, atol=16 * EPS / cell)
+
+
+def test_what_stands_instead_of_an_earlier_scene_is_met_as_if_it_were_built_anew():
+    earlier, water = (ripples(GRID, GRID, height, 0.05, DIFFUSE, True) for height in (0.5, 1.0))
+    scene, launcher = scene_of([water, floor(-1.0)]), Launcher("cpu", 1)
+    before, anew = packed(earlier, floor(-1.0)), packed(water, floor(-1.0))
+    after = geometry_of(scene, NORM, launcher, with_motions=False, instead_of=before)
+    assert after.mesh is before.mesh
+    (found, triangles, _), (expected, known, _) = (looked(geometry, *rays()) for geometry in (after, anew))
+    np.testing.assert_array_equal(triangles, known)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], values)
+    # Other triangles have a tree of their own.
+    assert geometry_of(scene, NORM, launcher, with_motions=False, instead_of=packed(water)).mesh is not before.mesh
 
 
 def test_a_ray_meets_nothing_where_nothing_is():

@@ -129,9 +129,8 @@ class PlacedMesh:
             appearance = self._appearances.of(
                 self.prim, geometry.topology, geometry.point_count, shutter.frame, None if given is None else given[0]
             )
-            if appearance.given_at >= 0:
-                others, last = np.split(appearance.colors, [appearance.given_at])
-                appearance = replace(appearance, colors=np.concatenate([others, given, last[1:]]))
+            if self.copies and appearance.given_at >= 0:
+                appearance = replace(appearance, colors=np.concatenate([appearance.colors, given]))
             self._appearance = geometry.topology, appearance
             self._whole = None
         if self._whole is None:
@@ -146,13 +145,19 @@ class PlacedMesh:
     def _dressed(self, mesh: MeshAtShutter, appearance: Appearance) -> MeshAtShutter:
         """The mesh with its materials, without what these cut out."""
         count, kept = self.count, appearance.kept
+        color_indices = _for_copies(appearance.color_indices, count)
+        if self.copies and appearance.given_at >= 0:
+            # Each has a colour of its own, after all others.
+            own = len(appearance.colors) - count + np.repeat(np.arange(count), len(appearance.color_indices))
+            given = color_indices == appearance.given_at
+            color_indices = np.where(given, own[:, None], color_indices).astype(np.int32)
         return _without_holes(
             replace(
                 mesh,
                 materials=appearance.materials,
                 triangle_materials=_for_copies(appearance.triangle_materials, count),
                 colors=appearance.colors,
-                color_indices=_for_copies(appearance.color_indices, count, appearance.given_at),
+                color_indices=color_indices,
                 coordinates=appearance.coordinates,
                 coordinate_indices=_for_copies(appearance.coordinate_indices, count),
                 priority=self._appearances.priority(self.prim),
@@ -239,20 +244,18 @@ class PlacedMesh:
         return matrices
 
 
-def _for_copies(rows: np.ndarray | None, count: int, given_at: int = -1) -> np.ndarray | None:
+def _for_copies(rows: np.ndarray | None, count: int, step: int = 0) -> np.ndarray | None:
     """Rows [m, ...] of a mesh for ``count`` copies of it, [count m, ...].
 
-    Where each copy has a row of its own in the place of row ``given_at``, indices of that one and of those behind it
-    are moved.
+    Indices grow by ``step`` from one copy to the next; what is no index, −1, stays.
     """
     if rows is None or count == 1:
         return rows
     copied = np.tile(rows, (count, *[1] * (rows.ndim - 1)))
-    if given_at < 0:
+    if step == 0:
         return copied
-    copies = np.repeat(np.arange(count, dtype=np.int32), len(rows)).reshape(-1, *[1] * (rows.ndim - 1))
-    moved = np.where(copied == given_at, copied + copies, copied)
-    return np.where(copied > given_at, copied + np.int32(count - 1), moved)
+    steps = step * np.repeat(np.arange(count, dtype=np.int32), len(rows))
+    return np.where(copied >= 0, copied + steps.reshape(-1, *[1] * (rows.ndim - 1)), -1)
 
 
 def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:

@@ -216,7 +216,8 @@ class StageScene:
         limited = {path: found for path, found in links.items() if found.limited}
         if not limited:
             return lights
-        meshes = [(placed.label, collected_as(placed)) for placed in self._placed(shutter.frame)]
+        placed = list(self._placed(shutter.frame))
+        meshes = [(path, collected_as(one)) for one in placed for path in one.copies or (one.label,)]
         found = []
         for light in lights:
             own = limited.get(light.path) or limited.get(light.path.rpartition("/light")[0])
