@@ -23,20 +23,26 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from caustics_pass import material, named, placed, set_up_cycles
 
-GREY = (0.6, 0.6, 0.6)
+# Dark, so that next to no light goes from the floor through glass to the floor again, which is not rendered here.
+GREY = (0.05, 0.05, 0.05)
 # Cycles finds light through glass by chance alone, and small lamps hardly ever.
 SUN_ANGLE = math.radians(8.0)
 
 
 def ocean() -> None:
-    """Blender's ocean as a sheet of glass over a floor, under the sun."""
+    """Blender's ocean as a slab of glass over a floor, under the sun.
+
+    A sheet alone would not compare: Cycles leaves out by how much radiance changes in water, which cancels behind it.
+    """
     bpy.ops.mesh.primitive_plane_add(size=8)
     named("Floor", material("Floor", GREY, 0.0))
-    bpy.ops.mesh.primitive_plane_add(size=1, location=(0, 0, 1.5))
+    bpy.ops.mesh.primitive_plane_add(size=1, location=(0, 0, 2.0))
     named("Water", material("Water", (1.0, 1.0, 1.0), 1.0))
     waves = bpy.context.object.modifiers.new("Ocean", "OCEAN")
     waves.geometry_mode, waves.resolution, waves.spatial_size = "GENERATE", 8, 6
     waves.size, waves.wave_scale, waves.choppiness = 1.0, 0.5, 0.0
+    slab = bpy.context.object.modifiers.new("Solidify", "SOLIDIFY")
+    slab.thickness = 0.3
     sun((0.4, 0.2))
 
 
@@ -44,7 +50,7 @@ def monkey() -> None:
     """A head of glass, smoothed by subdivision, over a floor under the sun."""
     bpy.ops.mesh.primitive_plane_add(size=8)
     named("Floor", material("Floor", GREY, 0.0))
-    bpy.ops.mesh.primitive_monkey_add(size=1.4, location=(0, 0, 1.0), rotation=(0.3, 0, 0.4))
+    bpy.ops.mesh.primitive_monkey_add(size=1.4, location=(0, 0, 2.0), rotation=(0.3, 0, 0.4))
     named("Head", material("Glass", (1.0, 1.0, 1.0), 1.0))
     smooth = bpy.context.object.modifiers.new("Subdivision", "SUBSURF")
     smooth.levels = smooth.render_levels = 3
@@ -55,11 +61,11 @@ def gobo() -> None:
     """A ball of glass in the light of a sun that shines through a lattice."""
     bpy.ops.mesh.primitive_plane_add(size=8)
     named("Floor", material("Floor", GREY, 0.0))
-    bpy.ops.mesh.primitive_grid_add(size=3, x_subdivisions=6, y_subdivisions=6, location=(0, 0, 2.4))
+    bpy.ops.mesh.primitive_grid_add(size=3, x_subdivisions=6, y_subdivisions=6, location=(0, 0, 3.2))
     named("Lattice", material("Wood", (0.1, 0.1, 0.1), 0.0), smooth=False)
     bars = bpy.context.object.modifiers.new("Wireframe", "WIREFRAME")
     bars.thickness = 0.15
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.6, segments=96, ring_count=48, location=(0, 0, 0.8))
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.6, segments=96, ring_count=48, location=(0, 0, 1.9))
     named("Ball", material("Glass", (1.0, 1.0, 1.0), 1.0))
     sun((0.0, 0.2))
 
@@ -69,11 +75,11 @@ def area() -> None:
     bpy.ops.mesh.primitive_plane_add(size=8)
     named("Floor", material("Floor", GREY, 0.0))
     ring = {"major_radius": 0.6, "minor_radius": 0.2, "major_segments": 96, "minor_segments": 48}
-    bpy.ops.mesh.primitive_torus_add(**ring, location=(0, 0, 0.6), rotation=(0.5, 0.4, 0))
+    bpy.ops.mesh.primitive_torus_add(**ring, location=(0, 0, 1.8), rotation=(0.5, 0.4, 0))
     named("Ring", material("Glass", (1.0, 1.0, 1.0), 1.0))
     light = bpy.data.lights.new("Lamp", "AREA")
     light.shape, light.size, light.size_y, light.energy = "RECTANGLE", 1.0, 0.5, 300.0
-    lamp = placed("Lamp", light, (0.5, -0.4, 3.0))
+    lamp = placed("Lamp", light, (0.5, -0.4, 4.0))
     lamp.rotation_euler = (math.radians(10), math.radians(8), 0)
 
 
@@ -116,10 +122,10 @@ def sun(tilt: tuple[float, float]) -> None:
 
 
 def looking_down() -> None:
-    """A camera that looks straight down on the floor."""
+    """A camera below the glass that looks straight down on the floor, and sees nothing else."""
     camera = bpy.data.cameras.new("Camera")
-    camera.type, camera.ortho_scale = "ORTHO", 5.0
-    bpy.context.scene.camera = placed("Camera", camera, (0, 0, 8))
+    camera.lens = 8.0
+    bpy.context.scene.camera = placed("Camera", camera, (0, 0, 1.0))
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import warp as wp
 
 from tests.footprints.test_kernels import gauss_error
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
+from tpdwarp.footprints.lanes import LANES, Lanes
 from usd_scenes.oracle import static_kernel
 
 curved_bspline = bspline_weight(True, True)
@@ -32,7 +33,14 @@ def evaluate_ways(
     trajectory.jerk = jerk[i]
     trajectory.jacobian_rate = rate[i]
     trajectory.filter_width = box[i]
-    out[i] = curved_bspline(y[i], trajectory)
+    # In one lane, with another query in all others.
+    lane = i % LANES
+    u = Lanes(y[0][0])
+    v = Lanes(y[0][1])
+    u[lane] = y[i][0]
+    v[lane] = y[i][1]
+    weights = curved_bspline(u, v, trajectory)
+    out[i] = weights[lane]
 
 
 def weights_of(y: np.ndarray, *trajectory: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ import warp as wp
 
 from tpdwarp.footprints.bspline import SUPPORT, Trajectory, bspline_weight
 from tpdwarp.footprints.kernels import RADIAL, moving_weight, static_weight
+from tpdwarp.footprints.lanes import Lanes
 from usd_scenes.oracle import shutter_kernel, static_kernel, swept_kernel
 from usd_scenes.oracle.quadrature import integrate
 
@@ -59,14 +60,16 @@ static_bspline, straight_bspline = bspline_weight(False, False), bspline_weight(
 
 @wp.func
 def bspline_alone(y: wp.vec2) -> float:
-    return static_bspline(y, Trajectory())
+    weights = static_bspline(Lanes(y[0]), Lanes(y[1]), Trajectory())
+    return weights[0]
 
 
 @wp.func
 def bspline_shutter(y: wp.vec2, v: wp.vec2) -> float:
     way = Trajectory()
     way.velocity = v
-    return straight_bspline(y - 0.5 * v, way)
+    weights = straight_bspline(Lanes(y[0] - 0.5 * v[0]), Lanes(y[1] - 0.5 * v[1]), way)
+    return weights[0]
 
 
 @cache

@@ -128,6 +128,16 @@ def test_two_rough_surfaces_spread_light_by_the_sum_of_their_variances():
     assert result.energy.deposited == pytest.approx(one.energy.deposited, rel=1e-6)
 
 
+def test_a_rough_sheet_spreads_light_by_both_of_its_sides():
+    width = 0.04
+    sheet = floor(1.0, 1.0, replace(GLASS, thin_walled=True, roughness=width), "/sheet")
+    result = through(floor(half=9.0), sheet, direction=(0, 0, -1), photons=64)
+    row = straight(result)[0]
+    variance = np.sum(np.stack([result.photons.dxda[row], result.photons.dxdb[row]])[:, :2] ** 2, axis=0)
+    deviation = width / np.sqrt(2 * np.log(2))
+    np.testing.assert_allclose(variance, 2 * (0.5 * deviation) ** 2, rtol=1e-4)
+
+
 def test_light_of_each_wavelength_refracts_by_its_own_index():
     prism = replace(GLASS, abbe=30.0)
     result = through(floor(half=9.0), floor(1.0, 1.0, prism, "/water"), photons=256)

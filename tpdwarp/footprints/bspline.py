@@ -8,6 +8,9 @@ The degree is two. A B-spline of degree d blurs light by its variance (d + 1)/12
 folds and costs nine sixteenths more; the linear one errs less there, but leaves the lattice's creases in smooth light
 (measured with ``scripts/benchmarks/run.py accuracy`` while there were all three). Averaged over the filter width of a
 query, its translates still sum to one; those of a B-spline that is stretched beyond its cells do not.
+
+All of it is evaluated for sixteen queries at once (:mod:`tpdwarp.footprints.lanes`), without branches that differ
+between them.
 """
 
 from __future__ import annotations
@@ -16,6 +19,8 @@ import math
 from functools import cache
 
 import warp as wp
+
+from tpdwarp.footprints.lanes import LANES, Lanes, not_negative
 
 # Half the width of the B-spline of degree two, in cells: (degree + 1)/2.
 SUPPORT = 1.5
@@ -33,68 +38,72 @@ DISC_AREA = wp.constant(4.0 * math.pi)
 
 
 @wp.func
-def quadratic_bspline(x: float) -> float:
+def quadratic_bspline(x: Lanes) -> Lanes:
     """b(x), centred, with support (−3/2, 3/2) and ∫ b = 1: beyond the paper, beside the kernels of Table 1."""
-    # Without branches: footprints are narrow, so that which piece a query falls on cannot be predicted.
     distance = wp.abs(x)
-    outer = wp.max(1.5 - distance, 0.0)
-    inner = wp.max(0.5 - distance, 0.0)
-    return 0.5 * outer * outer - 1.5 * inner * inner
+    outer = wp.max(Lanes(1.5) - distance, Lanes(0.0))
+    inner = wp.max(Lanes(0.5) - distance, Lanes(0.0))
+    return 0.5 * wp.cw_mul(outer, outer) - 1.5 * wp.cw_mul(inner, inner)
 
 
 @wp.func
-def _bspline_tail(x: float) -> float:
+def _bspline_tail(x: Lanes) -> Lanes:
     """∫ b from x ≥ 0 to the end of its support, for averages over a box (beyond the paper)."""
-    outer = wp.max(1.5 - x, 0.0)
-    inner = wp.max(0.5 - x, 0.0)
-    return outer * outer * outer * SIXTH - 0.5 * inner * inner * inner
+    outer = wp.max(Lanes(1.5) - x, Lanes(0.0))
+    inner = wp.max(Lanes(0.5) - x, Lanes(0.0))
+    return SIXTH * wp.cw_mul(wp.cw_mul(outer, outer), outer) - 0.5 * wp.cw_mul(wp.cw_mul(inner, inner), inner)
 
 
 @wp.func
-def averaged_bspline(x: float, width: float) -> float:
+def averaged_bspline(x: Lanes, width: float) -> Lanes:
     """Mean of b over an interval of ``width`` around x: a pixel's average along one axis (beyond the paper).
 
     It is a difference of tails, so that it is exact near the rim.
     """
     distance = wp.abs(x)
-    half = 0.5 * width
+    half = Lanes(0.5 * width)
     near = _bspline_tail(wp.abs(distance - half))
-    return (wp.where(distance < half, 1.0 - near, near) - _bspline_tail(distance + half)) / width
+    inside = not_negative(half - distance)
+    return (near + wp.cw_mul(inside, Lanes(1.0) - 2.0 * near) - _bspline_tail(distance + half)) / width
 
 
 @wp.func
-def _double_tail(x: float) -> float:
+def _double_tail(x: Lanes) -> Lanes:
     """∫ of the tail from |x| on, plus |x|/2, which second differences do not see: even, convex (beyond the paper)."""
     distance = wp.abs(x)
-    outer = wp.max(1.5 - distance, 0.0)
-    inner = wp.max(0.5 - distance, 0.0)
-    outer = outer * outer
-    inner = inner * inner
-    return outer * outer / 24.0 - inner * inner * 0.125 + 0.5 * distance
+    outer = wp.max(Lanes(1.5) - distance, Lanes(0.0))
+    inner = wp.max(Lanes(0.5) - distance, Lanes(0.0))
+    outer = wp.cw_mul(outer, outer)
+    inner = wp.cw_mul(inner, inner)
+    return wp.cw_mul(outer, outer) / 24.0 - 0.125 * wp.cw_mul(inner, inner) + 0.5 * distance
 
 
 @wp.func
-def twice_averaged_bspline(x: float, width: float, second: float) -> float:
+def twice_averaged_bspline(x: Lanes, width: float, second: float) -> Lanes:
     """Mean of b over an interval of ``width``, and of that over one of ``second`` (beyond the paper).
 
     Across a line, a pixel is two such boxes: the projections of its sides.
     """
-    both = 0.5 * (width + second)
-    apart = 0.5 * (width - second)
+    both = Lanes(0.5 * (width + second))
+    apart = Lanes(0.5 * (width - second))
     outer = _double_tail(x + both) + _double_tail(x - both)
     inner = _double_tail(x + apart) + _double_tail(x - apart)
-    return wp.max(outer - inner, 0.0) / (width * second)
+    return wp.max(outer - inner, Lanes(0.0)) / (width * second)
 
 
 @wp.func
-def soft_disc(y: wp.vec2, softness: float) -> float:
+def soft_disc(u: Lanes, v: Lanes, softness: float) -> Lanes:
     """A disc of radius 2 whose edge fades over 2 (1 ± ``softness``), with ∫ = 1 (beyond the paper).
 
     It is the image of a round light. The edge is a smoothstep, whose integral over the plane is π R² (1 + softness²/5).
     """
-    radius = DISC_RADIUS
-    t = wp.clamp((wp.length(y) / radius - 1.0 + softness) / (2.0 * softness), 0.0, 1.0)
-    return (1.0 - t * t * (3.0 - 2.0 * t)) / (DISC_AREA * (1.0 + 0.2 * softness * softness))
+    distance = wp.cw_mul(u, u) + wp.cw_mul(v, v)
+    for lane in range(LANES):
+        distance[lane] = wp.sqrt(distance[lane])
+    t = (distance / DISC_RADIUS - Lanes(1.0 - softness)) / (2.0 * softness)
+    t = wp.min(wp.max(t, Lanes(0.0)), Lanes(1.0))
+    faded = wp.cw_mul(wp.cw_mul(t, t), Lanes(3.0) - 2.0 * t)
+    return (Lanes(1.0) - faded) / (DISC_AREA * (1.0 + 0.2 * softness * softness))
 
 
 @wp.func
@@ -126,23 +135,27 @@ class Trajectory:
 
 
 @wp.func
-def _time_within(y: wp.vec2, velocity: wp.vec2, extent: wp.vec2) -> wp.vec2:
-    """From when to when, in −½ … ½, the point y lies within ``extent`` of what moves by ``velocity``.
+def _time_within(u: Lanes, v: Lanes, velocity: wp.vec2, extent: wp.vec2) -> wp.vec2:
+    """From when to when, in −½ … ½, any of the points (u, v) lies within ``extent`` of what moves by ``velocity``.
 
     These are the limits of the integral over the shutter (beyond the paper).
     """
-    low = float(-0.5)
-    high = float(0.5)
+    low = Lanes(-0.5)
+    high = Lanes(0.5)
     for axis in range(2):
-        # A factor is the same for all queries of a run, a divisor would divide anew for each.
+        at = u
+        if axis == 1:
+            at = v
         slowness = 1.0e9
         if wp.abs(velocity[axis]) > 1.0e-9:
             slowness = 1.0 / velocity[axis]
-        a = (y[axis] - extent[axis]) * slowness
-        b = (y[axis] + extent[axis]) * slowness
+        a = slowness * (at - Lanes(extent[axis]))
+        b = slowness * (at + Lanes(extent[axis]))
         low = wp.max(low, wp.min(a, b))
         high = wp.min(high, wp.max(a, b))
-    return wp.vec2(low, high)
+    # Those that it never reaches, later than its end and before its beginning.
+    missed = Lanes(1.0) - not_negative(high - low)
+    return wp.vec2(wp.min(low + missed), wp.max(high - missed))
 
 
 @wp.func
@@ -158,23 +171,31 @@ def _relative_cell(square: float) -> float:
 
 
 @wp.func
-def panels_to(y: wp.vec2, middle: float, step: float, speeds: wp.vec2, growth: float, trajectory: Trajectory) -> int:
-    """How many panels of the integral (beyond the paper) pass at least until the footprint may reach y; 0 if it does.
+def panels_to(
+    u: Lanes, v: Lanes, middle: float, step: float, speeds: wp.vec2, growth: float, trajectory: Trajectory
+) -> int:
+    """How many panels of the integral (beyond the paper) pass at least until the footprint may reach any (u, v).
+
+    It is 0 if it does.
 
     Args:
         middle: Time of a panel's middle, ``step`` its length.
         speeds: The most that the footprint moves along either axis over the shutter, in cells.
         growth: The most that its axes grow by.
     """
-    out = int(0)
     motion = trajectory.velocity + (0.5 * middle) * (trajectory.acceleration + (middle / 3.0) * trajectory.jerk)
+    panels = Lanes(0.0)
     for axis in range(2):
+        at = u
+        if axis == 1:
+            at = v
         per_panel = wp.max(speeds[axis] * step, 1.0e-6)
         extent = HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis) + 0.5 * per_panel
-        beyond = wp.abs(y[axis] - middle * motion[axis]) - extent
-        if beyond > 0.0:
-            out = wp.max(out, 1 + int(wp.min(beyond / per_panel, MOST_PANELS)))
-    return out
+        panels = wp.max(panels, (wp.abs(at - Lanes(middle * motion[axis])) - Lanes(extent)) / per_panel)
+    fewest = wp.min(panels)
+    if fewest > 0.0:
+        return 1 + int(wp.min(fewest, MOST_PANELS))
+    return 0
 
 
 @wp.func
@@ -198,34 +219,35 @@ def trajectory_extent(trajectory: Trajectory, axis: int) -> float:
 
 @cache
 def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Function:
-    """w(y, trajectory) of a B-spline footprint (beyond the paper); y is relative to where it stands at mid shutter.
+    """w(u, v, trajectory) of a B-spline footprint (beyond the paper) at queries, by lanes.
 
-    ``extended`` says whether there may be soft discs, the images of lights with extent.
+    Queries (u, v) are relative to where it stands at mid shutter. ``extended`` says whether there may be soft discs,
+    the images of lights with extent.
 
     Averages over a filter width cost twice what the B-spline does, so axes without one have functions of their own.
     """
     plain = _weight_along_trajectory(moves, curved, False, 0)
-    u = _weight_along_trajectory(moves, curved, True, 0)
-    v = _weight_along_trajectory(moves, curved, False, 1)
+    box_u = _weight_along_trajectory(moves, curved, True, 0)
+    box_v = _weight_along_trajectory(moves, curved, False, 1)
     both = _weight_along_trajectory(moves, curved, True, 1)
     thin = _weight_along_trajectory(moves, curved, True, 2)
     disc = _weight_along_trajectory(moves, curved, True, 3)
 
     @wp.func
-    def weight(y: wp.vec2, trajectory: Trajectory) -> float:
+    def weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
         width = trajectory.filter_width
         if wp.static(extended):
             if width[2] < 0.0:
-                return disc(y, trajectory)
+                return disc(u, v, trajectory)
         if width[2] > 0.0:
-            return thin(y, trajectory)
+            return thin(u, v, trajectory)
         if width[0] > 0.0:
             if width[1] > 0.0:
-                return both(y, trajectory)
-            return u(y, trajectory)
+                return both(u, v, trajectory)
+            return box_u(u, v, trajectory)
         if width[1] > 0.0:
-            return v(y, trajectory)
-        return plain(y, trajectory)
+            return box_v(u, v, trajectory)
+        return plain(u, v, trajectory)
 
     return weight
 
@@ -234,44 +256,44 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
 def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: int) -> wp.Function:
     """∫ b(y − x(s)) ds over s ∈ [−½, ½] (beyond the paper), by two Gauss nodes for each cell that it moves.
 
-    Only nodes inside the support are visited.
+    Only nodes inside the support of any query are visited.
 
     The nodes do not depend on y, so that translates by one cell sum to one while they sweep, too.
     """
 
     @wp.func
-    def tensor(y: wp.vec2, width: wp.vec3) -> float:
+    def tensor(u: Lanes, v: Lanes, width: wp.vec3) -> Lanes:
         """b(y_u) b(y_v), each averaged over its boxes where it has any."""
-        along_u = float(0.0)
-        along_v = float(0.0)
+        along_u = Lanes(0.0)
+        along_v = Lanes(0.0)
         if wp.static(boxes_v == 3):
-            return soft_disc(y, -width[2])
+            return soft_disc(u, v, -width[2])
         if wp.static(boxes_v == 2):
             # Thin footprints may be long beside a pixel, and then have no box along them.
-            along_u = quadratic_bspline(y[0])
+            along_u = quadratic_bspline(u)
             if width[0] > 0.0:
-                along_u = averaged_bspline(y[0], width[0])
+                along_u = averaged_bspline(u, width[0])
         elif wp.static(box_u):
-            along_u = averaged_bspline(y[0], width[0])
+            along_u = averaged_bspline(u, width[0])
         else:
-            along_u = quadratic_bspline(y[0])
+            along_u = quadratic_bspline(u)
         if wp.static(boxes_v == 2):
-            along_v = twice_averaged_bspline(y[1], width[1], width[2])
+            along_v = twice_averaged_bspline(v, width[1], width[2])
         elif wp.static(boxes_v == 1):
-            along_v = averaged_bspline(y[1], width[1])
+            along_v = averaged_bspline(v, width[1])
         else:
-            along_v = quadratic_bspline(y[1])
-        return along_u * along_v
+            along_v = quadratic_bspline(v)
+        return wp.cw_mul(along_u, along_v)
 
     @wp.func
-    def still(y: wp.vec2, trajectory: Trajectory) -> float:
-        return tensor(y, trajectory.filter_width)
+    def still(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
+        return tensor(u, v, trajectory.filter_width)
 
     if not moves:
         return still
 
     @wp.func
-    def at_time(s: float, y: wp.vec2, trajectory: Trajectory) -> float:
+    def at_time(s: float, u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
         """The weight at the part s of the shutter, with axes and flux as they are then."""
         rate = trajectory.jacobian_rate
         width = trajectory.filter_width
@@ -279,18 +301,20 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
         grown_v = 1.0 + s * rate[1, 1]
         area = grown_u * grown_v - s * s * rate[0, 1] * rate[1, 0]
         scale = 1.0 / area
-        z = y - s * (trajectory.velocity + (0.5 * s) * (trajectory.acceleration + (s / 3.0) * trajectory.jerk))
-        z_u = scale * (grown_v * z[0] - s * rate[0, 1] * z[1])
-        z_v = scale * (grown_u * z[1] - s * rate[1, 0] * z[0])
+        moved = s * (trajectory.velocity + (0.5 * s) * (trajectory.acceleration + (s / 3.0) * trajectory.jerk))
+        from_u = u - Lanes(moved[0])
+        from_v = v - Lanes(moved[1])
+        z_u = scale * (grown_v * from_u - (s * rate[0, 1]) * from_v)
+        z_v = scale * (grown_u * from_v - (s * rate[1, 0]) * from_u)
         boxes = scale * wp.vec3(grown_v * width[0], grown_u * width[1], grown_u * width[2])
-        return (1.0 + s * trajectory.gain) * scale * tensor(wp.vec2(z_u, z_v), boxes)
+        return ((1.0 + s * trajectory.gain) * scale) * tensor(z_u, z_v, boxes)
 
     @wp.func
-    def moving(y: wp.vec2, trajectory: Trajectory) -> float:
+    def moving(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
         extent = wp.vec2(trajectory_extent(trajectory, 0), trajectory_extent(trajectory, 1))
-        within = _time_within(y, trajectory.velocity, extent)
+        within = _time_within(u, v, trajectory.velocity, extent)
         if within[1] <= within[0]:
-            return 0.0
+            return Lanes(0.0)
         speed = float(0.0)
         growth = float(0.0)
         speeds = wp.vec2(0.0, 0.0)
@@ -306,33 +330,36 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
                 square += trajectory.filter_width[2] * trajectory.filter_width[2]
             speed = wp.max(speed, fastest * _relative_cell(square))
         if speed == 0.0 and growth == 0.0:
-            return tensor(y, trajectory.filter_width)
+            return tensor(u, v, trajectory.filter_width)
         panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
         first = int(wp.floor((within[0] + 0.5) * panels))
         last = int(wp.ceil((within[1] + 0.5) * panels))
-        total = float(0.0)
+        total = Lanes(0.0)
         step = 1.0 / panels
         if wp.static(curved):
             if not trajectory.straight:
                 panel = int(first)
                 while panel < last:
                     middle = (float(panel) + 0.5) * step - 0.5
-                    apart = panels_to(y, middle, step, speeds, growth, trajectory)
+                    apart = panels_to(u, v, middle, step, speeds, growth, trajectory)
                     if apart == 0:
-                        total += at_time(middle - GAUSS_OFFSET * step, y, trajectory)
-                        total += at_time(middle + GAUSS_OFFSET * step, y, trajectory)
+                        total += at_time(middle - GAUSS_OFFSET * step, u, v, trajectory)
+                        total += at_time(middle + GAUSS_OFFSET * step, u, v, trajectory)
                     panel += wp.max(apart, 1)
-                return 0.5 * step * total
+                return (0.5 * step) * total
         for panel in range(first, last):
             middle_time = (float(panel) + 0.5) * step - 0.5
-            there = y - middle_time * trajectory.velocity
+            moved = middle_time * trajectory.velocity
             offset = (GAUSS_OFFSET * step) * trajectory.velocity
-            early = tensor(there + offset, trajectory.filter_width)
-            late = tensor(there - offset, trajectory.filter_width)
+            there_u = u - Lanes(moved[0])
+            there_v = v - Lanes(moved[1])
+            early = tensor(there_u + Lanes(offset[0]), there_v + Lanes(offset[1]), trajectory.filter_width)
+            late = tensor(there_u - Lanes(offset[0]), there_v - Lanes(offset[1]), trajectory.filter_width)
             total += early + late
             if wp.static(curved):
                 shift = GAUSS_OFFSET * step
-                total += trajectory.gain * ((middle_time - shift) * early + (middle_time + shift) * late)
-        return 0.5 * step * total
+                total += (trajectory.gain * (middle_time - shift)) * early
+                total += (trajectory.gain * (middle_time + shift)) * late
+        return (0.5 * step) * total
 
     return moving

@@ -18,9 +18,19 @@ from tpdwarp.footprints.bounds import PieceArrays
 from tpdwarp.footprints.bspline import trajectory_extent
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
+from tpdwarp.footprints.lanes import (
+    LANE_NUMBERS,
+    Lanes,
+    LaneVectors,
+    added,
+    equal,
+    in_lane,
+    not_negative,
+    products,
+)
 from tpdwarp.footprints.leaves import LEAF, LeafArrays, leaves_of
 from tpdwarp.footprints.parabolas import Parabola, parabola_at
-from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratio
+from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratios
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
 from tpdwarp.footprints.shaping import FootprintArrays
 from tpdwarp.footprints.weights import GatherForm, footprint_weight
@@ -129,15 +139,22 @@ def _add_parabola(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
         row_u = placed.row_u
         row_v = placed.row_v
         density = placed.density
-        trajectory = placed.trajectory
         step = wp.max(radius * wp.max(wp.length(row_u), wp.length(row_v)), SMALLEST_STEP)
-        y = wp.vec2(wp.dot(row_u, offset), wp.dot(row_v, offset))
-        here = weight(y, trajectory)
-        right = weight(y + wp.vec2(step, 0.0), trajectory)
-        left = weight(y - wp.vec2(step, 0.0), trajectory)
-        upper = weight(y + wp.vec2(0.0, step), trajectory)
-        lower = weight(y - wp.vec2(0.0, step), trajectory)
-        corner = weight(y + wp.vec2(step, step), trajectory)
+        u = Lanes(wp.dot(row_u, offset))
+        v = Lanes(wp.dot(row_v, offset))
+        u[1] = u[0] + step
+        u[2] = u[0] - step
+        v[3] = v[0] + step
+        v[4] = v[0] - step
+        u[5] = u[1]
+        v[5] = v[3]
+        values = weight(u, v, placed.trajectory)
+        here = values[0]
+        right = values[1]
+        left = values[2]
+        upper = values[3]
+        lower = values[4]
+        corner = values[5]
         slope = ((right - left) * row_u + (upper - lower) * row_v) / (2.0 * step)
         curvature = (
             (0.5 * (right + left) - here) * wp.outer(row_u, row_u)
@@ -155,46 +172,84 @@ def _add_parabola(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
     return add
 
 
+@wp.struct
+class LeafSums:
+    """Sums of Eq. 8 at the queries of leaves, one row each, as in ``IrradianceArrays``."""
+
+    irradiance: wp.array(dtype=LaneVectors)
+
+
+@wp.func
+def lanes_between(leaf: int, first: int, last: int) -> Lanes:
+    """One in the lanes of a leaf that hold queries ``first`` … ``last`` − 1 of Eq. 8, nothing in others."""
+    begun = LANE_NUMBERS - Lanes(float(first - leaf * LEAF))
+    left = Lanes(float(last - 1 - leaf * LEAF)) - LANE_NUMBERS
+    return wp.cw_mul(not_negative(begun), not_negative(left))
+
+
 @cache
-def _add_to_queries(
+def _add_to_leaf(
     form: GatherForm, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
 ) -> wp.Function:
-    """Adds a term of Eq. 8, Φ |det M| w(y), to each query of a run."""
+    """Adds a term of Eq. 8, Φ |det M| w(y), to each of the queries of a leaf that belong to a run."""
     weight = footprint_weight(form, moves, curved)
 
     @wp.func
     def add(
-        queries: QueryArrays,
+        leaves: LeafArrays,
+        leaf: int,
         first: int,
         last: int,
         placed: PlacedFootprint,
         dxdt: wp.vec3,
         summed: bool,
+        sums: LeafSums,
         out: IrradianceArrays,
     ):
-        for i in range(first, last):
-            if queries.receiver[i] == placed.receiver:
-                if wp.dot(queries.normal[i], placed.normal) > SMALLEST_COSINE:
-                    d = queries.position[i] - placed.center
-                    if wp.static(query_moves):
-                        d += placed.since * queries.motion[i]
-                    w = float(0.0)
-                    if wp.abs(wp.dot(placed.normal, d)) <= placed.plane_tolerance:
-                        y = wp.vec2(wp.dot(placed.row_u, d), wp.dot(placed.row_v, d))
-                        w = weight(y, placed.trajectory)
-                        if wp.static(shaded):
-                            w *= shading_ratio(placed.incidence, queries.shading_normal[i])
-                    if w > 0.0:
-                        added = w * placed.density
-                        if not summed:
-                            out.irradiance[i] = out.irradiance[i] + added
-                        if wp.static(with_motion):
-                            amount = added[0] + added[1] + added[2]
-                            out.motion[i] = out.motion[i] + amount * dxdt
-                            out.weight[i] = out.weight[i] + amount
-                            out.photons[i] = out.photons[i] + 1
+        # ---- Those on its object, on planes like its own
+        offset = added(leaves.position[leaf], Lanes(-1.0), placed.center)
+        if wp.static(query_moves):
+            motion = leaves.motion[leaf]
+            offset.x += placed.since * motion.x
+            offset.y += placed.since * motion.y
+            offset.z += placed.since * motion.z
+        height = wp.abs(products(offset, placed.normal))
+        counted = equal(leaves.receiver[leaf], float(placed.receiver))
+        counted = wp.cw_mul(counted, not_negative(Lanes(placed.plane_tolerance) - height))
+        facing = products(leaves.normal[leaf], placed.normal)
+        counted = wp.cw_mul(counted, not_negative(facing - Lanes(SMALLEST_COSINE)))
+        if last - first < LEAF:
+            counted = wp.cw_mul(counted, lanes_between(leaf, first, last))
+        if wp.max(counted) > 0.0:
+            # ---- Weigh
+            w = weight(products(offset, placed.row_u), products(offset, placed.row_v), placed.trajectory)
+            w = wp.cw_mul(w, counted)
+            if wp.static(shaded):
+                w = wp.cw_mul(w, shading_ratios(placed.incidence, leaves.shading_normal[leaf]))
+
+            # ---- Add
+            if not summed:
+                sums.irradiance[leaf] = added(sums.irradiance[leaf], w, placed.density)
+            if wp.static(with_motion):
+                for i in range(first, last):
+                    amount = w[i - leaf * LEAF] * (placed.density[0] + placed.density[1] + placed.density[2])
+                    if amount > 0.0:
+                        out.motion[i] = out.motion[i] + amount * dxdt
+                        out.weight[i] = out.weight[i] + amount
+                        out.photons[i] = out.photons[i] + 1
 
     return add
+
+
+@wp.func
+def take_out(sums: LeafSums, first: int, last: int, out: IrradianceArrays):
+    """Adds the sums of Eq. 8 of queries ``first`` … ``last`` − 1, where a leaf begins, to what they have already."""
+    leaf = first // LEAF
+    while leaf * LEAF < last:
+        light = sums.irradiance[leaf]
+        for i in range(leaf * LEAF, wp.min((leaf + 1) * LEAF, last)):
+            out.irradiance[i] = out.irradiance[i] + in_lane(light, i - leaf * LEAF)
+        leaf += 1
 
 
 @cache
@@ -213,7 +268,7 @@ def gather_kernel(
     place = place_footprint(smooth, moves, curved, shaded)
     reach_of = _reach_of(form)
     add_parabola = _add_parabola(form, moves, curved)
-    add_to_queries = _add_to_queries(form, moves, curved, shaded, query_moves, with_motion)
+    add_to_leaf = _add_to_leaf(form, moves, curved, shaded, query_moves, with_motion)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather(
@@ -229,6 +284,7 @@ def gather_kernel(
         queries: QueryArrays,
         leaves: LeafArrays,
         # Out
+        sums: LeafSums,
         out: IrradianceArrays,
     ):
         group = base + wp.tid()
@@ -282,14 +338,13 @@ def gather_kernel(
                         dxdt = footprints.dxdt_relative[j] / durations[j]
                         first = int(start)
                         while first < last:
-                            stop = last
+                            leaf = first // LEAF
+                            stop = wp.min(last, (leaf + 1) * LEAF)
                             missed = bool(False)
                             if wp.static(not query_moves):
-                                leaf = first // LEAF
-                                stop = wp.min(last, (leaf + 1) * LEAF)
                                 missed = misses(placed, reach, leaves.middle[leaf] - placed.center, leaves.half[leaf])
                             if not missed:
-                                add_to_queries(queries, first, stop, placed, dxdt, summed, out)
+                                add_to_leaf(leaves, leaf, first, stop, placed, dxdt, summed, sums, out)
                             first = stop
                 if parabola.used:
                     for i in range(start, run.stop):
@@ -299,6 +354,7 @@ def gather_kernel(
                                 d += run_since * (queries.motion[i] - run.window.motion)
                             out.irradiance[i] = out.irradiance[i] + parabola_at(parabola, d)
             start = run.stop
+        take_out(sums, group * GROUP, end, out)
 
     return gather
 
@@ -325,8 +381,9 @@ def gathered(
         shaded = footprints.shaded and has_shading_normals(queries)
         kernel = gather_kernel(form, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
-        leaves = leaves_of(queries, count, launcher)
-        inputs = [*photons, time_window(lookup), count, queries, leaves, out]
+        leaves = leaves_of(queries, count, lookup.query_moves, launcher)
+        sums = launcher.rows(LeafSums, leaves.middle.shape[0])
+        inputs = [*photons, time_window(lookup), count, queries, leaves, sums, out]
         launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=1)
     return out
 

@@ -7,6 +7,7 @@ from functools import cache
 import warp as wp
 
 from tpdwarp.footprints.bspline import Trajectory
+from tpdwarp.footprints.lanes import Lanes, LaneVectors, products
 from tpdwarp.footprints.shaping import FootprintArrays
 
 # Parts of the shutter that are a smaller part of what a footprint or query stands for count as nothing: some 16
@@ -63,6 +64,12 @@ def shading_ratio(incidence: wp.vec3, n_s: wp.vec3) -> float:
     Departs from the paper, whose receivers are flat. Where light grazes a facet the ratio grows without bound.
     """
     return wp.clamp(wp.dot(incidence, n_s), 0.0, LARGEST_SHADING_RATIO)
+
+
+@wp.func
+def shading_ratios(incidence: wp.vec3, n_s: LaneVectors) -> Lanes:
+    """The same by lanes (departs from the paper likewise)."""
+    return wp.min(wp.max(products(n_s, incidence), Lanes(0.0)), Lanes(LARGEST_SHADING_RATIO))
 
 
 @cache

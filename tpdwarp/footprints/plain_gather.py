@@ -13,6 +13,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.gather import PLAIN_LOOKUP, SMALLEST_COSINE, irradiance_arrays, irradiance_of, time_window
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
+from tpdwarp.footprints.lanes import Lanes
 from tpdwarp.footprints.placing import TimeWindow, place_footprint, shading_ratio
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, window_of
 from tpdwarp.footprints.shaping import FootprintArrays
@@ -41,7 +42,8 @@ def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool, shaded: boo
             same = placed.receiver == queries.receiver[i] and placed.overlap
             facing = wp.dot(queries.normal[i], placed.normal) > SMALLEST_COSINE
             if same and facing and wp.abs(wp.dot(placed.normal, d)) <= placed.plane_tolerance:
-                w = weight(wp.vec2(wp.dot(placed.row_u, d), wp.dot(placed.row_v, d)), placed.trajectory)
+                weights = weight(Lanes(wp.dot(placed.row_u, d)), Lanes(wp.dot(placed.row_v, d)), placed.trajectory)
+                w = weights[0]
                 if wp.static(shaded):
                     w *= shading_ratio(placed.incidence, queries.shading_normal[i])
                 out.irradiance[i] = out.irradiance[i] + w * placed.density

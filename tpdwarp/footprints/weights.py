@@ -10,6 +10,7 @@ import warp as wp
 from tpdwarp.footprints import bspline
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
 from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
+from tpdwarp.footprints.lanes import LANES, Lanes
 
 
 @dataclass(frozen=True)
@@ -37,22 +38,20 @@ class GatherForm:
 
 @cache
 def footprint_weight(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
-    """w(y, trajectory) of Eq. 8, with y relative to where the footprint stands in the middle of its trajectory."""
+    """w(u, v, trajectory) of Eq. 8 at queries, by lanes.
+
+    Queries (u, v) are relative to where the footprint stands in the middle of its trajectory.
+    """
     if form.smooth:
         return bspline_weight(moves, curved, form.extended)
     support = wp.constant(SUPPORT)
     still = static_weight(form.kernel)
-    if not moves:
-
-        @wp.func
-        def static(y: wp.vec2, trajectory: Trajectory) -> float:
-            return still(y)
-
-        return static
     moving = moving_weight(form.kernel, form.form, form.time_filter)
 
     @wp.func
-    def swept(y: wp.vec2, trajectory: Trajectory) -> float:
+    def one(y: wp.vec2, trajectory: Trajectory) -> float:
+        if wp.static(not moves):
+            return still(y)
         v = trajectory.velocity
         if wp.abs(y[0]) >= support + 0.5 * wp.abs(v[0]) or wp.abs(y[1]) >= support + 0.5 * wp.abs(v[1]):
             return 0.0
@@ -60,4 +59,13 @@ def footprint_weight(form: GatherForm, moves: bool, curved: bool) -> wp.Function
             return still(y)
         return moving(y + 0.5 * v, v)
 
-    return swept
+    @wp.func
+    def weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
+        out = Lanes(0.0)
+        lane = int(0)
+        while lane < LANES:
+            out[lane] = one(wp.vec2(u[lane], v[lane]), trajectory)
+            lane += 1
+        return out
+
+    return weight

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Sequence
@@ -247,7 +248,7 @@ def _below(asked: str, scene: SceneAtShutter, source: StageScene) -> list[str]:
     """
     path = asked.rstrip("/")
     below = (f"{path}/", f"{path}[")
-    meshes = [mesh for mesh in scene.meshes if mesh.path == path or mesh.path.startswith(below)]
+    meshes = [mesh for mesh in scene.objects() if mesh.path == path or mesh.path.startswith(below)]
     diffuse = [
         mesh.path
         for mesh in meshes
@@ -255,8 +256,9 @@ def _below(asked: str, scene: SceneAtShutter, source: StageScene) -> list[str]:
     ]
     if not diffuse:
         why = "is specular: no light stays on it" if meshes else "no visible mesh is there"
+        first = itertools.islice(scene.objects(), 8)
         known = ", ".join(
-            mesh.path for mesh in scene.meshes[:8] if any(m.interaction == Interaction.DIFFUSE for m in mesh.materials)
+            mesh.path for mesh in first if any(m.interaction == Interaction.DIFFUSE for m in mesh.materials)
         )
         raise InputError(f"{why} (--receiver takes {known or 'diffuse meshes'})", source.file, asked)
     return diffuse

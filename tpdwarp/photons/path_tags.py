@@ -7,6 +7,7 @@ triangles have one tag where they belong to one smooth surface, or to one plane 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
@@ -35,7 +36,8 @@ class PathTags:
         least = min(1.0, FEWEST_PHOTONS_ON_FACET / photons)
         # Of a surface that is written twice, rays meet now the one, now the other.
         first: dict[tuple[int, int], str] = {}
-        self._names = {mesh.path: first.setdefault(_shape_of(mesh), mesh.path) for mesh in scene.meshes}
+        single = [mesh for mesh in scene.meshes if not mesh.copies]
+        self._names = {mesh.path: first.setdefault(_shape_of(mesh), mesh.path) for mesh in single}
         self._facets = {mesh.path: facets_of(mesh, least) for mesh in scene.meshes if mesh.specular}
 
     def of(self, scene: SceneAtShutter) -> np.ndarray:
@@ -48,8 +50,16 @@ class PathTags:
         facets = self._facets.get(mesh.path)
         if facets is None or len(facets) != count:
             facets = np.zeros(count, np.int32)
-        name = self._names.get(mesh.path, mesh.path)
-        return np.int32(crc32(name.encode()) & 0x7FFFFF00) ^ facets
+        names = mesh.copies or (self._names.get(mesh.path, mesh.path),)
+        return np.repeat(_hashes_of(names), count // len(names)) ^ facets
+
+
+# A scene is loaded for several times of a shutter, with the same names each time.
+@lru_cache(maxsize=1024)
+def _hashes_of(names: tuple[str, ...]) -> np.ndarray:
+    """A number for each name, whose last eight bits are zero, shape [n] int32."""
+    hashes = np.fromiter((crc32(name.encode()) for name in names), np.uint32, len(names))
+    return (hashes & np.uint32(0x7FFFFF00)).astype(np.int32)
 
 
 def _shape_of(mesh: MeshAtShutter) -> tuple[int, int]:

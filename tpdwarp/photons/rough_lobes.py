@@ -38,6 +38,8 @@ DEVIATION = wp.constant(1.0 / math.sqrt(2.0 * math.log(2.0)))
 OF_DISC = wp.constant(0.5)
 OF_INTERVAL = wp.constant(math.sqrt(1.0 / 3.0))
 TURN = wp.constant(2.0 * math.pi)
+# Deviation of the sum of two alike.
+BOTH_SIDES = wp.constant(math.sqrt(2.0))
 # Facets that are steeper than this many times α are not sampled: one in ten thousand.
 STEEPEST = wp.constant(100.0)
 
@@ -64,6 +66,26 @@ def widened(
     columns: LightColumns, w: wp.vec3, after: wp.vec3, at: Interface, reflected: bool, roughness: float
 ) -> LightColumns:
     """The columns a and b of a beam that a rough surface sends from the direction ω on into ``after``."""
+    t1 = across_of(at.n)
+    one = _off(w, at, reflected, DEVIATION * roughness * t1)
+    other = _off(w, at, reflected, DEVIATION * roughness * wp.cross(at.n, t1))
+    return _taken_on(columns, after, one, other)
+
+
+@wp.func
+def widened_by_sheet(columns: LightColumns, w: wp.vec3, index: float, roughness: float) -> LightColumns:
+    """The columns a and b of a beam of direction ω behind a sheet that is rough on both of its sides.
+
+    Either side turns light by n − 1 times the slope of its facet, where the sheet is not much tilted.
+    """
+    spread = DEVIATION * roughness * BOTH_SIDES * (index - 1.0)
+    t1 = across_of(w)
+    return _taken_on(columns, w, spread * t1, spread * wp.cross(w, t1))
+
+
+@wp.func
+def _taken_on(columns: LightColumns, after: wp.vec3, one: wp.vec3, other: wp.vec3) -> LightColumns:
+    """The columns of a beam that goes on into ``after``, where its direction varies by ``one`` and ``other`` too."""
     out = columns
     scale = float(1.0)
     if columns.image == IMAGE_DISC:
@@ -71,10 +93,6 @@ def widened(
     elif columns.image == IMAGE_PARALLELOGRAM:
         scale = OF_INTERVAL
     out.image = IMAGE_LOBE
-    t1 = across_of(at.n)
-    t2 = wp.cross(at.n, t1)
-    one = _off(w, at, reflected, DEVIATION * roughness * t1)
-    other = _off(w, at, reflected, DEVIATION * roughness * t2)
     e1 = across_of(after)
     e2 = wp.cross(after, e1)
     a = scale * columns.dwda
@@ -93,12 +111,26 @@ def widened(
 
 
 @wp.func
+def _slope(roughness: float, u: float) -> float:
+    """Slope of a facet of GGX, by u in 0 … 1."""
+    return roughness * wp.min(wp.sqrt(u / wp.max(1.0 - u, 1.0e-6)), STEEPEST)
+
+
+@wp.func
+def behind_sheet(w: wp.vec3, index: float, roughness: float, u: float, v: float) -> wp.vec3:
+    """The direction of a camera ray behind a rough sheet, chosen by u and v as :func:`facet` is."""
+    turn = BOTH_SIDES * (index - 1.0) * _slope(roughness, u)
+    t1 = across_of(w)
+    return wp.normalize(w + turn * (wp.cos(TURN * v) * t1 + wp.sin(TURN * v) * wp.cross(w, t1)))
+
+
+@wp.func
 def facet(
     at: Interface, hit: Hit, w: wp.vec3, dielectric: bool, roughness: float, u: float, v: float
 ) -> Interface:
     """The interface at one facet of a rough surface, chosen by u and v in 0 … 1; the surface where it would turn light
     to the wrong side."""
-    slope = roughness * wp.min(wp.sqrt(u / wp.max(1.0 - u, 1.0e-6)), STEEPEST)
+    slope = _slope(roughness, u)
     t1 = across_of(at.n)
     t2 = wp.cross(at.n, t1)
     m = wp.normalize(at.n + slope * (wp.cos(TURN * v) * t1 + wp.sin(TURN * v) * t2))

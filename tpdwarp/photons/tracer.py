@@ -74,9 +74,11 @@ class PhotonTracer:
         """Whether photons ride on the surface that they hit first (beyond the paper)."""
         return self.settings.anchor == "surface"
 
-    def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
-        """The scene over ``shutter``, on the device."""
-        return self.loader.load(shutter, clock)
+    def load(
+        self, shutter: Shutter, clock: Clock | None = None, instead_of: LoadedScene | None = None
+    ) -> LoadedScene:
+        """The scene over ``shutter``, on the device; ``instead_of`` one that is good no longer then."""
+        return self.loader.load(shutter, clock, instead_of)
 
     def plan(self, photons: int, clock: Clock | None = None, *, shared: bool = True) -> EmissionPlan:
         """Emission lattices for ``photons`` photons a shutter; made once for the whole animation.

@@ -31,7 +31,7 @@ from tpdwarp.photons.light_columns import (
     transfer_columns,
 )
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
-from tpdwarp.photons.rough_lobes import widened
+from tpdwarp.photons.rough_lobes import widened, widened_by_sheet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
@@ -404,6 +404,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(thin_walls):
                 if sheet and not reflected:
                     beam = passed(beam, hit)
+                    if wp.static(rough):
+                        if textures.roughnesses[material] > 0.0:
+                            width = textures.roughnesses[material]
+                            columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], width)
                     continue
             if wp.static(extended):
                 columns = scatter_columns(surfaces, columns, beam.w, hit, at, reflected, wp.static(moves))

@@ -114,7 +114,7 @@ def bake_textures(
 def scene_points(atlas: Atlas, scene: SceneAtShutter) -> SurfacePoints:
     """The points of an atlas by the triangles of the whole scene."""
     first = 0
-    for mesh in scene.meshes:
+    for mesh in scene.objects():
         if mesh.path == atlas.path:
             break
         first += len(mesh.triangles)
@@ -132,7 +132,7 @@ def pixel_of(atlas: Atlas, scene: SceneAtShutter, context: RenderContext) -> Pix
 
 def mesh_of(scene: SceneAtShutter, path: str) -> MeshAtShutter | None:
     """The mesh of that path; None where the scene has none."""
-    return next((mesh for mesh in scene.meshes if mesh.path == path), None)
+    return next((mesh for mesh in scene.objects() if mesh.path == path), None)
 
 
 def _values(

@@ -8,8 +8,8 @@ before the scene is recentred). A *motion* is a displacement over the whole shut
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Protocol
 
@@ -155,6 +155,8 @@ class MeshAtShutter:
         coordinates: Texture coordinates, shape [s, 2]; None where there are none.
         coordinate_indices: Those of each triangle corner, shape [m, 3] int32; −1 for a triangle without.
         priority: Where dielectric solids overlap, those of higher priority hold; see :mod:`tpdwarp.scene.nesting`.
+        copies: Paths of the instances that it is made of, one after the other, each of as many points and triangles as
+            the others; empty where it is one mesh. None of them is specular.
     """
 
     path: str
@@ -171,10 +173,35 @@ class MeshAtShutter:
     coordinates: np.ndarray | None = None
     coordinate_indices: np.ndarray | None = None
     priority: int = 0
+    copies: tuple[str, ...] = ()
 
     @property
     def moves(self) -> bool:
         return self.motions is not None
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Paths of what counts as objects of their own: its copies, or itself."""
+        return self.copies or (self.path,)
+
+    def apart(self) -> Iterator[MeshAtShutter]:
+        """Each of its copies on its own, or itself; arrays are parts of its own."""
+        if not self.copies:
+            yield self
+            return
+        vertices, faces = len(self.points) // len(self.copies), len(self.triangles) // len(self.copies)
+        by_triangle = ("normal_indices", "triangle_materials", "color_indices", "coordinate_indices")
+        for number, path in enumerate(self.copies):
+            own, rows = (slice(number * count, (number + 1) * count) for count in (vertices, faces))
+            yield replace(
+                self,
+                path=path,
+                points=self.points[own],
+                motions=None if self.motions is None else self.motions[own],
+                triangles=self.triangles[rows] - number * vertices,
+                copies=(),
+                **{name: None if (part := getattr(self, name)) is None else part[rows] for name in by_triangle},
+            )
 
     @property
     def specular(self) -> bool:
@@ -357,6 +384,10 @@ class SceneAtShutter:
     lights: tuple[LightAtShutter, ...]
     camera: CameraAtShutter | None = None
     domes: tuple[DomeAtShutter, ...] = ()
+
+    def objects(self) -> Iterator[MeshAtShutter]:
+        """The meshes, copies each on their own."""
+        return itertools.chain.from_iterable(mesh.apart() for mesh in self.meshes)
 
 
 class SceneSource(Protocol):

@@ -95,7 +95,7 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     flux = middle.flux.sum(axis=1, dtype=np.float64)
     flux /= flux.sum()
     length = _length(middle, plan)
-    size = np.abs(np.linalg.norm(np.cross(middle.dxdu, middle.dxdv), axis=1)) * plan.photons / photons
+    size = _areas(middle) * plan.photons / photons
     n = counts[:, None].astype(np.float64)
     narrowing = np.array([[narrowing_of(int(count))] for count in counts])
     first_order = np.minimum(0.5 * np.sqrt(missed) / length / n, 1.0)
@@ -116,7 +116,12 @@ def _missed(middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]) -> tu
 
 def _length(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
     """Over which length irradiance changes, at least: across the light's image, and across a pilot's footprint."""
-    image = np.linalg.norm(photons.dxda, axis=1) ** 2 + np.linalg.norm(photons.dxdb, axis=1) ** 2
-    area = np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1)
-    typical = np.median(area) * plan.photons / PILOT_PHOTONS
+    # Squares of what grazes are beyond single precision.
+    image = sum(np.sum(column.astype(np.float64) ** 2, axis=1) for column in (photons.dxda, photons.dxdb))
+    typical = np.median(_areas(photons)) * plan.photons / PILOT_PHOTONS
     return np.sqrt(2.0 * image + typical)
+
+
+def _areas(photons: PhotonMap) -> np.ndarray:
+    """Areas of footprints, shape [n] float64."""
+    return np.linalg.norm(np.cross(photons.dxdu.astype(np.float64), photons.dxdv.astype(np.float64)), axis=1)

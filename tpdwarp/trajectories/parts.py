@@ -19,6 +19,7 @@ from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
+from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.changing import LEAST_LIGHT, LEAST_SHARE, PARTS, ChangingCells, in_middle_of_cell
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 
@@ -47,13 +48,15 @@ def traced_in_parts(
     """
     account, maps = EnergyAccount(), []
     plan = changing.plan
+    last: LoadedScene | None = None
 
     def traced(
         cells: ChangingCells, piece: Shutter, middle: float, share: float, number: int
     ) -> tuple[PhotonMap, EnergyAccount]:
-        loaded = tracer.load(piece, clock)
-        given = {"chosen": cells.at(middle, number), "tags": keyframes.tags.of(loaded.scene), **options}
-        photons, energy = tracer.trace(loaded, plan, clock, weight=weight * share, **given)
+        nonlocal last
+        last = tracer.load(piece, clock, instead_of=last)
+        given = {"chosen": cells.at(middle, number), "tags": keyframes.tags.of(last.scene), **options}
+        photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
         return replace(in_middle_of_cell(photons, number), time=middle, duration=share), energy
 
     pieces, share = shutter.segments(PARTS), 1.0 / PARTS

@@ -48,8 +48,8 @@ class Film:
         self._diffuse = np.zeros(count)
         self._motion_weight = np.zeros(count)
         self._depth = np.full(count, np.inf)
-        numbers = object_ids(paths)
-        self._numbers = np.array([numbers[path] for path in paths], np.float64)
+        numbers = object_ids(paths) if "id" in aovs else {}
+        self._numbers = np.array([numbers[path] for path in paths if numbers], np.float64)
         self._ids, self._id_depth = np.zeros(count), np.full(count, np.inf)
         self._mattes = Mattes(count, paths) if "cryptomatte" in aovs else None
 

@@ -17,7 +17,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
-from tpdwarp.photons.rough_lobes import facet
+from tpdwarp.photons.rough_lobes import behind_sheet, facet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
@@ -426,10 +426,13 @@ def visible_kernel(
                     if sheet:
                         eta = sheet_index(surfaces, material)
                 at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
+                u = float(0.0)
+                v = float(0.0)
                 if wp.static(rough):
-                    width = textures.roughnesses[material]
-                    if width > 0.0:
-                        at = facet(at, hit, beam.w, dielectric, width, wp.randf(stream), wp.randf(stream))
+                    u = wp.randf(stream)
+                    v = wp.randf(stream)
+                    if textures.roughnesses[material] > 0.0:
+                        at = facet(at, hit, beam.w, dielectric, textures.roughnesses[material], u, v)
                 reflected = True
                 if dielectric:
                     if wp.static(tinted):
@@ -464,6 +467,8 @@ def visible_kernel(
                 end = FAR
                 if sheet and not reflected:
                     beam = passed(beam, hit)
+                    if wp.static(rough):
+                        beam.w = behind_sheet(beam.w, surfaces.ior[material], textures.roughnesses[material], u, v)
                 else:
                     beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
             else:

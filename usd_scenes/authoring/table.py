@@ -20,7 +20,7 @@ DRINK_INDEX, DRINK_COLOR, DRINK_DEPTH = 1.35, (0.86, 0.32, 0.05), 0.45
 BALL, BALL_RADIUS, BALL_ROUGHNESS = (-0.55, -0.42), 0.17, 0.12
 COPPER = (0.95, 0.64, 0.54)
 # Where the camera looks, from how far and how high.
-TARGET, DISTANCE, HEIGHT = (0.12, 0.12, 0.22), 3.1, 1.75
+TARGET, DISTANCE, HEIGHT = (0.22, 0.10, 0.30), 4.0, 2.1
 # Pixels of the texture, tiles along it, and the side of a tile.
 PIXELS, TILES, TILE = 768, 4, 0.42
 

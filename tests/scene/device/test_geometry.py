@@ -55,6 +55,15 @@ def test_triangles_know_their_object():
     assert geometry.surfaces.object_of.numpy().tolist() == [0] * 2 + [1] * 12 + [2] * 2
 
 
+def test_copies_are_objects_of_their_own():
+    points = np.concatenate([floor(height).points for height in (0.0, 1.0, 2.0)])
+    corners = np.concatenate([floor().triangles + 4 * k for k in range(3)])
+    copies = replace(floor(path="/copies[0]"), points=points, triangles=corners, copies=("/a", "/b", "/c"))
+    geometry = packed(floor(-1.0, path="/first"), copies, floor(5.0, path="/last"))
+    assert geometry.paths == ("/first", "/a", "/b", "/c", "/last")
+    assert geometry.surfaces.object_of.numpy().tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+
+
 def test_indices_are_those_of_the_stacked_arrays():
     first, second = ripples(GRID, GRID, 1.0, 0.1, glass(), True), ball("/b", (0, 0, 3), 1, 2, glass())
     flat = floor(path="/flat")

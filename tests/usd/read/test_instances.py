@@ -177,6 +177,74 @@ def test_only_the_instance_whose_place_is_no_number_is_left_out(small):
     assert [m.path for m in small.open().at(Shutter.still(1)).meshes] == ["/Many[1]/Ball"]
 
 
+def crowd(small, count=300):
+    """Instances of two prototypes that move; some are mirrored, and each has a colour of its own."""
+    rng = np.random.default_rng(3)
+    many = instancer(small, positions=(), prototypes=("/Many/Ball", "/Many/Box"))
+    many.AddTranslateOp().Set((0, 10, 0))
+    small.mesh("/Many/Ball").AddTranslateOp().Set((0, 0, 1))
+    box = small.mesh("/Many/Box")
+    box.CreateNormalsAttr([Gf.Vec3f(0, 0, 1), Gf.Vec3f(1, 0, 1)] * 2)
+    many.GetProtoIndicesAttr().Set(rng.integers(0, 2, count).tolist())
+    for time in (1, 3):
+        many.GetPositionsAttr().Set([Gf.Vec3f(*p) for p in rng.normal(size=(count, 3))], time)
+    many.CreateScalesAttr([Gf.Vec3f(-1 if k % 3 else 1, 1, 1 + k % 2) for k in range(count)])
+    primvar = UsdGeom.PrimvarsAPI(many).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, "vertex")
+    primvar.Set([Gf.Vec3f(*c) for c in rng.random((count, 3))])
+    return many
+
+
+def test_many_instances_together_stand_and_move_where_usd_puts_each(small):
+    many = crowd(small)
+    scene = small.open().at(Shutter(1, 1, 2))
+    assert len(scene.meshes) == 4
+    found = {mesh.path: mesh for mesh in scene.objects()}
+    opening, closing = (np.array(many.ComputeInstanceTransformsAtTime(time, 1)) for time in (1, 2))
+    for index, number in enumerate(many.GetProtoIndicesAttr().Get()):
+        mesh = found.pop(f"/Many[{index}]/{('Ball', 'Box')[number]}")
+        before, after = (CORNERS @ m[index, :3, :3] + m[index, 3, :3] + [0, 10, 0] for m in (opening, closing))
+        # USD computes instances in single precision.
+        np.testing.assert_allclose(mesh.points, 0.5 * (before + after), atol=1e-5)
+        np.testing.assert_allclose(mesh.motions, after - before, atol=1e-5)
+    assert not found
+
+
+def test_many_instances_together_look_as_each_does_alone(small):
+    crowd(small)
+    together = small.open()
+    alone = [mesh for of in together._instancers for placed in of.apart(1) if (mesh := placed.over(Shutter(1, 1, 2)))]
+    found = {mesh.path: mesh for mesh in together.at(Shutter(1, 1, 2)).objects()}
+    assert len(alone) == len(found)
+    for mesh in alone:
+        other = found[mesh.path]
+        np.testing.assert_array_equal(other.triangles, mesh.triangles)
+        np.testing.assert_array_equal(other.points, mesh.points)
+        np.testing.assert_array_equal(other.colors[other.color_indices], mesh.colors[mesh.color_indices])
+        if mesh.normals is not None:
+            np.testing.assert_array_equal(other.normals[other.normal_indices], mesh.normals[mesh.normal_indices])
+        assert other.materials == mesh.materials
+
+
+def test_of_many_only_the_instance_whose_place_is_no_number_is_left_out(small):
+    many = crowd(small)
+    positions = list(many.GetPositionsAttr().Get(1))
+    positions[7] = Gf.Vec3f(float("nan"), 0, 0)
+    many.GetPositionsAttr().Clear()
+    many.GetPositionsAttr().Set(positions)
+    scene = small.open()
+    paths = [mesh.path for mesh in scene.at(Shutter.still(1)).objects()]
+    assert len(paths) == 299 and not any(path.startswith("/Many[7]") for path in paths)
+    assert len([m for m in scene.warnings.messages if "/Many[7]" in m]) == 1
+
+
+def test_glass_instances_stay_apart_however_many(small):
+    instancer(small, positions=[(k, 0, 0) for k in range(80)])
+    small.preview("/Glass", opacity=0.0, ior=1.5)
+    small.bind(small.mesh("/Many/Ball"), "/Glass")
+    meshes = small.open().at(Shutter.still(1)).meshes
+    assert len(meshes) == 80 and not any(mesh.copies for mesh in meshes)
+
+
 def test_an_instancer_counts_as_geometry_and_an_empty_one_does_not(small):
     instancer(small)
     with pytest.raises(InputError, match="no visible mesh"):

@@ -100,6 +100,24 @@ def test_colour_temperature_tints_by_the_blackbody(small):
     np.testing.assert_allclose(read(small)[0].power, 8 * np.array(UsdLux.BlackbodyTemperatureAsRgb(3000.0)), rtol=1e-7)
 
 
+def test_suns_of_blender_are_as_bright_wide_and_white_as_blender_means_them(small):
+    light = distant(small)
+    light.CreateIntensityAttr(0.75)
+    light.CreateAngleAttr(4.0)
+    light.CreateNormalizeAttr(True)
+    light.CreateEnableColorTemperatureAttr(True)
+    light.CreateColorTemperatureAttr(6500.0)
+    plain, _ = read(small)
+    tint = np.array(UsdLux.BlackbodyTemperatureAsRgb(6500.0))
+    np.testing.assert_allclose(plain.power, 0.75 * tint, rtol=1e-6)
+    small.stage.GetRootLayer().documentation = "Blender v5.0.1"
+    found, warnings = read(small)
+    # A sun of 3 W/m² and 8°, as Blender exports and imports it.
+    np.testing.assert_allclose(found.power, 3.0, rtol=1e-6)
+    assert found.extent.radius == pytest.approx(math.radians(4.0))
+    assert len(warnings) == 1 and "Blender" in warnings[0]
+
+
 def test_the_diffuse_multiplier_scales_the_power(small):
     distant(small, Diffuse=0.5)
     assert read(small)[0].power == (4.0, 4.0, 4.0)

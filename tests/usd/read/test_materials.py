@@ -280,6 +280,34 @@ def test_a_primvar_reader_of_display_colour_reads_it(small):
     assert warnings == []
 
 
+@pytest.mark.parametrize(
+    ("reader", "name"),
+    [
+        ("UsdPrimvarReader_float3", "varname"),
+        ("ND_geompropvalue_color3", "geomprop"),
+        ("arnold:user_data_rgb", "attribute"),
+    ],
+)
+def test_any_primvar_may_be_the_colour(small, reader, name):
+    small.preview("/Material")
+    mesh = small.mesh()
+    small.bind(mesh, "/Material")
+    for primvar, color in (("Cd", (1.0, 0.5, 0.25)), ("displayColor", (0.0, 0.0, 1.0))):
+        made = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(primvar, Sdf.ValueTypeNames.Color3fArray, "constant")
+        made.Set([color])
+    shader = UsdShade.Shader.Define(small.stage, "/Material/Reader")
+    shader.CreateIdAttr(reader)
+    shader.CreateInput(name, Sdf.ValueTypeNames.String).Set("Cd")
+    surface = UsdShade.Shader.Get(small.stage, "/Material/Surface")
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(
+        shader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+    )
+    scene = small.open()
+    found = scene.at(Shutter.still(1)).meshes[0]
+    np.testing.assert_allclose(found.colors, [[1.0, 0.5, 0.25]])
+    assert scene.warnings.messages == []
+
+
 def test_display_colour_is_inherited_and_indexed(small):
     UsdGeom.Xform.Define(small.stage, "/Parent")
     primvar = UsdGeom.PrimvarsAPI(small.stage.GetPrimAtPath("/Parent")).CreatePrimvar(

@@ -27,15 +27,14 @@ def test_transformed_normals_stay_perpendicular_and_in_front(mirror):
     matrix = np.eye(4)
     matrix[:3, :3] = rng.normal(size=(3, 3))
     matrix[0, :3] *= mirror * np.sign(np.linalg.det(matrix[:3, :3]))
-    normal = transform_normals(unit(area_vectors(points, triangles)), matrix)
+    normal = transform_normals(unit(area_vectors(points, triangles)), matrix[None])
     moved = area_vectors(points @ matrix[:3, :3], triangles)
     np.testing.assert_allclose(normal, mirror * unit(moved), atol=1e-12)
 
 
 def test_a_transform_that_flattens_still_has_normals_across_the_plane():
-    np.testing.assert_allclose(
-        transform_normals(np.array([[0.6, 0.0, 0.8]]), np.diag([1.0, 1.0, 0.0, 1.0])), [[0, 0, 1]]
-    )
+    flat = np.diag([1.0, 1.0, 0.0, 1.0])[None]
+    np.testing.assert_allclose(transform_normals(np.array([[0.6, 0.0, 0.8]]), flat), [[0, 0, 1]])
 
 
 def test_unit_of_nothing_is_still_a_unit_vector():

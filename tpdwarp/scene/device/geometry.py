@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,6 +96,15 @@ def _mesh(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> wp.M
     )
 
 
+def _refitted(geometry: Geometry | None, points: np.ndarray, triangles: np.ndarray) -> wp.Mesh | None:
+    """The mesh of ``geometry`` moved to ``points``; None where it has other triangles."""
+    if geometry is None or not np.array_equal(geometry.surfaces.triangles.numpy(), triangles):
+        return None
+    geometry.mesh.points.assign(points)
+    geometry.mesh.refit()
+    return geometry.mesh
+
+
 def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
     filled = [a for a in arrays if len(a)]
     if not filled:
@@ -107,22 +117,32 @@ NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
 
 
 def geometry_of(
-    scene: SceneAtShutter, normalization: Normalization, launcher: Launcher, *, with_motions: bool
+    scene: SceneAtShutter,
+    normalization: Normalization,
+    launcher: Launcher,
+    *,
+    with_motions: bool,
+    instead_of: Geometry | None = None,
 ) -> Geometry:
     """Packs the meshes of ``scene`` into one geometry on the launcher's device.
 
     Args:
         with_motions: Whether kernels will read motions (also where only a light or the camera moves).
+        instead_of: The same scene a little earlier, which is good no longer then: its BVH is refitted where it has the
+            same triangles, which takes a tenth of the time that building one does.
     """
     moves = with_motions
     points, motions, triangles = [], [], []
     normals, normal_motions, normal_indices = [], [], []
     colors, color_indices, material_of, object_of = [], [], [], []
     materials: dict[Material, int] = {}
-    vertex_count = normal_count = color_count = 0
+    vertex_count = normal_count = color_count = object_count = 0
+    boxes = []
     # A frame may show nothing at all; a tree of triangles wants at least one.
-    for number, mesh in enumerate(scene.meshes or (NOTHING,)):
+    for mesh in scene.meshes or (NOTHING,):
+        copies = len(mesh.objects)
         points.append(normalization.points(mesh.points))
+        boxes.append(_boxes(points[-1], copies))
         if moves:
             motions.append(_or_zeros(mesh.motions, mesh.points) * normalization.scale)
         triangles.append(mesh.triangles + vertex_count)
@@ -140,17 +160,20 @@ def geometry_of(
         slots = np.array([materials.setdefault(m, len(materials)) for m in mesh.materials], np.int32)
         chosen = mesh.triangle_materials
         material_of.append(slots[chosen] if chosen is not None else np.full(len(mesh.triangles), slots[0], np.int32))
-        object_of.append(np.full(len(mesh.triangles), number, np.int32))
+        numbers = np.arange(object_count, object_count + copies, dtype=np.int32)
+        object_of.append(np.repeat(numbers, len(mesh.triangles) // copies))
+        object_count += copies
 
     corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
-    mesh = _mesh(vertices, corners, launcher)
+    mesh = _refitted(instead_of, vertices, corners) or _mesh(vertices, corners, launcher)
     owners, materials_of = np.concatenate(object_of), np.concatenate(material_of)
     table = list(materials)
     diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
-    boxes = np.array([(placed.min(axis=0), placed.max(axis=0)) for placed in points])
     nesting = nesting_of(scene)
-    media = np.full(len(boxes), -1, np.int32) if nesting is None else nesting.media
-    separated = separate_coincident(mesh, corners, owners, diffuse, boxes, media, launcher)
+    media = np.full(object_count, -1, np.int32)
+    if nesting is not None:
+        media = np.repeat(nesting.media, [len(mesh.objects) for mesh in scene.meshes])
+    separated = separate_coincident(mesh, corners, owners, diffuse, np.concatenate(boxes), media, launcher)
     if separated is not None:
         mesh.points.assign(separated)
         mesh.refit()
@@ -173,8 +196,15 @@ def geometry_of(
     surfaces.medium_of = launcher.array(media, wp.int32)
     indices = np.zeros(0) if nesting is None else nesting.indices
     surfaces.medium_index = launcher.array(indices.astype(np.float32), wp.float32)
-    paths = tuple(mesh.path for mesh in scene.meshes)
+    paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
     return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, tuple(table))
+
+
+def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
+    """Least and greatest corner of each of several copies of a mesh, shape [copies, 2, 3]."""
+    # Coordinate by coordinate, which is ten times as fast.
+    by_coordinate = np.ascontiguousarray(points.reshape(copies, -1, 3).transpose(2, 0, 1))
+    return np.stack([by_coordinate.min(axis=2), by_coordinate.max(axis=2)]).transpose(2, 0, 1)
 
 
 def _or_zeros(values: np.ndarray | None, like: np.ndarray) -> np.ndarray:

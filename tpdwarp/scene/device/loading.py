@@ -65,8 +65,15 @@ class SceneLoader:
         stills, self._stills = self._stills, None
         return stills
 
-    def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
+    def load(
+        self, shutter: Shutter, clock: Clock | None = None, instead_of: LoadedScene | None = None
+    ) -> LoadedScene:
         """The scene over ``shutter``, at its middle with motions over the whole of it.
+
+        Args:
+            shutter: The shutter.
+            clock: Measures the stages.
+            instead_of: The scene a little earlier, which is good no longer then: what was built for it is used again.
 
         Raises:
             InputError: The stage cannot be used there.
@@ -74,7 +81,7 @@ class SceneLoader:
         clock = clock or Clock()
         with clock.stage("read"):
             scene = self.source.at(shutter)
-        return self._packed(scene, clock)
+        return self._packed(scene, clock, instead_of)
 
     def load_opening(self, shutter: Shutter, clock: Clock) -> LoadedScene:
         """The scene as it stands when ``shutter`` opens, with its forward difference; without a camera."""
@@ -82,12 +89,15 @@ class SceneLoader:
             scene = scene_at_opening(self.source, shutter)
         return self._packed(scene, clock)
 
-    def _packed(self, scene: SceneAtShutter, clock: Clock) -> LoadedScene:
+    def _packed(self, scene: SceneAtShutter, clock: Clock, instead_of: LoadedScene | None = None) -> LoadedScene:
         with clock.stage("build"):
             require_within_range(scene, self.normalization, self.source.file)
             needs = requirements_of(scene, self._bounces)
             with_motions = needs.photon_motion or needs.view_motion
-            geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=with_motions)
+            before = None if instead_of is None else instead_of.geometry
+            geometry = geometry_of(
+                scene, self.normalization, self.launcher, with_motions=with_motions, instead_of=before
+            )
             textures = TextureArrays()
             if needs.material_arrays:
                 norm, nesting = self.normalization, nesting_of(scene)

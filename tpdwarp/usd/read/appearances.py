@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +25,7 @@ class Appearance:
     Attributes:
         kept: Whether each triangle is there, shape [m]; None where all are.
         varies: Whether any of this may change with time.
+        given_at: Row of the given colour among its colours; −1 where it is not among them.
     """
 
     materials: tuple[Material, ...]
@@ -36,6 +36,7 @@ class Appearance:
     coordinate_indices: np.ndarray | None
     kept: np.ndarray | None
     varies: bool
+    given_at: int = -1
 
 
 class Appearances:
@@ -57,11 +58,11 @@ class Appearances:
         topology: Topology,
         point_count: int,
         frame: float,
-        given_color: Callable[[float], np.ndarray | None],
+        given_color: np.ndarray | None,
     ) -> Appearance:
         """As :func:`appearance_of`."""
         arguments = self._materials, self._warnings, given_color
-        if given_color(frame) is not None:
+        if given_color is not None:
             return appearance_of(prim, topology, point_count, frame, *arguments)
         path = str(prim.GetPath())
         known = self._known.get(path)
@@ -98,7 +99,7 @@ def appearance_of(
     frame: float,
     materials: Materials,
     warnings: WarnOnce,
-    given_color: Callable[[float], np.ndarray | None],
+    given_color: np.ndarray | None,
 ) -> Appearance:
     """Materials and display colours of a mesh at a time code.
 
@@ -109,7 +110,7 @@ def appearance_of(
         frame: Time code.
         materials: Reads the bound materials.
         warnings: Takes what is not supported, and names the file in errors.
-        given_color: Gives the colour [3] of a mesh without display colours at a time code, or None.
+        given_color: The colour [3] of a mesh without display colours, or None.
 
     Raises:
         InputError: Unusable material inputs.
@@ -135,12 +136,12 @@ def appearance_of(
     triangle_materials = renumbered[face_surfaces[topology.faces]]
     named = [s.color_primvar if s.material.interaction == Interaction.DIFFUSE else "" for s in surfaces]
     colors = indices = None
-    colors_vary = False
+    colors_vary, given_at = False, -1
     for name in filter(None, dict.fromkeys(named)):
         found, of_corners, vary = _colors_of(prim, name, topology, point_count, frame, warnings)
-        if found is None and name == DISPLAY_COLOR and (given := given_color(frame)) is not None:
-            found, of_corners = given[None], np.zeros(topology.triangles.shape, dtype=np.int32)
-            vary = True
+        if found is None and name == DISPLAY_COLOR and given_color is not None:
+            found, of_corners = given_color[None], np.zeros(topology.triangles.shape, dtype=np.int32)
+            vary, given_at = True, 0 if colors is None else len(colors)
         colors_vary |= vary
         if found is None:
             continue
@@ -149,14 +150,14 @@ def appearance_of(
             colors, indices = np.zeros((0, 3)), np.full(topology.triangles.shape, -1, dtype=np.int32)
         indices = np.where(asked[triangle_materials][:, None], of_corners + len(colors), indices).astype(np.int32)
         colors = np.concatenate([colors, found])
-    opacity, opacity_varies = _display_opacity(prim, frame, warnings)
-    if opacity < 1.0:
-        # Materials say themselves how much of them is there.
+    # Materials say themselves how much of them is there.
+    if not all(surface.material.path for surface in surfaces):
+        opacity, opacity_varies = _display_opacity(prim, frame, warnings)
+        colors_vary |= opacity_varies
         surfaces = [
             surface if surface.material.path else replace(surface, material=replace(surface.material, presence=opacity))
             for surface in surfaces
         ]
-    colors_vary |= opacity_varies
     coordinates, coordinate_indices, coordinates_vary = _coordinates(
         prim, topology, point_count, frame, surfaces, triangle_materials, warnings
     )
@@ -170,6 +171,7 @@ def appearance_of(
         coordinate_indices,
         ~absent[triangle_materials] if absent.any() else None,
         subsets_vary or colors_vary or coordinates_vary or any(surface.varies for surface in surfaces),
+        given_at,
     )
 
 

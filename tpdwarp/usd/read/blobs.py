@@ -19,7 +19,7 @@ from tpdwarp.usd.read.shapes import ShapeAtShutter
 from tpdwarp.usd.read.skinning import Deformation
 from tpdwarp.usd.read.topology import Topology
 from tpdwarp.usd.read.transforms import union
-from tpdwarp.usd.read.values import LIST, ROWS, indices_at, text_at, value_at
+from tpdwarp.usd.read.values import LIST, ROWS, indices_at, raw_at, text_at, value_at
 
 # Triangles that all points, or all curves, of one prim come to at most.
 MOST_TRIANGLES = 1_000_000
@@ -128,7 +128,9 @@ class Blobs:
             deformed = self._deformed.at(time)
             found = np.zeros((0, 3)) if deformed is None else deformed
         else:
-            computed = self._base.ComputePointsAtTimes([time], frame)
+            # USD complains of points without positions.
+            there = raw_at(self._base.GetPointsAttr(), frame) is not None
+            computed = self._base.ComputePointsAtTimes([time], frame) if there else ()
             found = np.array(computed[0] if len(computed) else [], dtype=np.float64).reshape(-1, 3)
         require_finite(found, self._warnings.file, f"{self.path}.points", time)
         return found

@@ -18,6 +18,8 @@ from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms, union, usable
 from tpdwarp.usd.read.values import ROWS, indices_at, text_at, value_at
 
+# From so many instances of a mesh on they are read together. Chosen, not derived: fewer cost nothing one by one.
+FEWEST_TOGETHER = 64
 MATRICES_KEPT = 12
 # A mesh looks at no more times over a shutter: its middle, two beside it, and two at the end of an animation.
 WORLDS_KEPT = 6
@@ -74,22 +76,24 @@ class Instancer:
     def placed_meshes(self, frame: float) -> int:
         """How many meshes it places at a time code, those of instancers in its prototypes included."""
         if self._counted is None or self._counted[0] != frame:
-            below = {
-                id(prototype): len(prototype.meshes) + sum(of.placed_meshes(frame) for of in prototype.instancers)
+            below = [
+                len(prototype.meshes) + sum(of.placed_meshes(frame) for of in prototype.instancers)
                 for prototype in self.prototypes
-            }
-            count = sum(below[id(prototype)] for _, prototype in self.instances(frame))
-            self._counted = frame, count
+            ]
+            _, chosen = self.instances(frame)
+            times = np.bincount(chosen, minlength=len(below))
+            self._counted = frame, sum(int(k) * meshes for k, meshes in zip(times, below, strict=True))
         return self._counted[1]
 
-    def instances(self, frame: float) -> list[tuple[int, Prototype]]:
-        """Index and prototype of each instance that is not masked at a time code."""
+    def instances(self, frame: float) -> tuple[np.ndarray, np.ndarray]:
+        """Indices and numbers of the prototypes of the instances not masked at a time code, shapes [n] and [n]."""
+        none = np.zeros(0, np.int64), np.zeros(0, np.int64)
         if not self.prototypes:
             self._warnings(self.path, "has no prototypes and is left out")
-            return []
+            return none
         if not self.instancer.GetProtoIndicesAttr().HasValue():
             self._warnings(self.path, "has no protoIndices and is left out")
-            return []
+            return none
         chosen = indices_at(self.instancer.GetProtoIndicesAttr(), frame)
         known = (chosen >= 0) & (chosen < len(self.prototypes))
         if not known.all():
@@ -101,8 +105,9 @@ class Instancer:
             mask = np.ones(len(chosen), dtype=bool)
         if len(mask) != len(chosen):
             self._warnings(self.path, "has ids or masks that do not fit its protoIndices and is left out")
-            return []
-        return [(i, self.prototypes[chosen[i]]) for i in np.flatnonzero(mask & known)]
+            return none
+        shown = np.flatnonzero(mask & known)
+        return shown, chosen[shown]
 
     def matrix(self, index: int, time: float, frame: float) -> np.ndarray:
         """Matrix of one instance to the instancer's own space, shape [4, 4], without its prototype's own transform.
@@ -137,8 +142,8 @@ class Instancer:
             known[path] = _is_shown(prim, root, frame)
         return known[path]
 
-    def color(self, index: int, frame: float) -> np.ndarray | None:
-        """The display colour [3] that the instancer gives one instance at a time code, or None."""
+    def colors(self, rows: np.ndarray, frame: float) -> np.ndarray | None:
+        """The display colours [n, 3] that the instancer gives to instances at a time code; None where it does not."""
         if self._color_curve is None:
             return None
         if self._colors is None or self._colors[0] != frame:
@@ -149,7 +154,11 @@ class Instancer:
                 found = None
             self._colors = frame, found
         colors = self._colors[1]
-        return colors[index] if colors is not None and index < len(colors) else None
+        return colors[rows] if colors is not None and rows.max() < len(colors) else None
+
+    def colors_alike(self, rows: np.ndarray, frame: float) -> bool:
+        """Whether it gives colours to all of the instances, in increasing order, or to none of them."""
+        return self.colors(rows, frame) is not None or self.colors(rows[:1], frame) is None
 
     def _compute(self, time: float, frame: float) -> np.ndarray:
         exclude, ignore = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
@@ -221,6 +230,7 @@ class Below:
         inner = union(transforms.span(prim, root), transforms.own_span(root))
         self.span = union(union(inner, instancer.span), parent.span)
         self._worlds: dict[tuple[float, float], np.ndarray] = {}
+        self._mirrored: tuple[float, np.ndarray] | None = None
 
     def worlds(self, time: float, frame: float) -> np.ndarray:
         """Local-to-world matrices of all instances, those of other prototypes too, shape [n, 4, 4]."""
@@ -230,8 +240,20 @@ class Below:
                 del self._worlds[next(iter(self._worlds))]
             inner = self._transforms.below(self._prim, self._root, time) @ self._transforms.own(self._root, time)
             with np.errstate(over="ignore", invalid="ignore"):
-                self._worlds[key] = (inner @ self.instancer.matrices(time, frame)) @ self._parent.world(time, frame)
+                self._worlds[key] = (inner @ self.instancer.matrices(time, frame)) @ self._parent.worlds(time, frame)
         return self._worlds[key]
+
+    def mirrored(self, frame: float) -> np.ndarray:
+        """Which instances their matrices mirror at a time code, shape [n]; none where these cannot be used."""
+        if self._mirrored is None or self._mirrored[0] != frame:
+            try:
+                with np.errstate(invalid="ignore", over="ignore"):
+                    found = np.linalg.det(self.worlds(frame, frame)[:, :3, :3]) < 0
+            except InputError:
+                # Said where the instances are placed.
+                found = np.zeros(len(indices_at(self.instancer.instancer.GetProtoIndicesAttr(), frame)), bool)
+            self._mirrored = frame, found
+        return self._mirrored[1]
 
     @cached_property
     def jumps(self) -> tuple[Jump, ...]:
@@ -243,17 +265,23 @@ class Below:
         return self._parent.visible(frame) and self.instancer.shows(self._prim, self._root, frame)
 
 
-class OfInstance:
-    """The placement of a prim below one instance's prototype."""
+class OfInstances:
+    """The placement of a prim below the prototype of one instance, or of several.
 
-    def __init__(self, below: Below, index: int) -> None:
-        self._below, self._index = below, index
+    Args:
+        below: What they have in common.
+        rows: Their indices, shape [n].
+    """
+
+    def __init__(self, below: Below, rows: np.ndarray) -> None:
+        self._below, self.rows = below, rows
         self.span = below.span
 
-    def world(self, time: float, frame: float) -> np.ndarray:
-        # Asked first: it names the instance whose own matrix cannot be used.
-        self._below.instancer.matrix(self._index, time, frame)
-        return self._below.worlds(time, frame)[self._index]
+    def worlds(self, time: float, frame: float) -> np.ndarray:
+        if len(self.rows) == 1:
+            # Asked first: it names the instance whose own matrix cannot be used.
+            self._below.instancer.matrix(int(self.rows[0]), time, frame)
+        return self._below.worlds(time, frame)[self.rows]
 
     def jumps(self) -> tuple[Jump, ...]:
         return self._below.jumps
@@ -261,8 +289,12 @@ class OfInstance:
     def visible(self, frame: float) -> bool:
         return self._below.visible(frame)
 
-    def color(self, frame: float) -> np.ndarray | None:
-        return self._below.instancer.color(self._index, frame)
+    def colors(self, frame: float) -> np.ndarray | None:
+        return self._below.instancer.colors(self.rows, frame)
+
+
+# Makes a placed mesh from its label, prim, placement, and the paths of what it stands for where that is many.
+Make = Callable[[str, Usd.Prim, Placement, tuple[str, ...]], PlacedMesh]
 
 
 class InstancedMeshes:
@@ -271,7 +303,8 @@ class InstancedMeshes:
     Args:
         instancer: The instancer.
         placement: Where it stands.
-        make: Makes a placed mesh from its label, prim and placement.
+        make: Makes a placed mesh.
+        may_be_specular: Whether a mesh may reflect or refract at a time code; such instances stay apart.
         transforms: Transforms of the stage.
     """
 
@@ -279,46 +312,92 @@ class InstancedMeshes:
         self,
         instancer: Instancer,
         placement: Placement,
-        make: Callable[[str, Usd.Prim, Placement], PlacedMesh],
+        make: Make,
+        may_be_specular: Callable[[Usd.Prim, float], bool],
         transforms: Transforms,
     ) -> None:
         self.instancer, self._placement, self._make, self._transforms = instancer, placement, make, transforms
-        self._common: dict[tuple[str, int], dict[int, tuple[list, list]]] = {}
+        self._may_be_specular = may_be_specular
+        self._common: dict[tuple[str, int], list[tuple[list, list]]] = {}
         self._made: dict[tuple[str, int, int], PlacedMesh] = {}
+        self._together: dict[tuple[str, int], PlacedMesh] = {}
 
     def meshes(self, frame: float) -> Iterator[PlacedMesh]:
         """The meshes of every instance at a time code; the same objects on later calls.
 
+        Many of one mesh come as one, each after those that are not mirrored.
+
         Raises:
             InputError: They are too many.
         """
-        refuse_too_many(self.instancer.placed_meshes(frame), self.instancer.path)
-        yield from self._below(self.instancer, self.instancer.path, self._placement, frame)
+        return self._all(frame, FEWEST_TOGETHER)
 
-    def _below(self, instancer: Instancer, label: str, placement: Placement, frame: float) -> Iterator[PlacedMesh]:
+    def apart(self, frame: float) -> Iterator[PlacedMesh]:
+        """The same, each instance on its own.
+
+        Raises:
+            InputError: They are too many.
+        """
+        return self._all(frame, None)
+
+    def _all(self, frame: float, fewest: int | None) -> Iterator[PlacedMesh]:
+        refuse_too_many(self.instancer.placed_meshes(frame), self.instancer.path)
+        yield from self._below(self.instancer, self.instancer.path, self._placement, frame, fewest)
+
+    def _below(
+        self, instancer: Instancer, label: str, placement: Placement, frame: float, fewest: int | None
+    ) -> Iterator[PlacedMesh]:
+        common = self._common_below(instancer, label, placement)
+        shown, chosen = instancer.instances(frame)
+        apart: list[list] = []
+        for number, (meshes, _) in enumerate(common):
+            rows = shown[chosen == number]
+            many = fewest is not None and len(rows) >= fewest and instancer.colors_alike(rows, frame)
+            together = [entry for entry in meshes if many and not self._may_be_specular(entry[0], frame)]
+            for entry in together:
+                yield from self._joined(label, rows, *entry, frame)
+            apart.append([entry for entry in meshes if entry not in together])
+        left = np.array([bool(apart[number] or instancers) for number, (_, instancers) in enumerate(common)], bool)
+        for index, number in zip(shown[left[chosen]], chosen[left[chosen]], strict=True):
+            for mesh, name, below in apart[number]:
+                # An instance may take another prototype, whose mesh of the same name is another.
+                made = label, int(index), id(below)
+                if made not in self._made:
+                    self._made[made] = self._make(f"{label}[{index}]{name}", mesh, OfInstances(below, index[None]), ())
+                yield self._made[made]
+            for nested, name, below in common[number][1]:
+                placement_of = OfInstances(below, index[None])
+                yield from self._below(nested, f"{label}[{index}]{name}", placement_of, frame, fewest)
+
+    def _joined(
+        self, label: str, rows: np.ndarray, mesh: Usd.Prim, name: str, below: Below, frame: float
+    ) -> Iterator[PlacedMesh]:
+        """Instances of a mesh as one, known by the first of them, and those that are mirrored as another."""
+        mirrored = below.mirrored(frame)[rows]
+        for those in filter(len, (rows[~mirrored], rows[mirrored])):
+            key = f"{label}[{those[0]}]{name}", id(below)
+            known = self._together.get(key)
+            if known is None or not np.array_equal(known.placement.rows, those):
+                copies = tuple(f"{label}[{index}]{name}" for index in those)
+                self._together[key] = self._make(key[0], mesh, OfInstances(below, those), copies)
+            yield self._together[key]
+
+    def _common_below(self, instancer: Instancer, label: str, placement: Placement) -> list[tuple[list, list]]:
+        """What the instances of each prototype have in common: meshes, and instancers, with names and places."""
+
         def of(prim: Usd.Prim, root: Usd.Prim) -> tuple[str, Below]:
             return _name_below(prim, root), Below(prim, root, instancer, placement, self._transforms)
 
         key = label, id(instancer)
         if key not in self._common:
-            self._common[key] = {
-                id(prototype): (
+            self._common[key] = [
+                (
                     [(mesh, *of(mesh, prototype.root)) for mesh in prototype.meshes],
                     [(nested, *of(nested.instancer.GetPrim(), prototype.root)) for nested in prototype.instancers],
                 )
                 for prototype in instancer.prototypes
-            }
-        common = self._common[key]
-        for index, prototype in instancer.instances(frame):
-            meshes, instancers = common[id(prototype)]
-            for mesh, name, below in meshes:
-                # An instance may take another prototype, whose mesh of the same name is another.
-                made = label, index, id(below)
-                if made not in self._made:
-                    self._made[made] = self._make(f"{label}[{index}]{name}", mesh, OfInstance(below, index))
-                yield self._made[made]
-            for nested, name, below in instancers:
-                yield from self._below(nested, f"{label}[{index}]{name}", OfInstance(below, index), frame)
+            ]
+        return self._common[key]
 
 
 def _is_shown(prim: Usd.Prim, root: Usd.Prim, frame: float) -> bool:

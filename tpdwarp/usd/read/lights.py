@@ -21,6 +21,7 @@ from tpdwarp.scene.description import (
 )
 from tpdwarp.scene.light_places import tiles_of
 from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
+from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is_of_blender
 from tpdwarp.usd.read.links import LightLinks
 from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.samples import sample_times
@@ -88,6 +89,7 @@ class Light:
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
         self._api = UsdLux.LightAPI(prim)
         self.links = LightLinks(self._api)
+        self._of_blender = is_of_blender(prim)
         self.kind = LightKind.DISTANT if prim.IsA(UsdLux.DistantLight) else LightKind.POINT
         self._shape = next((kind for kind in AREAS if prim.IsA(kind)), None)
         self.varies = transforms.span(prim) is not None
@@ -114,7 +116,7 @@ class Light:
     def extent_in_words(self, frame: float) -> str:
         """What it is in its own space, if it has an extent; else empty."""
         if self.kind == LightKind.DISTANT:
-            angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
+            angle = self._angle(frame)
             return f"a disc of {angle:g} degrees" if angle else ""
         sizes = [] if self._shape is None else self._sizes(frame)
         if not sizes or not all(sizes) or self._asks_to_be_a_point(frame):
@@ -172,7 +174,7 @@ class Light:
         """Its extent at mid shutter; None where it has none, or is not to be taken for more than a point."""
         time = shutter.middle
         if self.kind == LightKind.DISTANT:
-            angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), time)
+            angle = self._angle(time)
             return Extent(ExtentShape.ROUND, math.radians(0.5 * min(angle, 180.0))) if angle > 0 else None
         sizes = self._sizes(time)
         if not all(sizes) or self._asks_to_be_a_point(time):
@@ -244,8 +246,10 @@ class Light:
         color = value_at(self._api.GetColorAttr(), frame, (3,))
         if not np.isfinite(color).all() or color.min() < 0:
             self._refuse(self._api.GetColorAttr(), f"holds {tuple(map(float, color))}")
-        if number_at(self._api.GetEnableColorTemperatureAttr(), frame):
-            kelvin = self._number(self._api.GetColorTemperatureAttr(), frame)
+        asks = number_at(self._api.GetEnableColorTemperatureAttr(), frame)
+        kelvin = self._number(self._api.GetColorTemperatureAttr(), frame) if asks else None
+        white = self._of_blender and kelvin == BLENDER_WHITE
+        if kelvin is not None and not white:
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
@@ -264,10 +268,16 @@ class Light:
         """By what the radiance is to be multiplied for :meth:`power`."""
         return self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._area_factor(frame)
 
-    def _distant_factor(self, frame: float) -> float:
+    def _angle(self, frame: float) -> float:
+        """Angle of a distant light's disc [degrees]."""
         angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
-        if angle == 0:
-            return 1.0
+        return angle * BLENDER_ANGLE if self._of_blender else angle
+
+    def _distant_factor(self, frame: float) -> float:
+        angle = self._angle(frame)
+        host = BLENDER_SUN if self._of_blender else 1.0
+        if angle == 0 or self._of_blender:
+            return host
         if number_at(self._api.GetNormalizeAttr(), frame):
             return 1.0
         return math.pi * math.sin(math.radians(0.5 * min(angle, 180.0))) ** 2
@@ -309,6 +319,10 @@ class Light:
         asks_for_cone = _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
             shaping.GetShapingFocusAttr(), 0.0
         )
+        if self._of_blender and self.kind == LightKind.DISTANT:
+            self._warnings(
+                self.path, "is as bright and wide as in Blender, which wrote it: four times and twice what USD says"
+            )
         if asks_for_cone and self.kind == LightKind.DISTANT:
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
         if asks_for_cone and self._shape is UsdLux.CylinderLight:

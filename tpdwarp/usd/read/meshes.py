@@ -1,4 +1,4 @@
-"""A mesh where it stands: its shape over a shutter, carried into the world, with its materials."""
+"""A mesh where it stands, or where many copies of it do: its shape over a shutter, carried into the world."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from tpdwarp.usd.read.uv import CornerCoordinates, authored_points, corner_coord
 
 
 class Placement(Protocol):
-    """Where a prim stands in the world."""
+    """Where a prim, or each of its copies, stands in the world."""
 
     span: tuple[float, float] | None
 
-    def world(self, time: float, frame: float) -> np.ndarray:
-        """Local-to-world matrix at ``time`` for a shutter around ``frame``, shape [4, 4]."""
+    def worlds(self, time: float, frame: float) -> np.ndarray:
+        """Local-to-world matrices at ``time`` for a shutter around ``frame``, one a copy, shape [n, 4, 4]."""
         ...
 
     def jumps(self) -> tuple[Jump, ...]:
@@ -39,8 +39,8 @@ class Placement(Protocol):
         """Whether the prim is visible there at a time code."""
         ...
 
-    def color(self, frame: float) -> np.ndarray | None:
-        """The colour [3] that an instancer gives it at a time code; None where it gives none."""
+    def colors(self, frame: float) -> np.ndarray | None:
+        """The colours [n, 3] that an instancer gives it at a time code; None where it gives none."""
         ...
 
 
@@ -52,8 +52,8 @@ class OnStage:
         self.span = transforms.span(prim)
         self._visible: tuple[float, bool] | None = None
 
-    def world(self, time: float, frame: float) -> np.ndarray:
-        return self._transforms.world(self._prim, time)
+    def worlds(self, time: float, frame: float) -> np.ndarray:
+        return self._transforms.world(self._prim, time)[None]
 
     def jumps(self) -> tuple[Jump, ...]:
         return self._transforms.jumps(self._prim)
@@ -65,12 +65,12 @@ class OnStage:
             self._visible = frame, shown
         return self._visible[1]
 
-    def color(self, frame: float) -> np.ndarray | None:
+    def colors(self, frame: float) -> np.ndarray | None:
         return None
 
 
 class PlacedMesh:
-    """One mesh, or one instance of it.
+    """One mesh, one instance of it, or many of them together.
 
     Args:
         label: Path it is known by.
@@ -81,6 +81,7 @@ class PlacedMesh:
         cubic: Whether motion is cubic.
         appearances: Reads what it looks like.
         warnings: Takes what is not supported, and names the file in errors.
+        copies: Paths of the instances that it stands for, in the order of their matrices; empty for one mesh.
     """
 
     def __init__(
@@ -93,8 +94,9 @@ class PlacedMesh:
         cubic: bool,
         appearances: Appearances,
         warnings: WarnOnce,
+        copies: tuple[str, ...] = (),
     ) -> None:
-        self.label, self.prim, self.shape, self.placement = label, prim, shape, placement
+        self.label, self.prim, self.shape, self.placement, self.copies = label, prim, shape, placement, copies
         self._cubic, self._appearances, self._warnings = cubic, appearances, warnings
         self._own_span = union(shape.span, placement.span)
         self.span = union(animation, self._own_span)
@@ -123,27 +125,40 @@ class PlacedMesh:
             return None
         known = self._appearance
         if known is None or known[1].varies or known[0] is not geometry.topology:
+            given = self.placement.colors(shutter.frame)
             appearance = self._appearances.of(
-                self.prim, geometry.topology, geometry.point_count, shutter.frame, self.placement.color
+                self.prim, geometry.topology, geometry.point_count, shutter.frame, None if given is None else given[0]
             )
+            if appearance.given_at >= 0:
+                others, last = np.split(appearance.colors, [appearance.given_at])
+                appearance = replace(appearance, colors=np.concatenate([others, given, last[1:]]))
             self._appearance = geometry.topology, appearance
             self._whole = None
         if self._whole is None:
-            appearance = self._appearance[1]
-            self._whole = _without_holes(
-                replace(
-                    geometry.mesh,
-                    materials=appearance.materials,
-                    triangle_materials=appearance.triangle_materials,
-                    colors=appearance.colors,
-                    color_indices=appearance.color_indices,
-                    coordinates=appearance.coordinates,
-                    coordinate_indices=appearance.coordinate_indices,
-                    priority=self._appearances.priority(self.prim),
-                ),
-                appearance.kept,
-            )
+            self._whole = self._dressed(geometry.mesh, self._appearance[1])
         return self._whole if len(self._whole.triangles) else None
+
+    @property
+    def count(self) -> int:
+        """How many instances it stands for."""
+        return len(self.copies) or 1
+
+    def _dressed(self, mesh: MeshAtShutter, appearance: Appearance) -> MeshAtShutter:
+        """The mesh with its materials, without what these cut out."""
+        count, kept = self.count, appearance.kept
+        return _without_holes(
+            replace(
+                mesh,
+                materials=appearance.materials,
+                triangle_materials=_for_copies(appearance.triangle_materials, count),
+                colors=appearance.colors,
+                color_indices=_for_copies(appearance.color_indices, count, appearance.given_at),
+                coordinates=appearance.coordinates,
+                coordinate_indices=_for_copies(appearance.coordinate_indices, count),
+                priority=self._appearances.priority(self.prim),
+            ),
+            _for_copies(kept, count),
+        )
 
     def coordinates(self, name: str, shutter: Shutter) -> CornerCoordinates | None:
         """Texture coordinates of the triangles of :meth:`over`; None where there are none of these.
@@ -182,9 +197,9 @@ class PlacedMesh:
             return None
 
         def state(time: float) -> tuple[np.ndarray, ...]:
-            matrix = self._world(time, frame)
-            points = shape.points(time) @ matrix[:3, :3] + matrix[3, :3]
-            return (points,) if shape.normals is None else (points, transform_normals(shape.normals(time), matrix))
+            matrices = self._worlds(time, frame)
+            points = (shape.points(time) @ matrices[:, :3, :3] + matrices[:, 3:, :3]).reshape(-1, 3)
+            return (points,) if shape.normals is None else (points, transform_normals(shape.normals(time), matrices))
 
         with np.errstate(over="ignore", invalid="ignore"):
             middle, motions = over_shutter(state, shutter, self.span, self._cubic)
@@ -195,22 +210,49 @@ class PlacedMesh:
                 self._warnings.file,
                 self.label,
             )
-        held = self._world(min(max(shutter.middle, self.span[0]), self.span[1]), frame)
-        topology = shape.topology.mirrored if np.linalg.det(held[:3, :3]) < 0 else shape.topology
-        shaded = shape.normals is not None
+        held = self._worlds(min(max(shutter.middle, self.span[0]), self.span[1]), frame)
+        mirrored = np.linalg.det(held[:, :3, :3]) < 0
+        if mirrored.any() != mirrored.all():
+            raise InputError("some of its copies are mirrored, and others are not", self._warnings.file, self.label)
+        topology = shape.topology.mirrored if mirrored[0] else shape.topology
+        normals = normal_indices = None
+        if shape.normals is not None:
+            normals = unit(middle[1])
+            elements = np.ascontiguousarray(shape.normal_elements(topology), dtype=np.int32)
+            normal_indices = _for_copies(elements, self.count, len(normals) // self.count)
         mesh = MeshAtShutter(
             self.label,
             middle[0],
-            topology.triangles,
+            _for_copies(topology.triangles, self.count, len(middle[0]) // self.count),
             motions=None if motions is None else motions[0],
-            normals=unit(middle[1]) if shaded else None,
-            normal_motions=motions[1] if shaded and motions is not None else None,
-            normal_indices=np.ascontiguousarray(shape.normal_elements(topology), dtype=np.int32) if shaded else None,
+            normals=normals,
+            normal_motions=motions[1] if normals is not None and motions is not None else None,
+            normal_indices=normal_indices,
+            copies=self.copies,
         )
         return _Geometry(mesh, topology, shape.point_count)
 
-    def _world(self, time: float, frame: float) -> np.ndarray:
-        return usable(self.placement.world(time, frame), time, self.label, self._warnings.file)
+    def _worlds(self, time: float, frame: float) -> np.ndarray:
+        matrices = self.placement.worlds(time, frame)
+        # The one with the largest number in it, or one that is none.
+        usable(matrices[np.argmax(np.abs(matrices)) // 16], time, self.label, self._warnings.file)
+        return matrices
+
+
+def _for_copies(rows: np.ndarray | None, count: int, given_at: int = -1) -> np.ndarray | None:
+    """Rows [m, ...] of a mesh for ``count`` copies of it, [count m, ...].
+
+    Where each copy has a row of its own in the place of row ``given_at``, indices of that one and of those behind it
+    are moved.
+    """
+    if rows is None or count == 1:
+        return rows
+    copied = np.tile(rows, (count, *[1] * (rows.ndim - 1)))
+    if given_at < 0:
+        return copied
+    copies = np.repeat(np.arange(count, dtype=np.int32), len(rows)).reshape(-1, *[1] * (rows.ndim - 1))
+    moved = np.where(copied == given_at, copied + copies, copied)
+    return np.where(copied > given_at, copied + np.int32(count - 1), moved)
 
 
 def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:

@@ -34,13 +34,14 @@ def smooth_normals(points: np.ndarray, topology: Topology) -> np.ndarray:
     return unit(summed)
 
 
-def transform_normals(normals: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Unit normals [n, 3] carried by a row-vector matrix [4, 4]: multiplied by the inverse transpose, front kept front.
+def transform_normals(normals: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Unit normals [k, 3] carried by row-vector matrices [n, 4, 4], those of one after those of the other, [n k, 3].
 
-    The cofactors stand in for the inverse, so that a matrix which flattens things still has normals.
+    They are multiplied by the inverse transpose, and what was in front stays there. The cofactors stand in for the
+    inverse, so that a matrix which flattens things still has normals.
     """
-    a, b, c = matrix[:3, :3]
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-    if np.dot(a, cofactors[0]) < 0:
-        cofactors = -cofactors
-    return unit(normals @ cofactors)
+    a, b, c = (matrices[:, row, :3] for row in range(3))
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    mirrored = np.einsum("nk,nk->n", a, cofactors[:, 0]) < 0
+    cofactors[mirrored] *= -1.0
+    return unit((normals @ cofactors).reshape(-1, 3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections.abc import Iterable, Iterator
@@ -102,7 +103,11 @@ class StageScene:
         ]
         self._instancers = [
             InstancedMeshes(
-                instancer, OnStage(instancer.instancer.GetPrim(), self._transforms), self._place, self._transforms
+                instancer,
+                OnStage(instancer.instancer.GetPrim(), self._transforms),
+                self._place,
+                self._materials.may_be_specular,
+                self._transforms,
             )
             for instancer in contents.instancers
         ]
@@ -225,24 +230,29 @@ class StageScene:
         Raises:
             InputError: One that may carry the caustic cannot be used, or none of those there are.
         """
-        meshes: list[MeshAtShutter] = []
-        refused: InputError | None = None
-        for placed in self._placed(shutter.frame):
-            try:
-                mesh = placed.over(shutter)
-            except InputError as error:
-                if self._materials.may_be_specular(placed.prim, shutter.frame):
-                    raise
-                refused = refused or error
-                # Of one kind are those whose attribute of the same name is to blame.
-                kind = f"left out for {error.prim.rsplit('/', 1)[-1].partition('.')[2]}"
-                self.warnings(error.prim, f"{error.message}; until then the mesh is left out", kind)
-                continue
-            if mesh is not None:
-                meshes.append(mesh)
-        if refused is not None and not meshes:
-            raise refused
+        refused: list[InputError] = []
+        meshes = [mesh for placed in self._placed(shutter.frame) for mesh in self._usable(placed, shutter, refused)]
+        if refused and not meshes:
+            raise refused[0]
         return tuple(meshes)
+
+    def _usable(self, placed: PlacedMesh, shutter: Shutter, refused: list[InputError]) -> list[MeshAtShutter]:
+        """What there is of a mesh, or of many copies of one; what cannot be used is said, and added to ``refused``."""
+        try:
+            mesh = placed.over(shutter)
+        except InputError as error:
+            if placed.copies:
+                copies = set(placed.copies)
+                alone = [one for of in self._instancers for one in of.apart(shutter.frame) if one.label in copies]
+                return [mesh for one in alone for mesh in self._usable(one, shutter, refused)]
+            if self._materials.may_be_specular(placed.prim, shutter.frame):
+                raise
+            refused.append(error)
+            # Of one kind are those whose attribute of the same name is to blame.
+            kind = f"left out for {error.prim.rsplit('/', 1)[-1].partition('.')[2]}"
+            self.warnings(error.prim, f"{error.message}; until then the mesh is left out", kind)
+            return []
+        return [] if mesh is None else [mesh]
 
     def coordinates(self, path: str, name: str, shutter: Shutter) -> CornerCoordinates | None:
         """Texture coordinates of the triangles of one of the meshes of :meth:`at`; None where it is not there.
@@ -256,7 +266,8 @@ class StageScene:
             InputError: Coordinates that cannot be used.
         """
         with usd_diagnostics(self.warnings):
-            for placed in self._placed(shutter.frame):
+            alone = (one for of in self._instancers for one in of.apart(shutter.frame))
+            for placed in itertools.chain(self._meshes, alone):
                 if placed.label == path:
                     return placed.coordinates(name, shutter)
         return None
@@ -469,13 +480,13 @@ class StageScene:
                 str(placed.prim.GetPath()),
                 {
                     "path": str(placed.prim.GetPath()),
-                    "triangles": 0 if mesh is None else len(mesh.triangles),
+                    "triangles": 0 if mesh is None else len(mesh.triangles) // placed.count,
                     "instances": 0,
                     "moves": False,
                     "interactions": _interactions(mesh),
                 },
             )
-            entry["instances"] += 1
+            entry["instances"] += placed.count
             entry["moves"] |= placed.varies
         return list(described.values())
 
@@ -503,7 +514,7 @@ class StageScene:
             **({"extent": extent} if extent else {}),
         }
 
-    def _place(self, label: str, prim: Usd.Prim, placement: Placement) -> PlacedMesh:
+    def _place(self, label: str, prim: Usd.Prim, placement: Placement, copies: tuple[str, ...] = ()) -> PlacedMesh:
         deformation = self._skeletons.deformation(prim) if prim.IsA(UsdGeom.PointBased) else None
         # Instances share their shape, unless each has a skeleton of its own.
         shared = prim.IsInstanceProxy() and deformation is None
@@ -511,7 +522,15 @@ class StageScene:
         if key not in self._shapes:
             self._shapes[key] = self._shape(prim, deformation)
         return PlacedMesh(
-            label, prim, self._shapes[key], placement, self._animation, self._cubic, self._appearances, self.warnings
+            label,
+            prim,
+            self._shapes[key],
+            placement,
+            self._animation,
+            self._cubic,
+            self._appearances,
+            self.warnings,
+            copies,
         )
 
     def _shape(self, prim: Usd.Prim, deformation: Deformation | None) -> Shape | Primitive | Blobs:
@@ -535,7 +554,7 @@ class StageScene:
 
     @cached_property
     def _subdivision_count(self) -> int:
-        return sum(_is_subdivided(placed.prim) for placed in self._placed(self.start))
+        return sum(placed.count for placed in self._placed(self.start) if _is_subdivided(placed.prim))
 
     def _segments(self, prim: Usd.Prim) -> int:
         """Segments of a circle of a primitive."""
@@ -543,7 +562,7 @@ class StageScene:
 
     @cached_property
     def _primitive_count(self) -> int:
-        return sum(is_primitive(placed.prim) for placed in self._placed(self.start))
+        return sum(placed.count for placed in self._placed(self.start) if is_primitive(placed.prim))
 
     def _placed(self, frame: float) -> Iterator[PlacedMesh]:
         yield from self._meshes

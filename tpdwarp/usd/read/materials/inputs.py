@@ -17,6 +17,8 @@ from tpdwarp.usd.read.values import raw_at, text_at, value_at
 # Networks deeper than this count as circular. Chosen, not derived: hand-made networks have a few.
 DEEPEST = 64
 DEFAULTS = ("fallback", "default", "missing_color")
+# What the identifiers of nodes that read primvars hold: USD's, MaterialX's and Arnold's.
+PRIMVAR_READERS = ("primvarreader", "geompropvalue", "geomcolor", "user_data_rgb")
 FILES = ("file", "filename", "in")
 
 
@@ -223,8 +225,8 @@ class Inputs:
                     self.warnings(asking, "combines textures that lie differently: their mean colours are rendered")
             return Value(numbers if image is None else image.mean, spread, shown, image)
         inner = self.of(node)
-        if "primvarreader" in kind.lower() or "geompropvalue" in kind or "geomcolor" in kind:
-            name = inner.text("varname") or inner.text("geomprop")
+        if any(word in kind.lower() for word in PRIMVAR_READERS):
+            name = inner.text("varname") or inner.text("geomprop") or inner.text("attribute")
             value = inner.value(*DEFAULTS)
             self.varies |= inner.varies
             if "geomcolor" in kind:

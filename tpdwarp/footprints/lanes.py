@@ -1,0 +1,58 @@
+"""Lanes: queries that are worked on at once, in vectors with one component for each of them.
+
+A footprint falls on neighbouring queries alike, and to evaluate it at sixteen of them costs little more than at one.
+"""
+
+from __future__ import annotations
+
+import warp as wp
+
+# Queries that are worked on at once: a square of pixels of this area (tpdwarp.view.sampling). Chosen, not derived: a
+# few vector registers.
+LANE_COUNT = 16
+LANES = wp.constant(LANE_COUNT)
+Lanes = wp.types.vector(LANE_COUNT, wp.float32)
+LANE_NUMBERS = wp.constant(Lanes(*map(float, range(LANE_COUNT))))
+
+
+@wp.struct
+class LaneVectors:
+    """A vector in each lane, or an RGB triple."""
+
+    x: Lanes
+    y: Lanes
+    z: Lanes
+
+
+@wp.func
+def not_negative(values: Lanes) -> Lanes:
+    """One in lanes whose value is no less than zero, nothing in others: terms of Eq. 8 that count."""
+    return wp.max(wp.sign(values), Lanes(0.0))
+
+
+@wp.func
+def equal(values: Lanes, other: float) -> Lanes:
+    """One in lanes with the value ``other``, nothing in others: terms of Eq. 8 that count."""
+    return not_negative(-wp.abs(values - Lanes(other)))
+
+
+@wp.func
+def products(vectors: LaneVectors, other: wp.vec3) -> Lanes:
+    """Products of the vectors with another one, such as a row of M in Eq. 8."""
+    return other[0] * vectors.x + other[1] * vectors.y + other[2] * vectors.z
+
+
+@wp.func
+def added(vectors: LaneVectors, factors: Lanes, other: wp.vec3) -> LaneVectors:
+    """The vectors and, in each lane, ``factors`` times another one: a term of Eq. 8 is added so."""
+    out = LaneVectors()
+    out.x = vectors.x + other[0] * factors
+    out.y = vectors.y + other[1] * factors
+    out.z = vectors.z + other[2] * factors
+    return out
+
+
+@wp.func
+def in_lane(vectors: LaneVectors, lane: int) -> wp.vec3:
+    """The vector in one lane: the sum of Eq. 8 at a query."""
+    return wp.vec3(vectors.x[lane], vectors.y[lane], vectors.z[lane])
