@@ -73,7 +73,8 @@ def main() -> None:
         squared = np.mean((ours - truth) ** 2) - 0.5 * noise["ptracer"] ** 2
         best = ours
         if squared <= 0.0:
-            print(f"  {photons:7d} photons: mean {ours.mean() / mean:.4f}, {seconds:.2f} CPU s; errs by less than the noise")
+            ratio = ours.mean() / mean
+            print(f"  {photons:7d} photons: mean {ratio:.4f}, {seconds:.2f} CPU s; errs by less than the noise")
             continue
         error = math.sqrt(squared) / mean
         needed = {
