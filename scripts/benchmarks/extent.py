@@ -7,7 +7,7 @@
 
 The truth is the estimator ``accumulation``: the mean of frames each of which has its lights at one place on them (and,
 where things move, at one instant), as points, with static footprints. It is kept beside this file, with what its two
-halves differ by. Errors are root mean squares over all pixels, by the mean irradiance.
+halves differ by. Errors are root mean squares over all pixels, by that of the truth.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ def keep(name: str) -> Path:
         _irradiance(stage, case, places=case.places + more, photons=case.photons, samples=1) for more in (0, 1)
     ]
     truth = 0.5 * (halves[0] + halves[1])
-    error = math.sqrt(np.mean((halves[0] - halves[1]) ** 2)) / (2.0 * truth.mean())
+    error = math.sqrt(np.mean((halves[0] - halves[1]) ** 2) / np.mean(truth**2)) / 2.0
     path = CONVERGED / f"extent-{name}.npz"
     np.savez_compressed(path, irradiance=truth.astype(np.float16), error=error)
     return path
@@ -195,7 +195,7 @@ def _measured(name: str, case: Case, cost: bool) -> dict[str, object]:
     truth, own = kept(name)
 
     def error(found: np.ndarray) -> float:
-        return math.sqrt(np.mean((found - truth) ** 2)) / truth.mean()
+        return math.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2))
 
     frame = stage.render_frame(_frame(case), photons=PHOTONS)
     row: dict[str, object] = {
