@@ -113,8 +113,8 @@ def bent(
 ) -> PhotonMap:
     """The photons with what their neighbours know, where footprints are those of a lattice's own cells.
 
-    Bends of light that ``moves`` are left out: measured on ``scripts/benchmarks/solids.py torus-turning-10``, it erred by
-    .042 with them and by .037 without.
+    Bends of light that ``moves`` are left out: measured on ``scripts/benchmarks/solids.py torus-turning-10``, it erred
+    by .042 with them and by .037 without.
     """
     settings = tracer.settings
     if settings.emission != "lattice" or settings.kernel != "bspline" or settings.smoothing != 1.0:
