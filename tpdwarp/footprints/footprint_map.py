@@ -13,6 +13,7 @@ from tpdwarp.footprints.cell_parts import told_apart
 from tpdwarp.footprints.light_images import axes_in_light
 from tpdwarp.footprints.shaping import FootprintArrays, LightImageArrays, PixelSize, footprint_kernel
 from tpdwarp.photons.photon_map import PhotonMap, joined
+from tpdwarp.scene.light_places import narrowing_of
 
 
 @dataclass
@@ -98,6 +99,7 @@ def shape_footprints(
     extended = all(len(m.image) == len(m) for m in maps)
     images = LightImageArrays()
     if extended:
+        images.narrowing = narrowing_of(max(m.light_parts for m in maps)) if kernel == "bspline" else 1.0
         images.dxda, images.dxdb = column("dxda"), column("dxdb")
         images.image = launcher.array(joined([m.image for m in maps]), wp.int32)
     radial = None if kernel == "bspline" else kernel

@@ -34,6 +34,7 @@ import warp as wp
 from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.footprints.cells import HALF, pixel_extent
 from tpdwarp.footprints.kernels import VARIANCE
+from tpdwarp.photons.light_columns import IMAGE_DISC, IMAGE_PARALLELOGRAM
 
 # Longest axis of a footprint: the size of the scene, in the tracer's units.
 LONGEST_AXIS = wp.constant(1.0)
@@ -132,12 +133,14 @@ class FootprintArrays:
 class LightImageArrays:
     """Columns D_a x and D_b x of photons by the place on their light, and what they span: one row a photon.
 
-    There are no rows where no light has an extent (:class:`tpdwarp.photons.light_columns.LightImage`).
+    There are no rows where no light has an extent (:class:`tpdwarp.photons.light_columns.LightImage`). Footprints of
+    lights with extent are ``narrowing`` times as wide as others (:func:`tpdwarp.scene.light_places.narrowing_of`).
     """
 
     dxda: wp.array(dtype=wp.vec3)
     dxdb: wp.array(dtype=wp.vec3)
     image: wp.array(dtype=wp.int32)
+    narrowing: float
 
 
 @wp.struct
@@ -492,10 +495,14 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
 
         # ---- J in the tangent plane, and the axes that it has as seen by pixels
         frame = tangent_frame(n)
-        a = wp.dot(frame.e1, dxdu[i]) * smoothing
-        b = wp.dot(frame.e1, dxdv[i]) * smoothing
-        c = wp.dot(frame.e2, dxdu[i]) * smoothing
-        d = wp.dot(frame.e2, dxdv[i]) * smoothing
+        width = smoothing
+        if wp.static(extended):
+            if images.image[i] == IMAGE_DISC or images.image[i] == IMAGE_PARALLELOGRAM:
+                width *= images.narrowing
+        a = wp.dot(frame.e1, dxdu[i]) * width
+        b = wp.dot(frame.e1, dxdv[i]) * width
+        c = wp.dot(frame.e2, dxdu[i]) * width
+        d = wp.dot(frame.e2, dxdv[i]) * width
         on_plane = pixel_on_plane(pixel, x, n, frame)
         j = singular_values(a, b, c, d)
         axes = Axes()
@@ -571,8 +578,8 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             # stays; what axes turn by does, too: to follow that costs time and gains nothing.
             jc = wp.cos(j.right)
             js = wp.sin(j.right)
-            rate1 = (0.5 * smoothing) * (jc * dxdut[i] + js * dxdvt[i])
-            rate2 = (0.5 * smoothing) * (jc * dxdvt[i] - js * dxdut[i])
+            rate1 = (0.5 * width) * (jc * dxdut[i] + js * dxdvt[i])
+            rate2 = (0.5 * width) * (jc * dxdvt[i] - js * dxdut[i])
             growth1 = wp.min(j.s1 / axes.t1, 1.0) * wp.dot(first, rate1) / axes.t1
             growth2 = wp.min(wp.abs(j.s2) / axes.t2, 1.0) * wp.dot(second, rate2) / axes.t2
             if wp.static(radial is None):
