@@ -37,6 +37,11 @@ LARGEST_MISFIT = 0.5
 ALONE = 3.0**-0.5
 
 
+def with_reaches(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
+    """The photons of a lattice with their reaches alone."""
+    return replace(with_bends(photons, plan), bend=np.zeros((0, 3), np.float32))
+
+
 def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
     """The photons of a lattice with their bends, which lie in the plane of their receivers, and their reaches."""
     bend, reach = np.zeros_like(photons.position), np.ones((len(photons), 2), np.float32)
