@@ -152,7 +152,7 @@ class PlacedMesh:
                 materials=appearance.materials,
                 triangle_materials=_for_copies(appearance.triangle_materials, count),
                 colors=appearance.colors,
-                color_indices=_for_copies(appearance.color_indices, count, appearance.given_at),
+                color_indices=_with_given(appearance.color_indices, count, appearance.given_at),
                 coordinates=appearance.coordinates,
                 coordinate_indices=_for_copies(appearance.coordinate_indices, count),
                 priority=self._appearances.priority(self.prim),
@@ -239,20 +239,34 @@ class PlacedMesh:
         return matrices
 
 
-def _for_copies(rows: np.ndarray | None, count: int, given_at: int = -1) -> np.ndarray | None:
+def _for_copies(rows: np.ndarray | None, count: int, step: int = 0) -> np.ndarray | None:
     """Rows [m, ...] of a mesh for ``count`` copies of it, [count m, ...].
 
-    Where each copy has a row of its own in the place of row ``given_at``, indices of that one and of those behind it
-    are moved.
+    Indices grow by ``step`` from one copy to the next; what is no index, −1, stays.
     """
     if rows is None or count == 1:
         return rows
     copied = np.tile(rows, (count, *[1] * (rows.ndim - 1)))
-    if given_at < 0:
+    if step == 0:
         return copied
-    copies = np.repeat(np.arange(count, dtype=np.int32), len(rows)).reshape(-1, *[1] * (rows.ndim - 1))
-    moved = np.where(copied == given_at, copied + copies, copied)
-    return np.where(copied > given_at, copied + np.int32(count - 1), moved)
+    return np.where(copied >= 0, copied + step * _copy_of_each(rows, count), -1)
+
+
+def _with_given(rows: np.ndarray | None, count: int, given_at: int) -> np.ndarray | None:
+    """Indices of colours, as :func:`_for_copies`, where each copy has a colour of its own in the place of ``given_at``.
+
+    Those of colours behind it are moved by as many.
+    """
+    copied = _for_copies(rows, count)
+    if rows is None or count == 1 or given_at < 0:
+        return copied
+    own = np.where(copied == given_at, copied + _copy_of_each(rows, count), copied)
+    return np.where(copied > given_at, copied + np.int32(count - 1), own)
+
+
+def _copy_of_each(rows: np.ndarray, count: int) -> np.ndarray:
+    """The number of the copy that each of the rows for ``count`` copies belongs to, with as many axes."""
+    return np.repeat(np.arange(count, dtype=np.int32), len(rows)).reshape(-1, *[1] * (rows.ndim - 1))
 
 
 def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:
