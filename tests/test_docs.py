@@ -18,6 +18,7 @@ EQUATIONS = (
     "photons/differentials.py",
     "photons/beam.py",
     "footprints/bspline.py",
+    "footprints/cells.py",
     "footprints/gather.py",
     "footprints/kernels.py",
     "footprints/parabolas.py",

@@ -45,3 +45,14 @@ def test_moving_solids_are_as_brute_force_has_them(name, wanted, tmp_path: Path)
     # Beside what is given up below the cutoffs.
     given_up = frame.energy.lost_total / frame.energy.sent
     assert frame.energy.deposited / frame.energy.sent == pytest.approx(true_share, abs=0.003 + given_up)
+
+
+def test_what_folds_is_right_with_one_sample(tmp_path: Path):
+    """A pixel's mean is exact, so that the error of a still falls with photons, and not with samples."""
+    truth = kept_truth(SCENES["folded-wave"]())
+    height, width = truth.irradiance.shape
+    settings = Settings.of(SETTINGS, photons=1 << 16, samples=1, image_width=width)
+    context = RenderContext(StageScene.open(write("folded-wave", tmp_path), settings), settings)
+    frame = render_frame(context, Shutter(FRAME, FRAME, FRAME + 1), width, height)
+    error = (frame.channels["irradiance.R"] - truth.irradiance)[truth.mask]
+    assert np.sqrt(np.mean(error**2)) / truth.irradiance[truth.mask].mean() < np.hypot(0.02, truth.error)

@@ -12,6 +12,7 @@ from tests.footprints.photons import ONE_THREAD, first_channel, grid, irradiance
 from tpdwarp.footprints.plain_gather import plain_gather
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.light_columns import LightImage
+from tpdwarp.scene.light_places import phase_of
 
 EXTENDED = GatherForm(extended=True)
 DISC, BOX = LightImage.DISC, LightImage.PARALLELOGRAM
@@ -121,6 +122,30 @@ def test_a_lattice_stays_uniform_under_any_light(cells, image, shear):
     points = np.append(np.random.default_rng(4).uniform(-0.1, 0.1, (300, 2)), np.zeros((300, 1)), axis=1)
     ripple = np.abs(first_channel(shaped(light), points, EXTENDED) - 1).max()
     assert ripple < 0.02
+
+
+@pytest.mark.parametrize("side", [3, 7])
+@pytest.mark.parametrize("cells", [1.0, 5.0, 20.0])
+def test_narrow_footprints_of_parts_whose_lattices_interleave_sum_to_one(cells, side):
+    """Parts of a square light, each with a lattice as much coarser as it has fewer photons, sheared on the receiver."""
+    fine, parts = 0.01, side * side
+    cell, image = side * fine, cells * fine
+    reach = 4 + int(image / cell)
+    index = np.arange(-reach, reach + 1)
+    i, j = (a.ravel() for a in np.meshgrid(index, index))
+    maps = []
+    for number in range(parts):
+        u, v = phase_of(f"/light[{number}]")
+        middle = ((np.array([number % side, number // side]) + 0.5) / side - 0.5) * image
+        x, y = (i + u) * cell, (j + v) * cell
+        at = np.stack([x + 0.2 * y + middle[0], y + middle[1], 0.0 * x], axis=1)
+        photons = photon_map(at, (cell, 0, 0), (0.2 * cell, cell, 0), flux=cell**2 / parts)
+        half = 0.5 * image / side
+        maps.append(replace(lit(photons, (half, 0, 0), (0, half, 0), BOX), light_parts=parts))
+    points = np.append(np.random.default_rng(4).uniform(0.0, cell, (300, 2)), np.zeros((300, 1)), axis=1)
+    light = first_channel(shaped(*maps), points, EXTENDED)
+    assert light.mean() == pytest.approx(1.0, abs=5e-3)
+    assert light.std() < 0.02
 
 
 def test_light_without_extent_is_looked_up_as_it_is_without_the_columns():

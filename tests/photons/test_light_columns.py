@@ -77,7 +77,7 @@ def directions_across(light: LightAtShutter, w: np.ndarray, origin: np.ndarray) 
 @pytest.mark.parametrize("name", LIGHTS)
 def test_the_light_spans_what_rays_from_its_places_through_the_first_surface_do(name, meshes):
     scene = scene_of(LIGHTS[name], meshes())
-    result = traced(Written(scene), 256, shutter=STILL)
+    result = traced(Written(scene), 256, shutter=STILL, place=(0.0, 0.0))
     rows = np.flatnonzero(result.masks == 0)
     photons = result.photons.rows(rows)
     surfaces = surfaces_of(scene)
@@ -124,6 +124,53 @@ def test_a_plane_mirror_spreads_a_lamp_by_the_distances_after_and_before_it():
     scene = scene_of(light, [floor(), quad("/mirror", (-0.1, -0.1), (0.1, 0.1), 2.0, MIRROR, up=False)])
     photons = traced(Written(scene), 64, shutter=STILL).photons
     np.testing.assert_allclose(np.linalg.norm(photons.dxda, axis=1), 0.1 * 2.0 / 1.5, rtol=0.02)
+
+
+@pytest.mark.parametrize("name", ["sphere", "disk", "rect"])
+def test_photons_land_where_the_middle_of_their_light_does_with_its_mean_flux(name):
+    """Straight on through a sheet of index one: the mean over places, each of which sends cos θ_l cos θ / d² to it."""
+    level, extent = 2.0, LIGHTS[name].extent
+    clear = quad("/clear", (-3, -3), (3, 3), level, Material(Interaction.DIELECTRIC, ior=1.0))
+    scene = scene_of(LIGHTS[name], [floor(), clear])
+    middle, whole = (traced(Written(scene), 256, shutter=STILL, place=p).photons for p in ((0.0, 0.0), None))
+    assert np.array_equal(middle.ids, whole.ids)
+    landed, lamp = middle.positions, LAMP.position
+    first = lamp + (landed - lamp) * ((level - lamp[2]) / (landed[:, 2:] - lamp[2]))
+    moments, count = np.zeros((len(first), 7)), 0
+    steps = (2 * np.arange(24) + 1) / 24 - 1
+    axes = extent.spans
+    for a in steps:
+        for b in steps:
+            if name != "rect" and a * a + b * b >= 1:
+                continue
+            if name == "sphere":
+                # A disc across the light.
+                w = first - lamp
+                across = np.cross(w, [0.0, 0.0, 1.0])
+                across /= np.linalg.norm(across, axis=1, keepdims=True)
+                up = np.cross(w, across) / np.linalg.norm(w, axis=1, keepdims=True)
+                offset = extent.radius * (a * across + b * up)
+            else:
+                offset = a * axes[0] + b * axes[1]
+            d = first - (lamp + offset)
+            distance = np.linalg.norm(d, axis=1)
+            sent = -d[:, 2] / distance**3
+            if name != "sphere":
+                sent *= np.maximum(-d @ AXES[2], 0) / distance
+            there = first + d * (level / -d[:, 2:])
+            moments += np.column_stack([sent, sent[:, None] * there, there])
+            count += 1
+    d = first - lamp
+    distance = np.linalg.norm(d, axis=1)
+    alone = -d[:, 2] / distance**3 * (1.0 if name == "sphere" else np.maximum(-d @ AXES[2], 0) / distance)
+    kept = moments[:, 0] > 0.05 * moments[:, 0].max()
+    # The light is a tenth as large as it is far off: what these orders leave is a hundredth of what they are.
+    mean = moments[kept, 0] / count
+    np.testing.assert_allclose(whole.flux[kept, 0] / middle.flux[kept, 0], mean / alone[kept], rtol=2e-3)
+    shift = moments[kept, 1:4] / moments[kept, :1] - moments[kept, 4:] / count
+    size = np.linalg.norm(shift, axis=1).max()
+    assert size > 1e-3
+    np.testing.assert_allclose((whole.positions - middle.positions)[kept], shift, atol=0.05 * size)
 
 
 def test_scenes_without_extent_carry_no_columns():

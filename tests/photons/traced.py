@@ -91,11 +91,13 @@ def traced(
     seed: int = 0,
     smallest_branch: float = SMALLEST_BRANCH,
     bounces: int | None = None,
+    place: tuple[float, float] | None = None,
     **compiled: bool,
 ) -> Traced:
     """Traces about ``photons`` photons through a scene.
 
     Args:
+        place: The place on lights with extent that they come from; None for all of them.
         **compiled: Requirements that the kernel is compiled for, whatever the scene has, so that tests share it.
     """
     source = scene if isinstance(scene, Written) else Written(scene)
@@ -120,6 +122,7 @@ def traced(
         jittered=jittered,
         seed=seed,
         smallest_branch=smallest_branch,
+        place=place,
         textures=textures,
     )
     return Traced(here, record_of([(photon_map, plan)], geometry.paths), energy, plan)

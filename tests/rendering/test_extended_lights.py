@@ -116,19 +116,6 @@ def water_and_lamp(light, moving=False):
     return steady([floor(), bumpy("/water", WATER, 1.0, moving)], (light,), BELOW)
 
 
-@pytest.mark.parametrize("moving", [False, True])
-def test_as_the_sun_shrinks_the_frame_tends_to_that_of_parallel_light(moving):
-    shutter = OPEN if moving else STILL
-    parallel = irradiance(water_and_lamp(sun(0), moving), shutter=shutter, photons=4096)
-    errors = [
-        relative(irradiance(water_and_lamp(sun(degrees), moving), shutter=shutter, photons=4096), parallel)
-        for degrees in (4.0, 1.0, 0.25)
-    ]
-    # What blurs goes with the square of the angle where it is small beside cells and pixels; below a tenth of a pixel
-    # it is left out.
-    assert errors[1] < 0.5 * errors[0] and errors[2] < 0.5 * errors[1] and errors[2] < 0.01
-
-
 LAMP = LightAtShutter("/lamp", LightKind.POINT, (4.0, 4.0, 4.0), np.array([0.3, 0.2, 3.0]))
 SPANS = np.array([[0.4, 0.0, 0.0], [0.0, 0.25, 0.0]])
 LIGHTS = {
@@ -140,6 +127,38 @@ LIGHTS = {
         LAMP, profile=EmissionProfile.SINE, extent=Extent(ExtentShape.CYLINDER, 0.1, SPANS * [[1.0], [0.0]])
     ),
 }
+
+
+POINTS = {"sun": sun(0), "sphere": LAMP}
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("name", POINTS)
+def test_as_a_light_shrinks_the_frame_tends_to_that_of_parallel_light_or_a_point(name, moving):
+    shutter, point = OPEN if moving else STILL, POINTS[name]
+    size = math.radians(2.0) if name == "sun" else 0.1
+    bare = irradiance(water_and_lamp(point, moving), shutter=shutter, photons=4096)
+    errors = []
+    for part in (1.0, 0.25, 1.0 / 16):
+        light = replace(point, extent=Extent(ExtentShape.ROUND, part * size))
+        errors.append(relative(irradiance(water_and_lamp(light, moving), shutter=shutter, photons=4096), bare))
+    # What blurs goes with the square of the size where it is small beside cells and pixels; below a tenth of a pixel
+    # it is left out.
+    assert errors[1] < 0.5 * errors[0] and errors[2] < 0.5 * errors[1] and errors[2] < 0.01
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("name", POINTS)
+def test_photons_of_a_light_of_no_extent_are_those_of_a_point_to_the_last_bit(name, moving):
+    """Stages give such lights no extent (tests/usd/read/test_lights.py); kernels with its columns change nothing."""
+    shutter, point = OPEN if moving else STILL, POINTS[name]
+    nothing = replace(point, extent=Extent(ExtentShape.ROUND, 0.0))
+    bare, found = (
+        irradiance(water_and_lamp(light, moving), shutter=shutter, photons=4096, light_splits="auto")
+        for light in (point, nothing)
+    )
+    assert bare.max() > 0.0
+    np.testing.assert_array_equal(found, bare)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.trajectories.bends import with_bends
 
 
 class IrradianceField(Protocol):
@@ -105,6 +106,15 @@ def light_of(
     limits = {"footprints clamped": light.clamped, "footprints that grow too fast": light.growth_limited}
     energy.add(EnergyAccount(counts={name: count for name, count in limits.items() if count}))
     return light if light.count else None
+
+
+def bent(photons: PhotonMap, plan: EmissionPlan, tracer: PhotonTracer, clock: Clock) -> PhotonMap:
+    """The photons with their bends, where footprints are those of a lattice's own cells."""
+    settings = tracer.settings
+    if settings.emission != "lattice" or settings.kernel != "bspline" or settings.smoothing != 1.0:
+        return photons
+    with clock.stage("footprints"):
+        return with_bends(photons, plan)
 
 
 def reshaped(part: Part, pixel: PixelSize, tracer: PhotonTracer, clock: Clock) -> IrradianceField | None:

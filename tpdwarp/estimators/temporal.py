@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tpdwarp.clock import Clock
-from tpdwarp.estimators.estimator import Part, light_of
+from tpdwarp.estimators.estimator import Part, bent, light_of
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.energy import STARVED, EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
@@ -48,6 +48,8 @@ class Temporal:
             else:
                 photons, account = tracer.trace(seen, plan, clock, weight=duration, **options)
                 traced = [photons]
+            if pixel is not None:
+                traced = [bent(photons, plan, tracer, clock) for photons in traced]
             maps += [
                 replace(photons, time=time + duration * photons.time, duration=duration * photons.duration)
                 for photons in traced

@@ -20,6 +20,7 @@ from functools import cache
 
 import warp as wp
 
+from tpdwarp.footprints.cells import cell_weights, pixel_extent
 from tpdwarp.footprints.lanes import LANES, Lanes, not_negative
 
 # Half the width of the B-spline of degree two, in cells: (degree + 1)/2.
@@ -32,6 +33,7 @@ GAUSS_OFFSET = wp.constant(0.5 / math.sqrt(3.0))
 # Panels of the rule over the shutter; of more, single precision (24 bits) would not resolve a sixteenth.
 MOST_PANELS = wp.constant(1.0e6)
 HALF_WIDTH = wp.constant(SUPPORT)
+HALF_CELL = wp.constant(0.5)
 # The radius of a soft disc in filter space, where a disc of that radius has a variance of one, and its area.
 DISC_RADIUS = wp.constant(2.0)
 DISC_AREA = wp.constant(4.0 * math.pi)
@@ -121,8 +123,9 @@ class Trajectory:
     are those of mid shutter times 1 + s jacobian_rate; its flux is that of mid shutter times 1 + s gain. Only the
     B-spline's trajectory curves, and only its axes and its flux grow.
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
-    stay. Where the last is below zero it is a soft disc (:func:`disc_widths`). ``straight`` is set where it does not
-    curve and its axes do not grow.
+    stay. Where the last is below zero it is a soft disc (:func:`disc_widths`). Where ``is_cell`` is 1 it is a cell, and
+    averaged over the pixel whose sides are the columns of ``pixel`` (:mod:`.cells`), which stays, too. ``straight`` is
+    set where it does not curve and its axes do not grow.
     """
 
     velocity: wp.vec2
@@ -131,6 +134,8 @@ class Trajectory:
     jacobian_rate: wp.mat22
     gain: float
     filter_width: wp.vec3
+    pixel: wp.mat22
+    is_cell: int
     straight: bool
 
 
@@ -172,7 +177,7 @@ def _relative_cell(square: float) -> float:
 
 @wp.func
 def panels_to(
-    u: Lanes, v: Lanes, middle: float, step: float, speeds: wp.vec2, growth: float, trajectory: Trajectory
+    u: Lanes, v: Lanes, middle: float, step: float, speeds: wp.vec2, reach: wp.vec2, trajectory: Trajectory
 ) -> int:
     """How many panels of the integral (beyond the paper) pass at least until the footprint may reach any (u, v).
 
@@ -181,7 +186,7 @@ def panels_to(
     Args:
         middle: Time of a panel's middle, ``step`` its length.
         speeds: The most that the footprint moves along either axis over the shutter, in cells.
-        growth: The most that its axes grow by.
+        reach: The most that it reaches along either axis while it stands, in cells.
     """
     motion = trajectory.velocity + (0.5 * middle) * (trajectory.acceleration + (middle / 3.0) * trajectory.jerk)
     panels = Lanes(0.0)
@@ -190,7 +195,7 @@ def panels_to(
         if axis == 1:
             at = v
         per_panel = wp.max(speeds[axis] * step, 1.0e-6)
-        extent = HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis) + 0.5 * per_panel
+        extent = reach[axis] + 0.5 * per_panel
         panels = wp.max(panels, (wp.abs(at - Lanes(middle * motion[axis])) - Lanes(extent)) / per_panel)
     fewest = wp.min(panels)
     if fewest > 0.0:
@@ -210,11 +215,19 @@ def box_extent(width: wp.vec3, axis: int) -> float:
 def trajectory_extent(trajectory: Trajectory, axis: int) -> float:
     """How far along an axis the footprint reaches to either side of its straight trajectory (beyond the paper).
 
-    It bounds what the footprint covers over the whole shutter, with ½ s² and ⅙ s³ at s = ±½.
+    It bounds what the footprint covers over the whole shutter.
     """
     growth = 0.5 * (wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1]))
-    sweep = 0.125 * wp.abs(trajectory.acceleration[axis]) + wp.abs(trajectory.jerk[axis]) / 48.0
-    return HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis) + sweep
+    reach = HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis)
+    if trajectory.is_cell == 1:
+        reach = HALF_CELL * (1.0 + growth) + pixel_extent(trajectory.pixel, axis)
+    return reach + bend_extent(trajectory, axis)
+
+
+@wp.func
+def bend_extent(trajectory: Trajectory, axis: int) -> float:
+    """How far along an axis a trajectory leaves its straight line (beyond the paper): ½ s² and ⅙ s³ at s = ±½."""
+    return 0.125 * wp.abs(trajectory.acceleration[axis]) + wp.abs(trajectory.jerk[axis]) / 48.0
 
 
 @cache
@@ -231,11 +244,14 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
     box_v = _weight_along_trajectory(moves, curved, False, 1)
     both = _weight_along_trajectory(moves, curved, True, 1)
     thin = _weight_along_trajectory(moves, curved, True, 2)
-    disc = _weight_along_trajectory(moves, curved, True, 3)
+    disc = _weight_along_trajectory(moves, curved, True, DISC)
+    cell = _weight_along_trajectory(moves, curved, False, CELL)
 
     @wp.func
     def weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
         width = trajectory.filter_width
+        if trajectory.is_cell == 1:
+            return cell(u, v, trajectory)
         if wp.static(extended):
             if width[2] < 0.0:
                 return disc(u, v, trajectory)
@@ -252,6 +268,10 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
     return weight
 
 
+# In place of a number of boxes along v.
+DISC, CELL = 3, 4
+
+
 @cache
 def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: int) -> wp.Function:
     """∫ b(y − x(s)) ds over s ∈ [−½, ½] (beyond the paper), by two Gauss nodes for each cell that it moves.
@@ -261,12 +281,16 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
     The nodes do not depend on y, so that translates by one cell sum to one while they sweep, too.
     """
 
+    is_cell = boxes_v == CELL
+
     @wp.func
-    def tensor(u: Lanes, v: Lanes, width: wp.vec3) -> Lanes:
-        """b(y_u) b(y_v), each averaged over its boxes where it has any."""
+    def tensor(u: Lanes, v: Lanes, width: wp.vec3, pixel: wp.mat22) -> Lanes:
+        """b(y_u) b(y_v), each averaged over its boxes where it has any; a disc, or a cell."""
         along_u = Lanes(0.0)
         along_v = Lanes(0.0)
-        if wp.static(boxes_v == 3):
+        if wp.static(is_cell):
+            return cell_weights(u, v, pixel)
+        if wp.static(boxes_v == DISC):
             return soft_disc(u, v, -width[2])
         if wp.static(boxes_v == 2):
             # Thin footprints may be long beside a pixel, and then have no box along them.
@@ -287,10 +311,30 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
 
     @wp.func
     def still(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
-        return tensor(u, v, trajectory.filter_width)
+        return tensor(u, v, trajectory.filter_width, trajectory.pixel)
 
     if not moves:
         return still
+
+    @wp.func
+    def reach_along(axis: int, growth: float, trajectory: Trajectory) -> float:
+        """How far it reaches while it stands, with axes that grow by ``growth`` of themselves."""
+        if wp.static(is_cell):
+            return HALF_CELL * (1.0 + growth) + pixel_extent(trajectory.pixel, axis)
+        return HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis)
+
+    @wp.func
+    def squared_width(axis: int, trajectory: Trajectory) -> float:
+        """The square of the width of what it is averaged over along an axis."""
+        if wp.static(is_cell):
+            return (
+                trajectory.pixel[axis, 0] * trajectory.pixel[axis, 0]
+                + trajectory.pixel[axis, 1] * trajectory.pixel[axis, 1]
+            )
+        square = trajectory.filter_width[axis] * trajectory.filter_width[axis]
+        if axis == 1:
+            square += trajectory.filter_width[2] * trajectory.filter_width[2]
+        return square
 
     @wp.func
     def at_time(s: float, u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
@@ -307,30 +351,35 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
         z_u = scale * (grown_v * from_u - (s * rate[0, 1]) * from_v)
         z_v = scale * (grown_u * from_v - (s * rate[1, 0]) * from_u)
         boxes = scale * wp.vec3(grown_v * width[0], grown_u * width[1], grown_u * width[2])
-        return ((1.0 + s * trajectory.gain) * scale) * tensor(z_u, z_v, boxes)
+        pixel = trajectory.pixel
+        if wp.static(is_cell):
+            pixel = scale * (wp.mat22(grown_v, -s * rate[0, 1], -s * rate[1, 0], grown_u) * pixel)
+        return ((1.0 + s * trajectory.gain) * scale) * tensor(z_u, z_v, boxes, pixel)
 
     @wp.func
     def moving(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
-        extent = wp.vec2(trajectory_extent(trajectory, 0), trajectory_extent(trajectory, 1))
+        growth = float(0.0)
+        if wp.static(curved):
+            for axis in range(2):
+                rates = wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1])
+                growth = wp.max(growth, 0.5 * rates)
+        reach = wp.vec2(reach_along(0, growth, trajectory), reach_along(1, growth, trajectory))
+        extent = reach
+        if wp.static(curved):
+            extent += wp.vec2(bend_extent(trajectory, 0), bend_extent(trajectory, 1))
         within = _time_within(u, v, trajectory.velocity, extent)
         if within[1] <= within[0]:
             return Lanes(0.0)
         speed = float(0.0)
-        growth = float(0.0)
         speeds = wp.vec2(0.0, 0.0)
         for axis in range(2):
             fastest = wp.abs(trajectory.velocity[axis])
             if wp.static(curved):
                 fastest += 0.5 * wp.abs(trajectory.acceleration[axis]) + 0.125 * wp.abs(trajectory.jerk[axis])
-                rates = wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1])
-                growth = wp.max(growth, 0.5 * rates)
             speeds[axis] = fastest
-            square = trajectory.filter_width[axis] * trajectory.filter_width[axis]
-            if axis == 1:
-                square += trajectory.filter_width[2] * trajectory.filter_width[2]
-            speed = wp.max(speed, fastest * _relative_cell(square))
+            speed = wp.max(speed, fastest * _relative_cell(squared_width(axis, trajectory)))
         if speed == 0.0 and growth == 0.0:
-            return tensor(u, v, trajectory.filter_width)
+            return tensor(u, v, trajectory.filter_width, trajectory.pixel)
         panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
         first = int(wp.floor((within[0] + 0.5) * panels))
         last = int(wp.ceil((within[1] + 0.5) * panels))
@@ -341,7 +390,7 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
                 panel = int(first)
                 while panel < last:
                     middle = (float(panel) + 0.5) * step - 0.5
-                    apart = panels_to(u, v, middle, step, speeds, growth, trajectory)
+                    apart = panels_to(u, v, middle, step, speeds, reach, trajectory)
                     if apart == 0:
                         total += at_time(middle - GAUSS_OFFSET * step, u, v, trajectory)
                         total += at_time(middle + GAUSS_OFFSET * step, u, v, trajectory)
@@ -353,8 +402,9 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
             offset = (GAUSS_OFFSET * step) * trajectory.velocity
             there_u = u - Lanes(moved[0])
             there_v = v - Lanes(moved[1])
-            early = tensor(there_u + Lanes(offset[0]), there_v + Lanes(offset[1]), trajectory.filter_width)
-            late = tensor(there_u - Lanes(offset[0]), there_v - Lanes(offset[1]), trajectory.filter_width)
+            width = trajectory.filter_width
+            early = tensor(there_u + Lanes(offset[0]), there_v + Lanes(offset[1]), width, trajectory.pixel)
+            late = tensor(there_u - Lanes(offset[0]), there_v - Lanes(offset[1]), width, trajectory.pixel)
             total += early + late
             if wp.static(curved):
                 shift = GAUSS_OFFSET * step

@@ -9,9 +9,11 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import PieceArrays, pieces_of
+from tpdwarp.footprints.cell_parts import told_apart
 from tpdwarp.footprints.light_images import axes_in_light
 from tpdwarp.footprints.shaping import FootprintArrays, LightImageArrays, PixelSize, footprint_kernel
 from tpdwarp.photons.photon_map import PhotonMap, joined
+from tpdwarp.scene.light_places import narrowing_of
 
 
 @dataclass
@@ -49,6 +51,9 @@ def shape_footprints(
     maps: list[PhotonMap], kernel: str, smoothing: float, pixel: PixelSize, moves: bool, launcher: Launcher
 ) -> FootprintMap:
     """Shapes the footprints of all photons in ``maps`` and builds the BVH over their bounds."""
+    are_cells = np.zeros(len(maps), np.int32)
+    if kernel == "bspline" and smoothing == 1.0 and not any(len(photons.image) for photons in maps):
+        maps, are_cells = told_apart(maps, pixel, launcher)
     count = sum(len(photons) for photons in maps)
     curved = any(photons.trajectory is not None for photons in maps)
     if not count:
@@ -66,15 +71,22 @@ def shape_footprints(
 
     # Columns that footprints share with photons are not copied: ten million of either fill memory.
     shared = {"center": "position", "normal": "normal", "dxdt": "dxdt"}
-    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "gain", "filter_width", "incidence")
-    out = launcher.rows(FootprintArrays, count, but=(*shared, *others))
+    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "gain", "incidence", "is_cell")
+    splines = ("filter_width", "pixel")
+    out = launcher.rows(FootprintArrays, count, but=(*shared, *others, *splines))
     for name, source in shared.items():
         setattr(out, name, column(source))
+    bends = launcher.zeros(0, wp.vec3)
+    if all(len(photons.bend) == len(photons) for photons in maps):
+        # Footprints leave their photons, whose places stay.
+        bends, out.center = column("bend"), wp.clone(out.center)
     out.acceleration, out.jerk = trajectory_column("dxdtt"), trajectory_column("dxdttt")
     out.jacobian_rate = launcher.zeros(count if curved else 0, wp.mat22)
     gains = [_trajectory_column(photons, "gain") for photons in maps] if curved else [np.zeros(0)]
     out.gain = launcher.array(joined(gains).astype(np.float32), wp.float32)
-    out.filter_width = launcher.zeros(count if kernel == "bspline" else 0, wp.vec3)
+    for name, dtype in zip(splines, (wp.vec3, wp.mat22), strict=True):
+        setattr(out, name, launcher.zeros(count if kernel == "bspline" else 0, dtype))
+    out.is_cell = launcher.array(np.repeat(are_cells, [len(photons) for photons in maps]), wp.int32)
     shaded = all(len(m.incidence) == len(m) for m in maps)
     out.incidence = column("incidence") if shaded else launcher.zeros(0, wp.vec3)
     out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
@@ -83,10 +95,11 @@ def shape_footprints(
         for name in ("time", "duration")
     )
     rates = [trajectory_column("dxdut"), trajectory_column("dxdvt")]
-    columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux")]
+    columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux"), bends]
     extended = all(len(m.image) == len(m) for m in maps)
     images = LightImageArrays()
     if extended:
+        images.narrowing = narrowing_of(max(m.light_parts for m in maps)) if kernel == "bspline" else 1.0
         images.dxda, images.dxdb = column("dxda"), column("dxdb")
         images.image = launcher.array(joined([m.image for m in maps]), wp.int32)
     radial = None if kernel == "bspline" else kernel

@@ -39,7 +39,9 @@ from tpdwarp.footprints.weights import GatherForm, footprint_weight
 # derived: it keeps light from the next face of a cube, and lets it follow coarse meshes.
 SMALLEST_COSINE = wp.constant(0.5)
 # Queries of one thread: enough to fill runs, few enough to keep all cores busy. Chosen, not derived.
-GROUP = wp.constant(128)
+GROUP = 128
+# On a GPU, which has tens of thousands of threads to fill, a leaf each.
+GPU_GROUP = int(LEAF)
 # Boxes of runs are grown by the rounding of positions in a scene of unit size, as in PLANE_ROUNDING.
 BOX_MARGIN = wp.constant(1.0e-5)
 # A footprint is a parabola on runs that reach no further than this from their middle, in cells: it errs by less than
@@ -121,10 +123,11 @@ def misses(placed: PlacedFootprint, reach: Reach, offset: wp.vec3, half: wp.vec3
 
 @wp.func
 def is_parabola(run: Run, start: int, placed: PlacedFootprint, radius: float, run_since: float) -> bool:
-    """Whether a term of Eq. 8 is a parabola over a run: the footprint is wide beside it, and its queries are alike."""
+    """Whether a term of Eq. 8 is a parabola over a run: a B-spline wide beside it, and its queries are alike."""
     finest = wp.max(wp.length(placed.row_u), wp.length(placed.row_v))
     apart = wp.abs(placed.since - run_since) * LARGEST_DEVIATION * wp.length(run.window.motion) * finest
     uniform = run.receiver >= 0 and run.narrowest > NARROW_CONE and apart < SMALLEST_STEP
+    uniform = uniform and placed.trajectory.is_cell == 0
     return uniform and radius * finest < LARGEST_STEP and run.stop - start > FEWEST_FOR_PARABOLA
 
 
@@ -280,6 +283,7 @@ def gather_kernel(
         durations: wp.array(dtype=wp.float32),
         run_size: float,
         window: TimeWindow,
+        group_size: int,
         count: int,
         queries: QueryArrays,
         leaves: LeafArrays,
@@ -288,8 +292,8 @@ def gather_kernel(
         out: IrradianceArrays,
     ):
         group = base + wp.tid()
-        end = wp.min((group + 1) * GROUP, count)
-        start = group * GROUP
+        end = wp.min((group + 1) * group_size, count)
+        start = group * group_size
         margin = wp.vec3(BOX_MARGIN, BOX_MARGIN, BOX_MARGIN)
         while start < end:
             # ---- Group queries
@@ -354,7 +358,7 @@ def gather_kernel(
                                 d += run_since * (queries.motion[i] - run.window.motion)
                             out.irradiance[i] = out.irradiance[i] + parabola_at(parabola, d)
             start = run.stop
-        take_out(sums, group * GROUP, end, out)
+        take_out(sums, group * group_size, end, out)
 
     return gather
 
@@ -383,8 +387,9 @@ def gathered(
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
         leaves = leaves_of(queries, count, lookup.query_moves, launcher)
         sums = launcher.rows(LeafSums, leaves.middle.shape[0])
-        inputs = [*photons, time_window(lookup), count, queries, leaves, sums, out]
-        launcher(kernel, -(-count // GROUP), inputs, smallest_chunk=1)
+        group_size = GPU_GROUP if launcher.device.is_cuda else GROUP
+        inputs = [*photons, time_window(lookup), group_size, count, queries, leaves, sums, out]
+        launcher(kernel, -(-count // group_size), inputs, smallest_chunk=1)
     return out
 
 

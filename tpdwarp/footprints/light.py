@@ -15,6 +15,7 @@ from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.ways import piece_counts, piece_of, rows_at
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.trajectories.bends import within_reach
 
 
 class FootprintLight:
@@ -46,6 +47,7 @@ class FootprintLight:
     ) -> None:
         self._form, self._launcher, self.moves = form, launcher, moves
         self._smoothing, self._pixel = smoothing, pixel
+        maps = [within_reach(photons) for photons in maps]
         # Kernels of the paper are evaluated as it says.
         split = split_light(maps, smoothing, pixel, launcher) if form.smooth else SplitLight(maps)
 

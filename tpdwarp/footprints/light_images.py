@@ -34,6 +34,7 @@ from tpdwarp.footprints.shaping import (
     axes_of,
     box_along_axes,
     direction,
+    in_sides,
     limited,
     nonorthogonality,
     own_axes,
@@ -78,13 +79,6 @@ def _root(variance: wp.mat22) -> wp.mat22:
     first = direction(s.left)
     second = wp.vec2(-first[1], first[0])
     return wp.sqrt(s.s1) * _outer(first) + wp.sqrt(wp.abs(s.s2)) * _outer(second)
-
-
-@wp.func
-def in_sides(pixel: PixelOnPlane, j: wp.mat22) -> wp.mat22:
-    """[P, Q]⁻¹ J: a footprint in the units of a parallelogram."""
-    area = pixel.p[0] * pixel.q[1] - pixel.p[1] * pixel.q[0]
-    return wp.mat22(pixel.q[1], -pixel.q[0], -pixel.p[1], pixel.p[0]) * j / area
 
 
 @wp.func

@@ -98,6 +98,8 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
         overlap = bool(True)
         if wp.static(smooth):
             trajectory.filter_width = footprints.filter_width[j]
+            trajectory.pixel = footprints.pixel[j]
+            trajectory.is_cell = footprints.is_cell[j]
         if wp.static(moves):
             # ---- Clip the shutter: the part that the query's window and the photon's own shutter have in common
             photon_time = footprints.time[j]
@@ -141,6 +143,7 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
                     width = trajectory.filter_width
                     v_scale = inverse[1, 1]
                     trajectory.filter_width = wp.vec3(inverse[0, 0] * width[0], v_scale * width[1], v_scale * width[2])
+                    trajectory.pixel = inverse * trajectory.pixel
                     rate = inverse * rate
                 trajectory.straight = wp.length_sq(acceleration) + wp.length_sq(jerk) + wp.ddot(rate, rate) == 0.0
                 second = part * part

@@ -6,6 +6,9 @@ of single points, in that they are averaged over a pixel.
 A pixel's value is the mean over the parallelogram with sides P, Q that it sees on a surface, and so is what a footprint
 adds to it. Let J = [D_u x, D_v x] in the tangent plane, σ1 ≥ σ2 its singular values in units of the pixel ([P, Q]⁻¹ J).
 
+What is as small as a pixel is the cell of the lattice itself, and the pixel gets the part of it that it sees
+(:mod:`tpdwarp.footprints.cells`). All others are B-splines:
+
 - σ2 ≥ 1: the footprint is larger than a pixel. It keeps its own axes, along which translates of the B-spline sum to
   one, and is averaged over a box along them, whose sides are its filter width. Where the axes are not at right angles,
   by γ = √|cos ∠(Du, Dv)|, a box does not widen them all around: it then takes the part 1 − γ of the pixel's variance,
@@ -29,7 +32,9 @@ from functools import cache
 import warp as wp
 
 from tpdwarp.footprints.bspline import SUPPORT
+from tpdwarp.footprints.cells import HALF, pixel_extent
 from tpdwarp.footprints.kernels import VARIANCE
+from tpdwarp.photons.light_columns import IMAGE_DISC, IMAGE_PARALLELOGRAM
 
 # Longest axis of a footprint: the size of the scene, in the tracer's units.
 LONGEST_AXIS = wp.constant(1.0)
@@ -39,6 +44,9 @@ SMALLEST_FILTER_WIDTH = wp.constant(0.25)
 # Longer axis of a footprint by its shorter one. Beyond it single precision no longer tells the two apart: their squares
 # differ by a factor of 10⁶, and are rounded by 6e-8 of the larger one.
 LARGEST_ASPECT = wp.constant(1000.0)
+# Variances of the quadratic B-spline and of a cell, in cells².
+BSPLINE_VARIANCE = wp.constant(0.25)
+CELL_VARIANCE = wp.constant(1.0 / 12.0)
 # Standard deviation of a box, as a part of its side.
 BOX_DEVIATION = wp.constant(12.0**-0.5)
 # Footprints are no finer than this part of a pixel, so that differences of tails stay exact in float32. That adds 7e-4
@@ -89,6 +97,8 @@ class FootprintArrays:
     center + s dxdt + ½ s² acceleration + ⅙ s³ jerk, its axes are those of the middle times 1 + s jacobian_rate, in
     filter coordinates, and its flux is that times 1 + s gain. Where no trajectory curves, these have no rows.
     ``filter_width`` holds the widths of the boxes that a B-spline is averaged over, in cells: one along u, two along v.
+    Where ``is_cell`` is 1 the footprint is a cell, averaged over the pixel whose sides in filter space are the columns
+    of ``pixel`` (:mod:`.cells`).
     ``density`` is Φ |det M|; ``long_axis`` and ``half_extent`` (along it, across it, along the normal) bound what the
     footprint sweeps over; ``plane_tolerance`` is how far off its plane it reaches. ``incidence`` is −ω/|ω·n|; no rows
     for flat receivers. ``clamped`` and ``growth_limited`` are 1 where lengths or aspect, and the growth of axes, were
@@ -105,6 +115,8 @@ class FootprintArrays:
     jacobian_rate: wp.array(dtype=wp.mat22)
     gain: wp.array(dtype=wp.float32)
     filter_width: wp.array(dtype=wp.vec3)
+    pixel: wp.array(dtype=wp.mat22)
+    is_cell: wp.array(dtype=wp.int32)
     dxdt_relative: wp.array(dtype=wp.vec3)
     density: wp.array(dtype=wp.vec3)
     plane_tolerance: wp.array(dtype=wp.float32)
@@ -121,12 +133,14 @@ class FootprintArrays:
 class LightImageArrays:
     """Columns D_a x and D_b x of photons by the place on their light, and what they span: one row a photon.
 
-    There are no rows where no light has an extent (:class:`tpdwarp.photons.light_columns.LightImage`).
+    There are no rows where no light has an extent (:class:`tpdwarp.photons.light_columns.LightImage`). Footprints of
+    lights with extent are ``narrowing`` times as wide as others (:func:`tpdwarp.scene.light_places.narrowing_of`).
     """
 
     dxda: wp.array(dtype=wp.vec3)
     dxdb: wp.array(dtype=wp.vec3)
     image: wp.array(dtype=wp.int32)
+    narrowing: float
 
 
 @wp.struct
@@ -381,6 +395,27 @@ def pixel_axes(pixel: PixelOnPlane, in_pixels: wp.mat22, distance: float) -> Axe
 
 
 @wp.func
+def in_sides(pixel: PixelOnPlane, j: wp.mat22) -> wp.mat22:
+    """[P, Q]⁻¹ J: a footprint (Eq. 7) in the units of a parallelogram."""
+    area = pixel.p[0] * pixel.q[1] - pixel.p[1] * pixel.q[0]
+    return wp.mat22(pixel.q[1], -pixel.q[0], -pixel.p[1], pixel.p[0]) * j / area
+
+
+@wp.func
+def cell_axes(j: SingularValues, pixel: PixelOnPlane, distance: float) -> Axes:
+    """Axes of a cell of the lattice: those of J (Eq. 7), but no finer than a part of a pixel (beyond the paper)."""
+    out = Axes()
+    out.first = direction(j.left)
+    out.second = wp.vec2(-out.first[1], out.first[0])
+    out.turn = j.right
+    if j.s2 < 0.0:
+        out.second = -out.second
+    out.t1 = wp.max(j.s1, FINEST_IN_PIXEL * wp.sqrt(square_along(pixel, out.first)))
+    out.t2 = wp.max(wp.abs(j.s2), FINEST_IN_PIXEL * wp.sqrt(square_along(pixel, out.second)))
+    return limited(out, distance)
+
+
+@wp.func
 def axes_of(
     j: SingularValues, a: float, b: float, c: float, d: float, pixel: PixelOnPlane, distance: float
 ) -> Axes:
@@ -446,10 +481,11 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
         dxdvt: wp.array(dtype=wp.vec3),
         receiver_motion: wp.array(dtype=wp.vec3),
         flux: wp.array(dtype=wp.vec3),
+        bend: wp.array(dtype=wp.vec3),
         images: LightImageArrays,
         smoothing: float,
         pixel: PixelSize,
-        # In (center, normal, dxdt, acceleration, jerk) and out (all else)
+        # In and out (center), in (normal, dxdt, acceleration, jerk, is_cell) and out (all else)
         out: FootprintArrays,
     ):
         i = base + wp.tid()
@@ -459,10 +495,14 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
 
         # ---- J in the tangent plane, and the axes that it has as seen by pixels
         frame = tangent_frame(n)
-        a = wp.dot(frame.e1, dxdu[i]) * smoothing
-        b = wp.dot(frame.e1, dxdv[i]) * smoothing
-        c = wp.dot(frame.e2, dxdu[i]) * smoothing
-        d = wp.dot(frame.e2, dxdv[i]) * smoothing
+        width = smoothing
+        if wp.static(extended):
+            if images.image[i] == IMAGE_DISC or images.image[i] == IMAGE_PARALLELOGRAM:
+                width *= images.narrowing
+        a = wp.dot(frame.e1, dxdu[i]) * width
+        b = wp.dot(frame.e1, dxdv[i]) * width
+        c = wp.dot(frame.e2, dxdu[i]) * width
+        d = wp.dot(frame.e2, dxdv[i]) * width
         on_plane = pixel_on_plane(pixel, x, n, frame)
         j = singular_values(a, b, c, d)
         axes = Axes()
@@ -473,9 +513,17 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             light.image = images.image[i]
             axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, wp.length(x))
         elif wp.static(radial is None):
-            axes = axes_of(j, a, b, c, d, on_plane, wp.length(x))
+            if out.is_cell[i] == 1:
+                axes = cell_axes(j, on_plane, wp.length(x))
+            else:
+                axes = axes_of(j, a, b, c, d, on_plane, wp.length(x))
         else:
             axes = own_axes(j, on_plane, 1.0, wp.static(variance), wp.length(x))
+
+        # ---- Where the light of the cell lies on average
+        if wp.static(radial is None):
+            if bend.shape[0] > 0:
+                out.center[i] = x + wp.where(out.is_cell[i] == 1, CELL_VARIANCE, BSPLINE_VARIANCE) * bend[i]
 
         # ---- The metric M: rows of J⁻¹, and its determinant
         first = axes.first[0] * frame.e1 + axes.first[1] * frame.e2
@@ -497,6 +545,15 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             out.filter_width[i] = axes.width
             reach_u = wp.static(SUPPORT) + 0.5 * axes.width[0]
             reach_v = wp.static(SUPPORT) + 0.5 * (axes.width[1] + axes.width[2])
+            if out.is_cell[i] == 1:
+                p = on_plane.p[0] * frame.e1 + on_plane.p[1] * frame.e2
+                q = on_plane.q[0] * frame.e1 + on_plane.q[1] * frame.e2
+                sides = wp.mat22(
+                    wp.dot(out.row_u[i], p), wp.dot(out.row_u[i], q), wp.dot(out.row_v[i], p), wp.dot(out.row_v[i], q)
+                )
+                out.pixel[i] = sides
+                reach_u = HALF + pixel_extent(sides, 0)
+                reach_v = HALF + pixel_extent(sides, 1)
             reach = wp.vec2(
                 wp.abs(cr) * reach_u + wp.abs(sr) * reach_v, wp.abs(sr) * reach_u + wp.abs(cr) * reach_v
             )
@@ -521,8 +578,8 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             # stays; what axes turn by does, too: to follow that costs time and gains nothing.
             jc = wp.cos(j.right)
             js = wp.sin(j.right)
-            rate1 = (0.5 * smoothing) * (jc * dxdut[i] + js * dxdvt[i])
-            rate2 = (0.5 * smoothing) * (jc * dxdvt[i] - js * dxdut[i])
+            rate1 = (0.5 * width) * (jc * dxdut[i] + js * dxdvt[i])
+            rate2 = (0.5 * width) * (jc * dxdvt[i] - js * dxdut[i])
             growth1 = wp.min(j.s1 / axes.t1, 1.0) * wp.dot(first, rate1) / axes.t1
             growth2 = wp.min(wp.abs(j.s2) / axes.t2, 1.0) * wp.dot(second, rate2) / axes.t2
             if wp.static(radial is None):

@@ -73,13 +73,21 @@ def bounds_of(
 
 
 def _angles(corners: np.ndarray, axes: np.ndarray, limit: float) -> np.ndarray:
-    """(u, v) angles of the parts of triangles [k, 3, 3] (seen from the origin) inside the patch, shape [m, 2].
+    """(u, v) angles that bound the parts of triangles [k, 3, 3] (seen from the origin) inside the patch, shape [m, 2].
 
     Triangles that look large from the light are cut across their longest edge until they look small, so that bounds
     stay tight where a surface surrounds the light.
     """
-    found = []
     local = corners @ axes.T
+    if len(local) and local[..., 2].min() > 0.0:
+        # All of it lies before the patch: tangents are greatest and least at corners.
+        flat = local.reshape(-1, 3)
+        tangents = flat[:, :2] / flat[:, 2:]
+        ends = flat[np.concatenate([tangents.argmin(axis=0), tangents.argmax(axis=0)])]
+        uv = np.arctan2(ends[:, :2], ends[:, 2:])
+        if np.abs(uv).max() <= limit:
+            return uv
+    found = []
     for _ in range(24):
         lengths = np.linalg.norm(local, axis=2)
         edges = np.linalg.norm(local - np.roll(local, -1, axis=1), axis=2)

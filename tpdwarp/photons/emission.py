@@ -31,7 +31,8 @@ class Patch:
     ``magnitude`` is how large the coordinates of what is specular are. Where ``is_shaped`` is 1, ``shaping`` is that of
     the light, about ``shaping_axis``. ``extent_shape`` is that of :class:`tpdwarp.scene.description.Extent`, or −1 for
     none, ``span_a`` and ``span_b`` are its spans, and ``extent_radius`` its radius, or the sine of its half angle.
-    From the first specular surface on photons come from ``light_place``, by the coordinates (a, b) of the light.
+    Where ``is_place`` is 1, photons come from ``light_place`` alone from the first specular surface on, by the
+    coordinates (a, b) of the light.
     """
 
     domain: int
@@ -60,6 +61,7 @@ class Patch:
     extent_radius: float
     span_a: wp.vec3
     span_b: wp.vec3
+    is_place: int
     light_place: wp.vec2
 
 

@@ -30,7 +30,7 @@ from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape,
 from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, SceneSource, reference_scenes
 from tpdwarp.scene.device.shaping import is_shaped, shaping_axis, shaping_values
-from tpdwarp.scene.light_places import split_lights, whole_of
+from tpdwarp.scene.light_places import phase_of, prim_of, split_lights, whole_of
 from tpdwarp.scene.normalization import Normalization
 
 # Rows of long cells that are kept at least: where light ends, such cells blur its edge by their length. Chosen, not
@@ -202,6 +202,7 @@ def plan_emission(
     corners = [specular_corners(scene, normalization) for scene in stills]
     paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
     candidates = []
+    shapes: dict[str, LatticeShape] = {}
     for path in paths:
         views = [
             (light, there)
@@ -210,11 +211,13 @@ def plan_emission(
             if light.path == path and len(there)
         ]
         if views:
-            shape = OWN_AXES
-            if views[0][0].kind == LightKind.DISTANT and not square:
+            # Parts of a sun see nearly the same: one shape for all.
+            whole = whole_of(path)
+            if whole not in shapes:
                 own = [(light, scene) for scene in stills for light in scene.lights if light.path == path]
-                shape = lattice_shape(own)
-            candidates += _candidates(path, views, normalization, shape)
+                distant = views[0][0].kind == LightKind.DISTANT
+                shapes[whole] = lattice_shape(own) if distant and not square else OWN_AXES
+            candidates += _candidates(path, views, normalization, shapes[whole])
     return _planned(tuple(candidates), photons, normalization, splits)
 
 
@@ -229,13 +232,14 @@ def _planned(
 def light_shares(candidates: Sequence[_Candidate]) -> dict[str, float]:
     """Power by photons of the lattices of each light, if there is one photon in all.
 
-    Faces of one light share its photons by the power that goes through them. Lights share them by a low power of
-    theirs: wherever nothing brighter falls, a caustic is seen by itself, however faint it is.
+    Faces and parts of one light share its photons by the power that goes through them. Lights share them by a low
+    power of theirs: wherever nothing brighter falls, a caustic is seen by itself, however faint it is.
     """
     totals: dict[str, float] = {}
     for candidate in candidates:
         if not candidate.spare:
-            totals[candidate.light] = totals.get(candidate.light, 0.0) + candidate.power
+            light = prim_of(candidate.light)
+            totals[light] = totals.get(light, 0.0) + candidate.power
     strongest = max(totals.values(), default=0.0)
     parts = {light: power / strongest for light, power in totals.items()}
     weights = {
@@ -252,7 +256,7 @@ def _lattices(candidates: Sequence[_Candidate], photons: int, first_id: int) -> 
     lattices = []
     for candidate in candidates:
         # As many photons meet a sheet as if its rectangle lay along the lattice.
-        count = max(1.0, photons * candidate.power / shares[candidate.light] * candidate.shape.excess)
+        count = max(1.0, photons * candidate.power / shares[prim_of(candidate.light)] * candidate.shape.excess)
         width, height = candidate.size
         # What light grazes is a strip: cells keep their shape until one side has but one row of them.
         aspect = candidate.shape.aspect
@@ -262,7 +266,9 @@ def _lattices(candidates: Sequence[_Candidate], photons: int, first_id: int) -> 
                 aspect = aspect ** min(1.0, math.log(max(1.0, count * size / FEWEST_ROWS**2)) / math.log(length))
         across = max(1, round(min(math.sqrt(count * aspect * width / height), count)))
         down = max(1, round(count / across))
-        origin, step = candidate.origin, (width / across, height / down)
+        step = (width / across, height / down)
+        phase = phase_of(candidate.light)
+        origin = tuple(float(low - part * size) for low, part, size in zip(candidate.origin, phase, step, strict=True))
         if candidate.limit == CUBE_FACE:
             # Cells end where the face ends, so that no two faces emit the same directions.
             origin = (-CUBE_FACE, -CUBE_FACE)

@@ -19,7 +19,7 @@ from tpdwarp.photons.emission import Patch
 from tpdwarp.scene.description import ExtentShape
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import Hit, normal_variation, shading_normal
-from tpdwarp.scene.device.shaping import across_of
+from tpdwarp.scene.device.shaping import across_of, shaped
 
 
 class LightImage(IntEnum):
@@ -42,17 +42,21 @@ DISK = wp.constant(int(ExtentShape.DISK))
 CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
 # Across a cylinder places are as dense as chords of a circle, whose variance is R²/4; that of an interval is h²/3.
 CHORD = wp.constant(math.sqrt(0.75))
+# Variance of places along either axis of a disc, and of an interval.
+VARIANCE_OF_DISC = wp.constant(0.25)
+VARIANCE_OF_INTERVAL = wp.constant(1.0 / 3.0)
 
 
 @wp.struct
 class LightColumns:
-    """D_a x, D_b x, D_a ω, D_b ω, and what they span (:class:`LightImage`)."""
+    """D_a x, D_b x, D_a ω, D_b ω, what they span (:class:`LightImage`), and D_a ln Φ, D_b ln Φ in ``gain``."""
 
     dxda: wp.vec3
     dxdb: wp.vec3
     dwda: wp.vec3
     dwdb: wp.vec3
     image: int
+    gain: wp.vec2
 
 
 @wp.func
@@ -90,6 +94,57 @@ def columns_at(patch: Patch, beam: Beam) -> LightColumns:
     out.dwda = (beam.w * wp.dot(beam.w, a) - a) / d
     out.dwdb = (beam.w * wp.dot(beam.w, b) - b) / d
     return out
+
+
+@wp.func
+def _flux_from(patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3, a: float, b: float) -> float:
+    """Flux from the place (a, b) through the surface of normal n_g that the beam meets, by area and up to a factor."""
+    w = wp.normalize(beam.w + a * columns.dwda + b * columns.dwdb)
+    facing = wp.max(wp.dot(w, n_g) * wp.sign(wp.dot(beam.w, n_g)), 0.0)
+    if patch.domain == 0:
+        return facing
+    d = wp.length(beam.x - patch.position)
+    along = beam.w * d + d * (a * columns.dwda + b * columns.dwdb)
+    if patch.extent_shape != ROUND:
+        along = beam.w * d - a * patch.span_a
+        if patch.extent_shape != CYLINDER:
+            along -= b * patch.span_b
+    if patch.is_shaped == 1:
+        facing *= shaped(patch.shaping, patch.shaping_axis, wp.normalize(along))
+    return facing / wp.length_sq(along)
+
+
+@wp.func
+def flux_changes(patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3) -> wp.vec3:
+    """D_a ln Φ and D_b ln Φ of light through a point of the first specular surface, and the mean of Φ by the middle's.
+
+    Both by differences from rim to rim; changes are limited to all of the light. What the surface reflects is left out.
+    """
+    middle = _flux_from(patch, beam, columns, n_g, 0.0, 0.0)
+    if middle <= 0.0:
+        return wp.vec3(0.0, 0.0, 1.0)
+    right = _flux_from(patch, beam, columns, n_g, 1.0, 0.0) / middle
+    left = _flux_from(patch, beam, columns, n_g, -1.0, 0.0) / middle
+    upper = _flux_from(patch, beam, columns, n_g, 0.0, 1.0) / middle
+    lower = _flux_from(patch, beam, columns, n_g, 0.0, -1.0) / middle
+    k = VARIANCE_OF_INTERVAL
+    if columns.image == IMAGE_DISC:
+        k = VARIANCE_OF_DISC
+    mean = wp.clamp(1.0 + 0.5 * k * (right + left + upper + lower - 4.0), 0.5, 2.0)
+    change = 0.5 * wp.vec2(right - left, upper - lower) / mean
+    change /= wp.max(wp.length(change), 1.0)
+    return wp.vec3(change[0], change[1], mean)
+
+
+@wp.func
+def centroid_shift(columns: LightColumns) -> wp.vec3:
+    """How far the middle of a light's image lies from where its middle lands: k (D_a ln Φ D_a x + D_b ln Φ D_b x)."""
+    k = float(0.0)
+    if columns.image == IMAGE_PARALLELOGRAM:
+        k = VARIANCE_OF_INTERVAL
+    elif columns.image == IMAGE_DISC:
+        k = VARIANCE_OF_DISC
+    return k * (columns.gain[0] * columns.dxda + columns.gain[1] * columns.dxdb)
 
 
 @wp.func

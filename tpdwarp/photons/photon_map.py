@@ -59,6 +59,10 @@ class PhotonMap:
             ``MOST_VERTICES``, 3]; no rows where they are not recorded.
         dxda, dxdb: D_a x and D_b x by the place on the light, shape [n, 3]; no rows where no light has an extent.
         image: What they span (:class:`tpdwarp.photons.light_columns.LightImage`), shape [n] int32; rows as they have.
+        bend: ½ (D_uu x + D_vv x) per lattice step (:mod:`tpdwarp.trajectories.bends`), shape [n, 3]; no rows where it
+            is not known.
+        reach: Parts of D_u x and D_v x that the footprint reaches over (likewise), shape [n, 2]; rows as bends have.
+        light_parts: Into how many parts lights with extent are cut, each with lattices of its own.
         trajectory: How it curves, and how the footprint changes along it; None where it is straight.
         time: Middle of the photons' part of the shutter, −½ … ½.
         duration: Length of that part.
@@ -86,6 +90,9 @@ class PhotonMap:
     dxda: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     dxdb: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     image: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
+    bend: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    reach: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    light_parts: int = 1
     trajectory: TrajectoryColumns | None = None
     time: float = 0.0
     duration: float = 1.0

@@ -6,7 +6,7 @@ One thread follows one path of one photon (see :mod:`tpdwarp.photons.branching`)
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -22,7 +22,14 @@ from tpdwarp.photons.dispersion import Band, bands_of
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
-from tpdwarp.photons.light_columns import LightColumns, columns_at, scatter_columns, transfer_columns
+from tpdwarp.photons.light_columns import (
+    LightColumns,
+    centroid_shift,
+    columns_at,
+    flux_changes,
+    scatter_columns,
+    transfer_columns,
+)
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.photons.rough_lobes import widened, widened_by_sheet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
@@ -152,13 +159,14 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         # Scene
         surfaces: Surfaces,
         textures: TextureArrays,
-        patch: Patch,
+        patches: wp.array(dtype=Patch),
+        first_cells: wp.array(dtype=wp.int32),
         # In
         cells: wp.array(dtype=wp.int32),
         masks: wp.array(dtype=wp.int32),
         offsets: wp.array(dtype=wp.vec2),
         tags: wp.array(dtype=wp.int32),
-        links: wp.array(dtype=wp.int32),
+        links: wp.array2d(dtype=wp.int32),
         bounces: int,
         smallest_branch: float,
         seed: int,
@@ -169,7 +177,9 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         i = base + wp.tid()
 
         # ---- Emission
-        cell = cells[i]
+        number = wp.lower_bound(first_cells, cells[i] + 1) - 1
+        patch = patches[number]
+        cell = cells[i] - first_cells[number]
         index_u = patch.first_u + cell % patch.count_u
         index_v = patch.first_v + cell // patch.count_u
         stream = wp.rand_init(seed, index_u * 65537 + index_v)
@@ -179,7 +189,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         coordinates = wp.vec2(float(index_u), float(index_v)) + place_in_cell
         place = coordinates
         if offsets.shape[0] > 0:
-            place += offsets[cell]
+            place += offsets[cells[i]]
         beam = emit(patch, place)
         emitted = cell_flux(patch, place)
         flux = emitted
@@ -230,7 +240,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 flux = left
             if wp.static(linked):
                 # ---- What the light passes, or does not shine on
-                link = links[surfaces.object_of[hit.triangle]]
+                link = links[number, surfaces.object_of[hit.triangle]]
                 takes = surfaces.interaction[surfaces.material_of[hit.triangle]] == DIFFUSE and count > 0
                 # What throws no shadow is lit all the same, by light that others bend too.
                 if (link & PASSED) != 0 and ((link & UNLIT) != 0 or not takes):
@@ -325,8 +335,15 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(extended):
                 if count == 0:
                     columns = columns_at(patch, beam)
-                    off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
-                    beam.w = wp.normalize(beam.w + off)
+                    if patch.is_place == 1:
+                        off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
+                        beam.w = wp.normalize(beam.w + off)
+                    elif patch.extent_shape >= 0:
+                        changes = flux_changes(patch, beam, columns, hit.n_g)
+                        columns.gain = wp.vec2(changes[0], changes[1])
+                        flux *= changes[2]
+                        emitted *= changes[2]
+                        entering *= changes[2]
 
             # ---- Reflection or refraction
             dielectric = wp.static(refraction)
@@ -406,6 +423,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 size += wp.length_sq(columns.dxda) + wp.length_sq(columns.dxdb)
             if not wp.isfinite(size):
                 fate = FATE_NONFINITE
+        if wp.static(extended):
+            beam.x += centroid_shift(columns)
         out.position[i] = beam.x
         out.dxdu[i] = beam.dxdu
         out.dxdv[i] = beam.dxdv
@@ -454,7 +473,7 @@ def trace_photons(
     tags: np.ndarray | None = None,
     textures: TextureArrays | None = None,
     recording: bool = False,
-    place: tuple[float, float] = (0.0, 0.0),
+    place: tuple[float, float] | None = None,
 ) -> tuple[PhotonMap, EnergyAccount]:
     """Traces the lattice photons of ``plan`` through ``geometry``.
 
@@ -469,7 +488,8 @@ def trace_photons(
         textures: What the surfaces have of textures and of parts that are not there, where there are any.
         recording: Whether the vertices of paths are wanted.
         place: Where on lights with extent photons come from, through the same points of the first specular surface, by
-            the light's coordinates (a, b).
+            the light's coordinates (a, b). None for all of the light: photons then have the mean flux of its places,
+            and land where the middle of their light does.
 
     Returns:
         The photons that landed on diffuse surfaces, and where all of the flux went [W, summed over channels].
@@ -486,29 +506,30 @@ def trace_photons(
     left_out += () if variant.extended else ("dxda", "dxdb", "image")
     columns = [name for name in _COLUMNS if name not in left_out]
     lights = tuple(light.path for light in scene.lights)
-    device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     links = links_of(scene.lights, geometry.paths)
     if needs.linked and not len(links):
         links = np.zeros((len(lights), len(geometry.paths)), np.int32)
+    device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     bands = bands_of(geometry, nesting_of(scene), launcher) if needs.dispersive else [Band(0, geometry.surfaces)]
-    emitting = ((band, *found) for band in bands for found in plan.patches(scene))
-    for band, lattice, patch in emitting:
-        patch.power = weight * band.tinted(patch.power)
-        patch.light_place = wp.vec2(*place)
-        offsets = np.zeros((0, 2), np.float32)
-        if chosen:
-            cells, offsets = _placed(chosen(lattice, patch), patch)
-        else:
-            cells = np.arange(patch.count_u * patch.count_v, dtype=np.int32)
-        device_offsets = launcher.array(offsets, wp.vec2)
+    for band in bands:
+        emitting = _Emitting.of(plan.patches(scene), chosen)
+        for patch in emitting.patches:
+            patch.power = weight * band.tinted(patch.power)
+            if place is not None:
+                patch.is_place, patch.light_place = 1, wp.vec2(*place)
+        cells = emitting.cells
         masks = np.zeros(len(cells), np.int32)
         account.add(EnergyAccount(counts={"emitted": len(cells)}))
+        if not len(cells):
+            continue
+        of_lattice = np.array([lights.index(plan.light_of(one)) for one in emitting.lattices], np.int16)
+        patches = wp.array(emitting.patches, dtype=Patch, device=launcher.device)
+        first_cells, offsets = launcher.array(emitting.first, wp.int32), launcher.array(emitting.offsets, wp.vec2)
+        own = launcher.array(links[of_lattice] if len(links) else np.zeros((0, 0), np.int32), wp.int32)
         while len(cells):
             out = launcher.rows(PhotonArrays, len(cells), but=left_out)
-            own = links[lights.index(plan.light_of(lattice))] if len(links) else np.zeros(0, np.int32)
-            paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), device_offsets, device_tags]
-            paths.append(launcher.array(own, wp.int32))
-            inputs = [band.surfaces, textures or TextureArrays(), patch, *paths]
+            paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), offsets, device_tags, own]
+            inputs = [band.surfaces, textures or TextureArrays(), patches, first_cells, *paths]
             vertices = launcher.zeros(len(cells) * MOST_VERTICES if recording else 0, wp.vec3)
             launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out, vertices])
             fate, reported = out.fate.numpy(), out.reported.numpy()
@@ -520,10 +541,10 @@ def trace_photons(
                 # Where all of them have landed nothing is copied.
                 landing = slice(None) if len(keep) == len(cells) else keep
                 rows = {name: getattr(out, name).numpy()[landing] for name in columns}
-                rows["ids"] = _ids(cells[keep], patch, band.path(masks[keep]), lattice, plan.id_count)
+                lattice, rows["ids"] = emitting.ids(cells[keep], band.path(masks[keep]), plan.id_count)
                 if recording:
                     rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
-                rows["light"] = np.full(len(keep), lights.index(plan.light_of(lattice)), np.int16)
+                rows["light"] = of_lattice[lattice]
                 landed.append(rows)
             cells, masks = reported_paths(cells, masks, reported)
             # Before the next pass makes its own.
@@ -533,7 +554,67 @@ def trace_photons(
         return PhotonMap.empty(), account
     columns += ["ids", "light", *(["vertices"] if recording else [])]
     rows = {name: joined([found[name] for found in landed]) for name in columns}
-    return PhotonMap(**rows, light_paths=lights), account
+    return PhotonMap(**rows, light_paths=lights, light_parts=plan.splits), account
+
+
+@dataclass(frozen=True, eq=False)
+class _Emitting:
+    """The cells that one shutter emits, of all lattices together, so that they are traced at once.
+
+    Attributes:
+        lattices, patches: Those that emit; a patch is cut to hold just its cells.
+        first: Number of the first cell of each patch, and of all cells, shape [k + 1] int32.
+        cells: Numbers of the cells that emit, shape [n] int32.
+        offsets: How far from the middle of each cell its photon starts, in lattice steps, shape [m, 2], one row for
+            each cell of the patches; none where all start there.
+    """
+
+    lattices: list[Lattice]
+    patches: list[Patch]
+    first: np.ndarray
+    cells: np.ndarray
+    offsets: np.ndarray
+
+    @classmethod
+    def of(
+        cls, pairs: Sequence[tuple[Lattice, Patch]], chosen: Callable[[Lattice, Patch], ChosenCells] | None
+    ) -> _Emitting:
+        """Those of all cells of the patches, or of the ``chosen`` ones."""
+        cells, offsets, total = [np.zeros(0, np.int32)], [np.zeros((0, 2), np.float32)], 0
+        first, emitting = [], []
+        for lattice, patch in pairs:
+            if chosen:
+                numbers, there = _placed(chosen(lattice, patch), patch)
+                offsets.append(there)
+            else:
+                numbers = np.arange(patch.count_u * patch.count_v, dtype=np.int32)
+            if len(numbers):
+                emitting.append((lattice, patch))
+                first.append(total)
+                cells.append(numbers + np.int32(total))
+                total += patch.count_u * patch.count_v
+        lattices, patches = ([pair[k] for pair in emitting] for k in (0, 1))
+        first = np.array([*first, total], np.int32)
+        return cls(lattices, patches, first, joined(cells[1:] or cells), joined(offsets))
+
+    def ids(self, cells: np.ndarray, masks: np.ndarray, id_count: int) -> tuple[np.ndarray, np.ndarray]:
+        """The lattice that each of some cells lies in, and the identity of its photon: cell and path, shape [n].
+
+        Args:
+            masks: Masks of their paths, with the numbers of their wavelengths beyond.
+        """
+        number = np.searchsorted(self.first, cells, side="right") - 1
+
+        def of_each(values: list[int]) -> np.ndarray | int:
+            return np.array(values, np.int64)[number] if len(values) > 1 else values[0]
+
+        count_u = of_each([patch.count_u for patch in self.patches])
+        down, across = np.divmod(cells.astype(np.int64) - self.first[number], count_u)
+        wrap = [of_each([lattice.wrap[axis] for lattice in self.lattices]) for axis in (0, 1)]
+        u = (of_each([patch.first_u for patch in self.patches]) + across) % wrap[0]
+        v = (of_each([patch.first_v for patch in self.patches]) + down) % wrap[1]
+        first_id = of_each([lattice.first_id for lattice in self.lattices])
+        return number, masks.astype(np.int64) * id_count + first_id + v * wrap[0] + u
 
 
 def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, first: np.ndarray, unit: float) -> None:
@@ -568,7 +649,10 @@ def _total(array: wp.array, rows: np.ndarray) -> float:
 
 
 def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the chosen cells in ``patch``, which is cut to hold just them, and the offset of each of its cells."""
+    """Numbers of the chosen cells in ``patch``, which is cut to hold just them, and the offset of each of its cells.
+
+    There are no offsets where all start in the middle of their cells.
+    """
     if not len(chosen):
         return np.zeros(0, np.int32), np.zeros((0, 2), np.float32)
     first, last = chosen.cell.min(axis=0), chosen.cell.max(axis=0)
@@ -580,14 +664,3 @@ def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
     offsets = np.zeros((patch.count_u * patch.count_v, 2), np.float32)
     offsets[numbers] = chosen.offset
     return numbers, offsets
-
-
-def _ids(cells: np.ndarray, patch: Patch, masks: np.ndarray, lattice: Lattice, id_count: int) -> np.ndarray:
-    """Identities of photons: their cell in the lattice and their path, shape [n] int64.
-
-    Args:
-        masks: Masks of their paths, with the numbers of their wavelengths beyond.
-    """
-    down, across = np.divmod(cells.astype(np.int64), patch.count_u)
-    u, v = (patch.first_u + across) % lattice.wrap[0], (patch.first_v + down) % lattice.wrap[1]
-    return masks.astype(np.int64) * id_count + lattice.first_id + v * lattice.wrap[0] + u

@@ -16,6 +16,7 @@ from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import SceneSource
+from tpdwarp.scene.light_places import prim_of
 from tpdwarp.settings import AUTOMATIC_GROUPS
 
 # The group of lights that no other takes.
@@ -62,7 +63,7 @@ class LightGroups:
         """The photons of one group."""
         chosen = []
         for photons in maps:
-            groups = [self.group_of.get(path, REST) for path in photons.light_paths]
+            groups = [self.group_of.get(prim_of(path), REST) for path in photons.light_paths]
             inside = np.array([group == name for group in groups], bool)
             # A map without photons knows no lights.
             rows = inside[photons.light] if len(photons) else np.zeros(0, bool)

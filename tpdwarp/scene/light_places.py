@@ -20,6 +20,9 @@ from tpdwarp.scene.description import Extent, ExtentShape, LightAtShutter, Light
 # Fractions of the whole by which consecutive places step, for one, two and three dimensions (Roberts 2018).
 GOLDEN = 0.6180339887498949
 PLASTIC = (0.7548776662466927, 0.5698402909980532)
+# Footprints from N parts of a light, whose lattices interleave, are N to this power as wide as their cells. Chosen, not
+# derived: sums of them then ripple by less than two hundredths (tests/footprints/test_light_images.py).
+NARROWING_POWER = -1.0 / 8.0
 # Steps of the table that inverts the distribution of radii in a sphere.
 TABLE = np.linspace(0.0, 0.5 * math.pi, 4097)
 
@@ -72,6 +75,27 @@ def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = N
         smaller = Extent(shape, extent.radius, sides @ spans, sides @ motions)
         found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller))
     return found
+
+
+def tiles_of(light: LightAtShutter, colors: np.ndarray) -> list[LightAtShutter]:
+    """The lights that a rectangle with a picture is: one a pixel that is not black, their paths its own with a number.
+
+    Args:
+        light: The rectangle.
+        colors: What its radiance is multiplied by, shape [h, w, 3]: from +y down, from +x on, so that it stands upright
+            before who looks along +z.
+    """
+    extent, (rows, columns) = light.extent, colors.shape[:2]
+    size = np.diag([1.0 / columns, 1.0 / rows])
+    found = []
+    for number, color in enumerate(colors.reshape(-1, 3)):
+        row, column = divmod(number, columns)
+        place = 1.0 - (2.0 * np.array([column, row]) + 1.0) / (columns, rows)
+        part = _at(light, place, extent.spans, extent.spans_motion)
+        power = tuple(float(channel * c) / (rows * columns) for channel, c in zip(part.power, color, strict=True))
+        smaller = Extent(extent.shape, 0.0, size @ extent.spans, size @ extent.spans_motion)
+        found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller))
+    return [tile for tile in found if any(tile.power)]
 
 
 def pieces_of_disc(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -134,8 +158,33 @@ def _at(light: LightAtShutter, place: np.ndarray, spans: np.ndarray, motions: np
 
 def whole_of(path: str) -> str:
     """The path of the light that a part of one comes from."""
+    return _path_and_number(path)[0]
+
+
+def prim_of(path: str) -> str:
+    """The path of the prim that a light, or a part or tile of one, comes from."""
+    while (whole := whole_of(path)) != path:
+        path = whole
+    return path
+
+
+def phase_of(path: str) -> np.ndarray:
+    """How far, in cells, the lattice of a part of a light is moved along u and v, shape [2]; none of a whole light.
+
+    Lattices of parts side by side then interleave: light of all parts falls between the cells of one, and what one
+    counts too much where glass ends others count too little.
+    """
+    return _path_and_number(path)[1] * np.array(PLASTIC) % 1.0
+
+
+def narrowing_of(parts: int) -> float:
+    """How many cells wide footprints are where ``parts`` of a light send photons from lattices that interleave."""
+    return float(parts) ** NARROWING_POWER
+
+
+def _path_and_number(path: str) -> tuple[str, int]:
     whole, bracket, number = path.rpartition("[")
-    return whole if bracket and number[:-1].isdigit() else path
+    return (whole, int(number[:-1])) if bracket and number[:-1].isdigit() else (path, 0)
 
 
 def _without_extent(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:

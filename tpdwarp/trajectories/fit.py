@@ -47,6 +47,9 @@ from tpdwarp.trajectories.neighbours import differences, neighbours
 # Flux grows by no more than half of this part to either end of the shutter, as axes do (LARGEST_GROWTH there): on a
 # line, it would be below zero before the shutter is over.
 LARGEST_GAIN = 1.0
+# Of the ways of light that keyframes follow, this quantile is as far as any other may go. Chosen, not derived: the last
+# hundredth may be as far off as those others.
+LONGEST_QUANTILE = 0.99
 
 
 def fit_trajectories(
@@ -68,6 +71,7 @@ def fit_trajectories(
     with clock.stage("trace"):
         follows = before.valid & middle.valid & after.valid
         follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT
+        photons, shortened = _shortened(photons, follows)
         changes = _acceleration_and_jerk(before, middle, after, follows)
         rates, growth = [np.zeros_like(photons.dxdt)] * 2, np.zeros(len(photons))
         if keyframes.tracer.settings.emission == "lattice":
@@ -77,11 +81,29 @@ def fit_trajectories(
         gain = growth + np.where(follows, (after.log_flux - before.log_flux) / (2.0 * END), 0.0)
         limited = np.clip(gain, -LARGEST_GAIN, LARGEST_GAIN).astype(np.float32)
         counts = {"keyframes": keyframes.emitted}
+        if shortened:
+            counts["ways shortened for want of keyframes"] = shortened
         if (limited != gain.astype(np.float32)).any():
             counts["flux that grows too fast"] = int(np.sum(limited != gain.astype(np.float32)))
         if not follows.all():
             counts["straight for want of keyframes"] = int(np.sum(~follows))
         return replace(photons, trajectory=TrajectoryColumns(*changes, *rates, limited)), EnergyAccount(counts=counts)
+
+
+def _shortened(photons: PhotonMap, follows: np.ndarray) -> tuple[PhotonMap, int]:
+    """The photons, of which none that keyframes do not follow goes farther than those that they do; how many would.
+
+    Where light grazes or is nearly totally reflected, D_t x grows without bound, and paths begin and end within the
+    shutter: light would leave the picture that is in it whenever it exists.
+    """
+    way = photons.dxdt - photons.receiver_motion
+    length = np.linalg.norm(way, axis=1)
+    if follows.all() or not follows.any():
+        return photons, 0
+    longest = float(np.quantile(length[follows], LONGEST_QUANTILE))
+    too_far = ~follows & (length > longest)
+    part = np.where(too_far, longest / np.maximum(length, np.finfo(np.float32).tiny), 1.0).astype(np.float32)
+    return replace(photons, dxdt=photons.receiver_motion + part[:, None] * way), int(np.sum(too_far))
 
 
 def _acceleration_and_jerk(

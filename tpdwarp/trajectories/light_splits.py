@@ -4,9 +4,10 @@ Light from the place (a, b) on a light lands x(a, b); a footprint takes x + a D_
 goes with the square of (a, b), so that N parts, 1/√N as wide each, miss 1/N of it. Where irradiance changes over a
 length L, a miss e errs by e/L of the light; L is no less than what the light's image itself is across. Light that takes
 another path from the rim of the light than from its middle errs by a part of itself, in a band that is 1/√N as wide.
-N parts share the photons, so that what footprints h wide blur, h²/(8L²), grows by N. Together, up to a factor:
+N parts share the photons, so that what footprints h wide blur, h²/(8L²), grows by N; that they interleave makes them
+narrower (:func:`tpdwarp.scene.light_places.narrowing_of`), by N^¼ of that. Together, up to a factor:
 
-    e/(2 L N) + c/√N + h² N/(8 L²)
+    e/(2 L N) + c/√N + h² N^¾/(8 L²)
 
 as means over the photons of a coarse trace, weighted by flux. Photons from the rim are traced from the point of the
 first surface at which those from the middle meet it, so that each has its own e.
@@ -25,16 +26,19 @@ from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.scene.light_places import narrowing_of
 
 # Photons of the trace from which the number of parts is chosen. Chosen, not derived.
 PILOT_PHOTONS = 4096
 # Photons that a part has at least, and parts that a light has at most: each is a lattice to trace. Chosen, not derived.
 FEWEST_PHOTONS = 256
-MOST_SPLITS = 91
+MOST_SPLITS = 217
 # Stills looked at, spread over the animation.
 MOST_STILLS = 2
 # Places on the light, by its coordinates: the ends of its axes.
 RIM = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+# The middle as a place on the light. Photons of all of it stand where their light has its own middle, beside that.
+MIDDLE = (0.0, 0.0)
 # Light that takes another path from some places errs by so much of itself: a quarter, as light that begins or ends
 # within the shutter does.
 CHANGED_ERROR = 0.25
@@ -76,7 +80,7 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     photons = tracer.settings.photons
     plan = tracer.plan(min(photons, PILOT_PHOTONS), clock)
     tags = PathTags(loaded.scene, plan.photons).of(loaded.scene)
-    middle, _ = tracer.trace(loaded, plan, clock, tags=tags)
+    middle, _ = tracer.trace(loaded, plan, clock, tags=tags, place=MIDDLE)
     # The lobes of rough surfaces are no images of lights.
     spread = (middle.image > 0) & (middle.image < int(LightImage.LOBE))
     if not spread.any():
@@ -93,8 +97,9 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     length = _length(middle, plan)
     size = _areas(middle) * plan.photons / photons
     n = counts[:, None].astype(np.float64)
+    narrowing = np.array([[narrowing_of(int(count))] for count in counts])
     first_order = np.minimum(0.5 * np.sqrt(missed) / length / n, 1.0)
-    blur = np.minimum(size * n / (8.0 * length**2), 1.0)
+    blur = np.minimum(size * n * narrowing**2 / (8.0 * length**2), 1.0)
     return ((first_order + CHANGED_ERROR * changed / np.sqrt(n) + blur) * flux).sum(axis=1)
 
 

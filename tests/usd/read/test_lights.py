@@ -1,6 +1,7 @@
 """Lights: UsdLux units, motion, and what is left out."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
@@ -290,27 +291,36 @@ def test_a_rectangle_that_turns_has_spans_that_move(small):
     np.testing.assert_allclose(extent.spans_motion, half(30) - half(20), atol=1e-12)
 
 
-def test_textures_of_rectangles_and_shaping_of_cylinders_are_said(small):
+def test_pictures_that_cannot_be_read_and_shaping_of_cylinders_are_said(small):
     UsdLux.RectLight.Define(small.stage, "/Panel").CreateTextureFileAttr("picture.exr")
     tube = UsdLux.CylinderLight.Define(small.stage, "/Tube")
     UsdLux.ShapingAPI.Apply(tube.GetPrim()).CreateShapingConeAngleAttr(30.0)
-    warnings = small.open().warnings.messages
-    assert len(warnings) == 2 and "/Panel: the rectangle's texture" in warnings[0] and "/Tube: " in warnings[1]
+    scene = small.open()
+    assert len(scene.at(Shutter.still(1)).lights) == 2
+    tube_said, panel_said = scene.warnings.messages
+    assert "/Panel.inputs:texture:file: cannot" in panel_said and "/Tube: " in tube_said
 
 
-def test_a_rectangle_shines_by_the_mean_colour_of_its_texture(small, tmp_path):
-    pixels = np.zeros((2, 2, 3), np.float32)
-    pixels[0, :] = (4.0, 2.0, 1.0)
-    spec = oiio.ImageSpec(2, 2, 3, "float")
-    output = oiio.ImageOutput.create(str(tmp_path / "picture.exr"))
-    assert output.open(str(tmp_path / "picture.exr"), spec) and output.write_image(pixels)
-    output.close()
-    panel = UsdLux.RectLight.Define(small.stage, "/Panel")
-    panel.CreateTextureFileAttr("./picture.exr")
-    panel.CreateIntensityAttr(3.0)
-    light, warnings = read(small)
-    assert light.power == pytest.approx((6.0, 3.0, 1.5))
-    assert len(warnings) == 1 and "mean colour" in warnings[0]
+def test_a_rectangle_with_a_picture_is_one_light_a_pixel_upright_before_it(small):
+    """The picture's first pixel lies at (+x, +y), which is up and left for who looks along +z, against the light."""
+    colors = np.zeros((2, 3, 3), np.float32)
+    colors[0, 0], colors[1, 2], colors[1, 1] = (1.0, 0.5, 0.25), (0.0, 2.0, 0.0), (4.0, 4.0, 4.0)
+    image = oiio.ImageBuf(np.ascontiguousarray(colors))
+    assert image.write(str(Path(small.file).parent / "picture.exr"))
+    light = UsdLux.RectLight.Define(small.stage, "/Panel")
+    light.CreateTextureFileAttr("picture.exr")
+    light.CreateWidthAttr(6.0)
+    light.CreateHeightAttr(2.0)
+    light.CreateIntensityAttr(3.0)
+    scene = small.open()
+    found = {light.path: light for light in scene.at(Shutter.still(1)).lights}
+    assert list(found) == ["/Panel[0]", "/Panel[4]", "/Panel[5]"] and scene.warnings.messages == []
+    places = [light.position.tolist() for light in found.values()]
+    np.testing.assert_allclose(places, [(2.0, 0.5, 0.0), (0.0, -0.5, 0.0), (-2.0, -0.5, 0.0)], atol=1e-12)
+    # A sixth of the area, 2 by 1, of radiance 3.
+    np.testing.assert_allclose(found["/Panel[0]"].power, (6.0, 3.0, 1.5), rtol=1e-3)
+    np.testing.assert_allclose(found["/Panel[5]"].power, (0.0, 12.0, 0.0), rtol=1e-3)
+    np.testing.assert_allclose(found["/Panel[4]"].extent.spans, [(1.0, 0.0, 0.0), (0.0, 0.5, 0.0)], atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -35,6 +35,22 @@ def test_footprint_outline_touches_the_sides_of_the_cell() -> None:
         np.testing.assert_allclose(polygons[:, place], 0.5 * axis, atol=1e-12)
 
 
+def test_light_of_some_extent_widens_outlines_by_its_variance() -> None:
+    """The area of an ellipse is the root of the determinant of its variance, which those of both add up to."""
+    record, smoothing = photons(), 1.5
+    half = len(record.dxdu) // 2
+    a, b = 0.7 * record.dxdv + 0.2 * record.dxdu, 0.4 * record.dxdu
+    a[:half], b[:half] = 0.0, 0.0
+    plain = footprint_outlines(record, smoothing) - record.positions[:, None]
+    lit = footprint_outlines(replace(record, dxda=a, dxdb=b), smoothing) - record.positions[:, None]
+    np.testing.assert_array_equal(lit[:half], plain[:half])
+    # In units of D_u x and D_v x.
+    variance = smoothing**2 * np.eye(2) + np.outer([0.2, 0.7], [0.2, 0.7]) + np.outer([0.4, 0.0], [0.4, 0.0])
+    larger = np.sqrt(np.linalg.det(variance)) / smoothing**2
+    areas = [np.abs(shoelace(polygons[half:], record.normals[half:])) for polygons in (plain, lit)]
+    np.testing.assert_allclose(areas[1], larger * areas[0], rtol=1e-9)
+
+
 @CORNERS
 def test_swept_outline_is_an_ellipse_longer_by_the_motion(corners: int) -> None:
     """Area of the sweep of a convex polygon: its own, and its width across the motion times the motion's length."""

@@ -33,7 +33,6 @@ class Dome(Light):
 
     def __init__(self, *arguments: object) -> None:
         super().__init__(*arguments)
-        self._pictures: dict[str, np.ndarray | None] = {}
         self._last: DomeAtShutter | None = None
         self._last_of: tuple[object, ...] = ()
         if self.links.limited:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdLux
+from pxr import Usd, UsdGeom, UsdLux
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import (
@@ -19,13 +19,14 @@ from tpdwarp.scene.description import (
     Shaping,
     Shutter,
 )
+from tpdwarp.scene.light_places import tiles_of
 from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
 from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is_of_blender
 from tpdwarp.usd.read.links import LightLinks
 from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_at, raw_at, text_at, value_at
+from tpdwarp.usd.read.values import number_at, text_at, value_at
 
 # Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
 AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
@@ -45,6 +46,8 @@ PROFILES: dict[type, tuple[EmissionProfile, float]] = {
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 
+# Pictures of rectangles are brought down to so many rows: each pixel is a light. Chosen, not derived.
+PICTURE_ROWS = 4
 # Where lights name their groups for other renderers: ours, then RenderMan's, Karma's and Arnold's.
 GROUP_ATTRIBUTES = (
     "tpdwarp:lightGroup",
@@ -57,8 +60,6 @@ GROUP_ATTRIBUTES = (
     "inputs:arnold:aov",
 )
 
-# Rows that a rectangle's texture is brought down to for its mean.
-MEAN_ROWS = 64
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
 # What photographs of suns and what the account of energy hold; squares of it stay numbers.
@@ -97,7 +98,7 @@ class Light:
         ]
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
         self._visibilities = _visibilities(prim)
-        self._texture = self._texture_mean()
+        self._pictures: dict[str, np.ndarray | None] = {}
         self._warn_unsupported()
 
     @property
@@ -145,6 +146,29 @@ class Light:
         extent = self._extent(shutter)
         place = position, axes, position_motion, axes_motion
         return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent)
+
+    def all_over(self, shutter: Shutter) -> list[LightAtShutter]:
+        """The lights that it is over ``shutter``: none, itself, or one for each part of a rectangle's picture."""
+        light = self.over(shutter)
+        if light is None:
+            return []
+        if light.extent is None or light.extent.shape != ExtentShape.RECT:
+            return [light]
+        colors = self._picture(shutter.frame)
+        return [light] if colors is None else tiles_of(light, colors)
+
+    def _picture(self, frame: float) -> np.ndarray | None:
+        """A rectangle's picture, brought down to a few pixels, shape [h, w, 3]; None where it has none."""
+        attribute = UsdLux.RectLight(self.prim).GetTextureFileAttr()
+        value = attribute.Get(frame) if attribute else None
+        if not value or not value.path:
+            return None
+        path = value.resolvedPath or value.path
+        if path not in self._pictures:
+            self._pictures[path] = picture_of(path, PICTURE_ROWS)
+        if self._pictures[path] is None:
+            self._warnings(str(attribute.GetPath()), "cannot be read: the rectangle is of its colour all over")
+        return self._pictures[path]
 
     def _extent(self, shutter: Shutter) -> Extent | None:
         """Its extent at mid shutter; None where it has none, or is not to be taken for more than a point."""
@@ -230,8 +254,6 @@ class Light:
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
         scale *= self._factor(frame)
-        if self._texture is not None:
-            color = color * self._texture
         with np.errstate(over="ignore", invalid="ignore"):
             power = scale * color
         if not power.max() <= LARGEST:
@@ -241,18 +263,6 @@ class Light:
                 self.path,
             )
         return tuple(map(float, power))
-
-    def _texture_mean(self) -> np.ndarray | None:
-        """Mean colour [3] of a rectangle's texture; None without one that can be read."""
-        rectangle = UsdLux.RectLight(self.prim) if self._shape is UsdLux.RectLight else None
-        value = raw_at(rectangle.GetTextureFileAttr(), EARLIEST) if rectangle else None
-        if not isinstance(value, Sdf.AssetPath) or not value.path:
-            return None
-        picture = picture_of(value.resolvedPath or value.path, MEAN_ROWS)
-        if picture is None:
-            self._warnings(self.path, "the rectangle's texture cannot be read: it is of its colour all over")
-            return None
-        return picture.mean(axis=(0, 1), dtype=np.float64)
 
     def _factor(self, frame: float) -> float:
         """By what the radiance is to be multiplied for :meth:`power`."""
@@ -315,8 +325,6 @@ class Light:
             )
         if asks_for_cone and self.kind == LightKind.DISTANT:
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
-        if self._texture is not None:
-            self._warnings(self.path, "the rectangle's texture is rendered by its mean colour")
         if asks_for_cone and self._shape is UsdLux.CylinderLight:
             self._warnings(self.path, "the shaping of a cylinder is not rendered")
         ies = shaping.GetShapingIesFileAttr()

@@ -181,7 +181,7 @@ class StageScene:
         with usd_diagnostics(self.warnings):
             self._warn_outside(shutter)
             meshes = self._meshes_over(shutter)
-            lights = tuple(found for light in self._lights if (found := light.over(shutter)) is not None)
+            lights = tuple(found for light in self._lights for found in light.all_over(shutter))
             width, height = self._resolution()
             aspect = width * self._request.pixel_aspect / height
             camera = self._camera.over(shutter, aspect, self._request.policy)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tpdwarp.photons.record import PhotonRecord
@@ -15,6 +17,8 @@ MOST_FINE = 5000
 def footprint_outlines(record: PhotonRecord, smoothing: float, points: int = FINE) -> np.ndarray:
     """Outlines at mid shutter of the ellipses with semi-axes ½ D_u x and ½ D_v x (paper, Fig. 2).
 
+    Those are of one standard deviation of a B-spline; light of some extent widens them by its own (:func:`in_light`).
+
     Args:
         record: n photons.
         smoothing: Footprint size in lattice cells; scales both axes.
@@ -23,6 +27,7 @@ def footprint_outlines(record: PhotonRecord, smoothing: float, points: int = FIN
     Returns:
         Polygons inscribed in the ellipses, shape [n, points, 3], scene units.
     """
+    record = in_light(record, smoothing)
     angles = np.arange(points) * (2 * np.pi / points)
     return record.positions[:, None] + ellipse_points(record, smoothing, angles[None])
 
@@ -41,6 +46,7 @@ def swept_outlines(record: PhotonRecord, smoothing: float, points: int = FINE) -
     Returns:
         Convex polygons, first the front half, shape [n, points + 2, 3], scene units.
     """
+    record = in_light(record, smoothing)
     # The direction of D_t x in the basis D_u x, D_v x, by Cramer's rule. The receiver's normal in place of their cross
     # product keeps it meaningful where the footprint has collapsed to a line.
     turn = np.sign(np.einsum("ni,ni->n", np.cross(record.dxdu, record.dxdv), record.normals))
@@ -53,6 +59,22 @@ def swept_outlines(record: PhotonRecord, smoothing: float, points: int = FINE) -
     shift = 0.5 * record.dxdt[:, None]
     center = record.positions[:, None]
     return np.concatenate([center + shift + front, center - shift - front], axis=1)
+
+
+def in_light(record: PhotonRecord, smoothing: float) -> PhotonRecord:
+    """``record`` with D_u x and D_v x such that J Jᵀ is larger by D_a x D_a xᵀ + D_b x D_b xᵀ / ``smoothing``².
+
+    So the variance of the ellipse, ¼ J Jᵀ, has that of the image of a round light, ¼ (D_a x D_a xᵀ + D_b x D_b xᵀ).
+    Photons whose light has no extent stay as they are.
+    """
+    lit = np.any(record.dxda, axis=1) | np.any(record.dxdb, axis=1)
+    if not lit.any():
+        return record
+    columns = [record.dxdu, record.dxdv, record.dxda / smoothing, record.dxdb / smoothing]
+    axes, lengths, _ = np.linalg.svd(np.stack([column[lit] for column in columns], axis=-1), full_matrices=False)
+    dxdu, dxdv = record.dxdu.copy(), record.dxdv.copy()
+    dxdu[lit], dxdv[lit] = axes[:, :, 0] * lengths[:, :1], axes[:, :, 1] * lengths[:, 1:2]
+    return replace(record, dxdu=dxdu, dxdv=dxdv)
 
 
 def ellipse_points(record: PhotonRecord, smoothing: float, angles: np.ndarray) -> np.ndarray:

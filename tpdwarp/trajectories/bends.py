@@ -1,0 +1,79 @@
+"""Bends and reaches: what neighbours on the light say of a footprint beside its own columns.
+
+A footprint stands for a cell, and for what a B-spline reaches over besides, as if D_u x and D_v x were the same all
+over it. With D_uu x = ∂_u D_u x they are not: light from the place (a, b) of the lattice lands
+
+    ½ (a² D_uu x + b² D_vv x) + a b D_uv x
+
+beside where first order has it. On average over a kernel of variance κ cells² along u and v that is κ times the bend,
+
+    ½ (D_uu x + D_vv x)
+
+by which a footprint is moved, so that beside folds its light does not fall on the dark side. Second derivatives are the
+differences of D_u x and D_v x between neighbours, where these lie as far apart as their columns say.
+
+Where light grazes or is nearly totally reflected, columns grow without bound, and its way to the neighbouring cell
+does not. A footprint reaches no farther than its farther neighbour along u or v on the same path; where there is none,
+it stands for its cell alone, and has the variance of that.
+
+Beyond the paper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.trajectories.neighbours import Pairs, differences, neighbours
+
+# Neighbours are of one smooth sheet where the way between them is the mean of their columns, up to this part of the
+# longer one: at a fold it is, across the edge of a facet it is not. Chosen, not derived.
+LARGEST_MISFIT = 0.5
+# The part of a column that a footprint without neighbours along it reaches over: a cell of the lattice has a third of
+# the variance of the B-spline over it.
+ALONE = 3.0**-0.5
+
+
+def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
+    """The photons of a lattice with their bends, which lie in the plane of their receivers, and their reaches."""
+    bend, reach = np.zeros_like(photons.position), np.ones((len(photons), 2), np.float32)
+    for axis, (a, b) in enumerate(neighbours(photons, plan)):
+        same = photons.receiver[a] == photons.receiver[b]
+        a, b = a[same], b[same]
+        column = (photons.dxdu, photons.dxdv)[axis]
+        reach[:, axis] = _reach(photons, column, (a, b))
+        column = column * reach[:, axis : axis + 1]
+        mean = 0.5 * (column[a] + column[b])
+        misfit = np.linalg.norm(photons.position[b] - photons.position[a] - mean, axis=1)
+        longer = np.maximum(*(np.linalg.norm(column[rows], axis=1) for rows in (a, b)))
+        beside = misfit <= LARGEST_MISFIT * longer
+        bend += 0.5 * differences(column, (a[beside], b[beside]))
+    bend -= photons.normal * np.sum(photons.normal * bend, axis=1, keepdims=True)
+    return replace(photons, bend=bend, reach=reach)
+
+
+def within_reach(photons: PhotonMap) -> PhotonMap:
+    """The photons with the parts of their columns that their footprints reach over."""
+    if not len(photons.reach) or photons.reach.min() == 1.0:
+        return photons
+    u, v = photons.reach[:, :1], photons.reach[:, 1:]
+    trajectory = photons.trajectory
+    if trajectory is not None:
+        trajectory = replace(trajectory, dxdut=u * trajectory.dxdut, dxdvt=v * trajectory.dxdvt)
+    return replace(photons, dxdu=u * photons.dxdu, dxdv=v * photons.dxdv, trajectory=trajectory)
+
+
+def _reach(photons: PhotonMap, column: np.ndarray, pairs: Pairs) -> np.ndarray:
+    """The part of a column that ends at the farther neighbour along it, at most one; shape [n]."""
+    farthest = np.zeros(len(photons), np.float32)
+    apart = np.linalg.norm(photons.position[pairs[1]] - photons.position[pairs[0]], axis=1)
+    for rows in pairs:
+        # A photon has one neighbour at most on either side.
+        farthest[rows] = np.maximum(farthest[rows], apart)
+    length = np.linalg.norm(column, axis=1)
+    limited = (farthest > 0.0) & (farthest < length)
+    reach = np.divide(farthest, length, out=np.ones_like(length), where=limited)
+    return np.where(farthest > 0.0, reach, ALONE)
