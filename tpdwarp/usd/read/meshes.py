@@ -129,8 +129,9 @@ class PlacedMesh:
             appearance = self._appearances.of(
                 self.prim, geometry.topology, geometry.point_count, shutter.frame, None if given is None else given[0]
             )
-            if self.copies and appearance.given_at >= 0:
-                appearance = replace(appearance, colors=np.concatenate([appearance.colors, given]))
+            if appearance.given_at >= 0:
+                others, last = np.split(appearance.colors, [appearance.given_at])
+                appearance = replace(appearance, colors=np.concatenate([others, given, last[1:]]))
             self._appearance = geometry.topology, appearance
             self._whole = None
         if self._whole is None:
@@ -145,19 +146,13 @@ class PlacedMesh:
     def _dressed(self, mesh: MeshAtShutter, appearance: Appearance) -> MeshAtShutter:
         """The mesh with its materials, without what these cut out."""
         count, kept = self.count, appearance.kept
-        color_indices = _for_copies(appearance.color_indices, count)
-        if self.copies and appearance.given_at >= 0:
-            # Each has a colour of its own, after all others.
-            own = len(appearance.colors) - count + np.repeat(np.arange(count), len(appearance.color_indices))
-            given = color_indices == appearance.given_at
-            color_indices = np.where(given, own[:, None], color_indices).astype(np.int32)
         return _without_holes(
             replace(
                 mesh,
                 materials=appearance.materials,
                 triangle_materials=_for_copies(appearance.triangle_materials, count),
                 colors=appearance.colors,
-                color_indices=color_indices,
+                color_indices=_with_given(appearance.color_indices, count, appearance.given_at),
                 coordinates=appearance.coordinates,
                 coordinate_indices=_for_copies(appearance.coordinate_indices, count),
                 priority=self._appearances.priority(self.prim),
@@ -254,8 +249,24 @@ def _for_copies(rows: np.ndarray | None, count: int, step: int = 0) -> np.ndarra
     copied = np.tile(rows, (count, *[1] * (rows.ndim - 1)))
     if step == 0:
         return copied
-    steps = step * np.repeat(np.arange(count, dtype=np.int32), len(rows))
-    return np.where(copied >= 0, copied + steps.reshape(-1, *[1] * (rows.ndim - 1)), -1)
+    return np.where(copied >= 0, copied + step * _copy_of_each(rows, count), -1)
+
+
+def _with_given(rows: np.ndarray | None, count: int, given_at: int) -> np.ndarray | None:
+    """Indices of colours, as :func:`_for_copies`, where each copy has a colour of its own in the place of ``given_at``.
+
+    Those of colours behind it are moved by as many.
+    """
+    copied = _for_copies(rows, count)
+    if rows is None or count == 1 or given_at < 0:
+        return copied
+    own = np.where(copied == given_at, copied + _copy_of_each(rows, count), copied)
+    return np.where(copied > given_at, copied + np.int32(count - 1), own)
+
+
+def _copy_of_each(rows: np.ndarray, count: int) -> np.ndarray:
+    """The number of the copy that each of the rows for ``count`` copies belongs to, with as many axes."""
+    return np.repeat(np.arange(count, dtype=np.int32), len(rows)).reshape(-1, *[1] * (rows.ndim - 1))
 
 
 def _without_holes(mesh: MeshAtShutter, kept: np.ndarray | None) -> MeshAtShutter:

@@ -216,8 +216,11 @@ class StageScene:
         limited = {path: found for path, found in links.items() if found.limited}
         if not limited:
             return lights
-        placed = list(self._placed(shutter.frame))
-        meshes = [(path, collected_as(one)) for one in placed for path in one.copies or (one.label,)]
+        meshes = [
+            (label, collected_as(label, placed.prim))
+            for placed in self._placed(shutter.frame)
+            for label in placed.copies or (placed.label,)
+        ]
         found = []
         for light in lights:
             own = limited.get(light.path) or limited.get(light.path.rpartition("/light")[0])
@@ -640,10 +643,10 @@ class StageScene:
         )
 
 
-def collected_as(placed: PlacedMesh) -> Sdf.Path:
-    """The path that collections know a mesh by: its own, or its instancer's."""
-    instancer, instanced, _ = placed.label.partition("[")
-    return Sdf.Path(instancer) if instanced else placed.prim.GetPath()
+def collected_as(label: str, prim: Usd.Prim) -> Sdf.Path:
+    """The path that collections know a mesh of this label by: its own, or its instancer's."""
+    instancer, instanced, _ = label.partition("[")
+    return Sdf.Path(instancer) if instanced else prim.GetPath()
 
 
 def _is_subdivided(prim: Usd.Prim) -> bool:
