@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tpdwarp.device import Launcher
@@ -45,6 +47,8 @@ class FootprintLight:
         moves: bool,
         launcher: Launcher,
     ) -> None:
+        maps = _of_points(maps)
+        form = replace(form, extended=any(len(photons.image) for photons in maps))
         self._form, self._launcher, self.moves = form, launcher, moves
         self._smoothing, self._pixel = smoothing, pixel
         maps = [within_reach(photons) for photons in maps]
@@ -131,3 +135,11 @@ def _square(side: float) -> PixelSize:
     size = PixelSize()
     size.base = side
     return size
+
+
+def _of_points(maps: list[PhotonMap]) -> list[PhotonMap]:
+    """The photons without images of their lights, where all of these are points."""
+    if any(photons.dxda.any() or photons.dxdb.any() for photons in maps):
+        return maps
+    none, no_image = np.zeros((0, 3), np.float32), np.zeros(0, np.int32)
+    return [replace(photons, dxda=none, dxdb=none, image=no_image) for photons in maps]
