@@ -17,7 +17,7 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.bends import with_bends, with_reaches
+from tpdwarp.trajectories.bends import with_bends
 
 
 class IrradianceField(Protocol):
@@ -108,19 +108,13 @@ def light_of(
     return light if light.count else None
 
 
-def bent(
-    photons: PhotonMap, plan: EmissionPlan, tracer: PhotonTracer, clock: Clock, moves: bool = False
-) -> PhotonMap:
-    """The photons with what their neighbours know, where footprints are those of a lattice's own cells.
-
-    Bends of light that ``moves`` are left out: measured on ``scripts/benchmarks/solids.py torus-turning-10``, it erred
-    by .042 with them and by .037 without.
-    """
+def bent(photons: PhotonMap, plan: EmissionPlan, tracer: PhotonTracer, clock: Clock) -> PhotonMap:
+    """The photons with what their neighbours know, where footprints are those of a lattice's own cells."""
     settings = tracer.settings
     if settings.emission != "lattice" or settings.kernel != "bspline" or settings.smoothing != 1.0:
         return photons
     with clock.stage("footprints"):
-        return with_reaches(photons, plan) if moves else with_bends(photons, plan)
+        return with_bends(photons, plan)
 
 
 def reshaped(part: Part, pixel: PixelSize, tracer: PhotonTracer, clock: Clock) -> IrradianceField | None:

@@ -49,7 +49,7 @@ class Temporal:
                 photons, account = tracer.trace(seen, plan, clock, weight=duration, **options)
                 traced = [photons]
             if pixel is not None:
-                traced = [bent(photons, plan, tracer, clock, moves) for photons in traced]
+                traced = [bent(photons, plan, tracer, clock) for photons in traced]
             maps += [
                 replace(photons, time=time + duration * photons.time, duration=duration * photons.duration)
                 for photons in traced

@@ -16,6 +16,9 @@ Where light grazes or is nearly totally reflected, columns grow without bound, a
 does not. A footprint reaches no farther than its farther neighbour along u or v on the same path; where there is none,
 it stands for its cell alone, and has the variance of that.
 
+Light that moves by its footprint within the shutter is not moved by bends, and light that moves by less by less: on
+``scripts/benchmarks/solids.py torus-turning-10`` it erred by .042 with bends and by .037 without.
+
 Beyond the paper.
 """
 
@@ -37,11 +40,6 @@ LARGEST_MISFIT = 0.5
 ALONE = 3.0**-0.5
 
 
-def with_reaches(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
-    """The photons of a lattice with their reaches alone."""
-    return replace(with_bends(photons, plan), bend=np.zeros((0, 3), np.float32))
-
-
 def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
     """The photons of a lattice with their bends, which lie in the plane of their receivers, and their reaches."""
     bend, reach = np.zeros_like(photons.position), np.ones((len(photons), 2), np.float32)
@@ -57,7 +55,7 @@ def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
         beside = misfit <= LARGEST_MISFIT * longer
         bend += 0.5 * differences(column, (a[beside], b[beside]))
     bend -= photons.normal * np.sum(photons.normal * bend, axis=1, keepdims=True)
-    return replace(photons, bend=bend, reach=reach)
+    return replace(photons, bend=_at_rest(photons) * bend, reach=reach)
 
 
 def within_reach(photons: PhotonMap) -> PhotonMap:
@@ -69,6 +67,14 @@ def within_reach(photons: PhotonMap) -> PhotonMap:
     if trajectory is not None:
         trajectory = replace(trajectory, dxdut=u * trajectory.dxdut, dxdvt=v * trajectory.dxdvt)
     return replace(photons, dxdu=u * photons.dxdu, dxdv=v * photons.dxdv, trajectory=trajectory)
+
+
+def _at_rest(photons: PhotonMap) -> np.ndarray:
+    """One where light stands still, less where it moves, nothing where it moves by its footprint; shape [n, 1]."""
+    longer = np.maximum(*(np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)))
+    moved = np.linalg.norm(photons.dxdt, axis=1)
+    share = np.divide(moved, longer, out=np.ones_like(moved), where=longer > moved)
+    return (1.0 - share)[:, None].astype(np.float32)
 
 
 def _reach(photons: PhotonMap, column: np.ndarray, pairs: Pairs) -> np.ndarray:
