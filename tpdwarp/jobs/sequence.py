@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tpdwarp.errors import InputError
+from tpdwarp.io.files import file_name
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import check_format
 from tpdwarp.io.memory import memory_allowed
@@ -96,7 +97,7 @@ def render(
         InputError: The input or the settings cannot be used, an output cannot be written where it is asked for, or
             no frame at all could be rendered because of the input.
     """
-    if PRODUCT in os.fspath(out):
+    if PRODUCT in file_name(out):
         options = {
             "frames": frames, "default_time": default_time, "progress": progress, "curves": curves, "strict": strict,
             "skip_existing": skip_existing, "frame_timeout": frame_timeout, "retries": retries,

@@ -90,8 +90,10 @@ class _KeepingLoader(SceneLoader):
         super().__init__(source, launcher, bounces)
         self._kept: OrderedDict[Shutter, LoadedScene] = OrderedDict()
 
-    def load(self, shutter: Shutter, clock: Clock | None = None) -> LoadedScene:
-        """The scene over ``shutter``, kept from before where it is."""
+    def load(
+        self, shutter: Shutter, clock: Clock | None = None, instead_of: LoadedScene | None = None
+    ) -> LoadedScene:
+        """The scene over ``shutter``, kept from before where it is; it is in the place of none, for all are kept."""
         if shutter not in self._kept:
             self._kept[shutter] = super().load(shutter, clock)
         self._kept.move_to_end(shutter)

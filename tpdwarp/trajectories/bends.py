@@ -13,8 +13,8 @@ by which a footprint is moved, so that beside folds its light does not fall on t
 differences of D_u x and D_v x between neighbours, where these lie as far apart as their columns say.
 
 Where light grazes or is nearly totally reflected, columns grow without bound, and its way to the neighbouring cell
-does not. A footprint reaches no farther than its farther neighbour along u or v on the same path; where there is none,
-it stands for its cell alone, and has the variance of that.
+does not. A footprint reaches no farther than its farther neighbour along u or v on the same path. Where there is none
+here it keeps its columns: its neighbours may have been traced in other parts of the shutter.
 
 Light that moves by its footprint within the shutter is not moved by bends, and light that moves by less by less: on
 ``scripts/benchmarks/solids.py torus-turning-10`` it erred by .042 with bends and by .037 without.
@@ -35,9 +35,6 @@ from tpdwarp.trajectories.neighbours import Pairs, differences, neighbours
 # Neighbours are of one smooth sheet where the way between them is the mean of their columns, up to this part of the
 # longer one: at a fold it is, across the edge of a facet it is not. Chosen, not derived.
 LARGEST_MISFIT = 0.5
-# The part of a column that a footprint without neighbours along it reaches over: a cell of the lattice has a third of
-# the variance of the B-spline over it.
-ALONE = 3.0**-0.5
 
 
 def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
@@ -86,5 +83,4 @@ def _reach(photons: PhotonMap, column: np.ndarray, pairs: Pairs) -> np.ndarray:
         farthest[rows] = np.maximum(farthest[rows], apart)
     length = np.linalg.norm(column, axis=1)
     limited = (farthest > 0.0) & (farthest < length)
-    reach = np.divide(farthest, length, out=np.ones_like(length), where=limited)
-    return np.where(farthest > 0.0, reach, ALONE)
+    return np.divide(farthest, length, out=np.ones_like(length), where=limited)
