@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tpdwarp.clock import Clock
-from tpdwarp.estimators.estimator import Part, light_of
+from tpdwarp.estimators.estimator import Part, bent, light_of
 from tpdwarp.estimators.time_strata import photons_at_stratified_times, random_times
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.tracer import PhotonTracer
@@ -25,4 +25,7 @@ class Distribution:
     ) -> Iterator[Part]:
         times = random_times(tracer, scenes)
         maps, energy, plan = photons_at_stratified_times(tracer, shutter, times, clock)
+        if len(maps) == 1:
+            # At rest neighbours are in one map; else they have times of their own.
+            maps = [bent(maps[0], plan, tracer, clock)]
         yield Part(maps, energy, light_of(maps, energy, False, tracer, pixel, clock), plan, scenes, shutter)
