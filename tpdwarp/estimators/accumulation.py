@@ -45,7 +45,7 @@ class Accumulation:
                 loaded = replace(loaded, scene=scene, requirements=needs)
             # Instants throw dice of their own.
             photons, energy = tracer.trace(loaded, plan, clock, seed=settings.seed + number, weight=1.0 / count)
-            photons = bent(photons, plan, tracer, clock)
+            photons = bent(photons, plan, tracer, pixel, clock)
             maps = [replace(photons, time=part - 0.5, duration=1.0 / count)]
             light = light_of(maps, energy, False, tracer, pixel, clock)
             yield Part(maps, energy, light, plan, [loaded], still, 1.0 / count)

@@ -27,5 +27,5 @@ class Distribution:
         maps, energy, plan = photons_at_stratified_times(tracer, shutter, times, clock)
         if len(maps) == 1:
             # At rest neighbours are in one map; else they have times of their own.
-            maps = [bent(maps[0], plan, tracer, clock)]
+            maps = [bent(maps[0], plan, tracer, pixel, clock)]
         yield Part(maps, energy, light_of(maps, energy, False, tracer, pixel, clock), plan, scenes, shutter)

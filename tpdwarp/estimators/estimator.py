@@ -100,18 +100,19 @@ def light_of(
     if pixel is None:
         return None
     with clock.stage("footprints"):
-        extended = any(len(photons.image) for photons in maps)
-        form = GatherForm(settings.kernel, settings.footprint, settings.time_filter, extended)
+        form = GatherForm(settings.kernel, settings.footprint, settings.time_filter)
         light = FootprintLight(maps, form, settings.smoothing, pixel, moves, tracer.launcher)
     limits = {"footprints clamped": light.clamped, "footprints that grow too fast": light.growth_limited}
     energy.add(EnergyAccount(counts={name: count for name, count in limits.items() if count}))
     return light if light.count else None
 
 
-def bent(photons: PhotonMap, plan: EmissionPlan, tracer: PhotonTracer, clock: Clock) -> PhotonMap:
-    """The photons with what their neighbours know, where footprints are those of a lattice's own cells."""
+def bent(
+    photons: PhotonMap, plan: EmissionPlan, tracer: PhotonTracer, pixel: PixelSize | None, clock: Clock
+) -> PhotonMap:
+    """The photons with what their neighbours know, where they have footprints and these are a lattice's own cells."""
     settings = tracer.settings
-    if settings.emission != "lattice" or settings.kernel != "bspline" or settings.smoothing != 1.0:
+    if pixel is None or settings.emission != "lattice" or settings.kernel != "bspline" or settings.smoothing != 1.0:
         return photons
     with clock.stage("footprints"):
         return with_bends(photons, plan)

@@ -21,6 +21,6 @@ class Static:
         loaded = tracer.load(Shutter(shutter.frame, shutter.middle, shutter.middle), clock)
         plan = tracer.plan(tracer.settings.photons, clock)
         photons, energy = tracer.trace(loaded, plan, clock, seed=tracer.settings.seed)
-        photons = bent(photons, plan, tracer, clock)
+        photons = bent(photons, plan, tracer, pixel, clock)
         light = light_of([photons], energy, False, tracer, pixel, clock)
         yield Part([photons], energy, light, plan, scenes, shutter)

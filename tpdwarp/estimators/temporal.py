@@ -48,8 +48,7 @@ class Temporal:
             else:
                 photons, account = tracer.trace(seen, plan, clock, weight=duration, **options)
                 traced = [photons]
-            if pixel is not None:
-                traced = [bent(photons, plan, tracer, clock) for photons in traced]
+            traced = [bent(photons, plan, tracer, pixel, clock) for photons in traced]
             maps += [
                 replace(photons, time=time + duration * photons.time, duration=duration * photons.duration)
                 for photons in traced

@@ -25,7 +25,7 @@ class FootprintLight:
 
     Args:
         maps: The photons.
-        form: How footprints are evaluated.
+        form: How footprints are evaluated; whether lights have an extent is what the photons say.
         smoothing: Size of footprints in lattice cells.
         pixel: What a query stands for.
         moves: Whether any footprint moves.

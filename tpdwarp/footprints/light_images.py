@@ -43,14 +43,14 @@ from tpdwarp.footprints.shaping import (
     square_along,
     thin_axes_between,
 )
-from tpdwarp.photons.light_columns import LightImage
+from tpdwarp.photons.light_columns import (
+    IMAGE_DISC,
+    IMAGE_LOBE,
+    IMAGE_NONE,
+    VARIANCE_OF_DISC,
+    VARIANCE_OF_INTERVAL,
+)
 
-IMAGE_NONE = wp.constant(int(LightImage.NONE))
-IMAGE_DISC = wp.constant(int(LightImage.DISC))
-IMAGE_LOBE = wp.constant(int(LightImage.LOBE))
-# Variance along either axis of a disc of radius 1, and of an interval from −1 to 1.
-DISC_VARIANCE = wp.constant(0.25)
-INTERVAL_VARIANCE = wp.constant(1.0 / 3.0)
 # An image of less than this part of the pixel's variance is left out: it would widen the pixel by half of that.
 NEGLIGIBLE = wp.constant(0.01)
 # Footprints that are larger than this part of the image keep their own axes, along which they sum to one: cells no
@@ -84,9 +84,9 @@ def _root(variance: wp.mat22) -> wp.mat22:
 @wp.func
 def light_variance(light: LightOnPlane) -> wp.mat22:
     """The variance of a light's image on the receiver."""
-    k = INTERVAL_VARIANCE
+    k = VARIANCE_OF_INTERVAL
     if light.image == IMAGE_DISC:
-        k = DISC_VARIANCE
+        k = VARIANCE_OF_DISC
     elif light.image == IMAGE_LOBE:
         k = 1.0
     return k * (_outer(light.a) + _outer(light.b))

@@ -295,18 +295,25 @@ def limited(axes: Axes, distance: float) -> Axes:
 
 
 @wp.func
-def own_axes(j: SingularValues, pixel: PixelOnPlane, gamma: float, kernel_variance: float, distance: float) -> Axes:
-    """Axes of a footprint that is larger than a pixel: those of J (Eq. 7), widened.
-
-    Beyond the paper: singular values take the part ``gamma`` of the pixel's variance, √(S² + γ a²/(3κ)), where κ is
-    ``kernel_variance``.
-    """
+def _along_its_own(j: SingularValues) -> Axes:
+    """Directions of J (Eq. 7) for axes of any length."""
     out = Axes()
     out.first = direction(j.left)
     out.second = wp.vec2(-out.first[1], out.first[0])
     out.turn = j.right
     if j.s2 < 0.0:
         out.second = -out.second
+    return out
+
+
+@wp.func
+def own_axes(j: SingularValues, pixel: PixelOnPlane, gamma: float, kernel_variance: float, distance: float) -> Axes:
+    """Axes of a footprint that is larger than a pixel: those of J (Eq. 7), widened.
+
+    Beyond the paper: singular values take the part ``gamma`` of the pixel's variance, √(S² + γ a²/(3κ)), where κ is
+    ``kernel_variance``.
+    """
+    out = _along_its_own(j)
     out.growing = 1.0
     part = gamma / (3.0 * kernel_variance)
     along = square_along(pixel, out.first)
@@ -404,12 +411,7 @@ def in_sides(pixel: PixelOnPlane, j: wp.mat22) -> wp.mat22:
 @wp.func
 def cell_axes(j: SingularValues, pixel: PixelOnPlane, distance: float) -> Axes:
     """Axes of a cell of the lattice: those of J (Eq. 7), but no finer than a part of a pixel (beyond the paper)."""
-    out = Axes()
-    out.first = direction(j.left)
-    out.second = wp.vec2(-out.first[1], out.first[0])
-    out.turn = j.right
-    if j.s2 < 0.0:
-        out.second = -out.second
+    out = _along_its_own(j)
     out.t1 = wp.max(j.s1, FINEST_IN_PIXEL * wp.sqrt(square_along(pixel, out.first)))
     out.t2 = wp.max(wp.abs(j.s2), FINEST_IN_PIXEL * wp.sqrt(square_along(pixel, out.second)))
     return limited(out, distance)

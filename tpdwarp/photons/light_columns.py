@@ -37,6 +37,7 @@ class LightImage(IntEnum):
 IMAGE_NONE = wp.constant(int(LightImage.NONE))
 IMAGE_DISC = wp.constant(int(LightImage.DISC))
 IMAGE_PARALLELOGRAM = wp.constant(int(LightImage.PARALLELOGRAM))
+IMAGE_LOBE = wp.constant(int(LightImage.LOBE))
 ROUND = wp.constant(int(ExtentShape.ROUND))
 DISK = wp.constant(int(ExtentShape.DISK))
 CYLINDER = wp.constant(int(ExtentShape.CYLINDER))

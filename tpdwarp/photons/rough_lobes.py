@@ -25,13 +25,10 @@ from tpdwarp.photons.differentials import (
     refract_differential,
     refracted_cosine_squared,
 )
-from tpdwarp.photons.light_columns import LightColumns, LightImage
+from tpdwarp.photons.light_columns import IMAGE_DISC, IMAGE_LOBE, IMAGE_PARALLELOGRAM, LightColumns
 from tpdwarp.scene.device.intersection import Hit
 from tpdwarp.scene.device.shaping import across_of
 
-IMAGE_DISC = wp.constant(int(LightImage.DISC))
-IMAGE_PARALLELOGRAM = wp.constant(int(LightImage.PARALLELOGRAM))
-IMAGE_LOBE = wp.constant(int(LightImage.LOBE))
 # Deviation of the Gaussian whose median is 1.
 DEVIATION = wp.constant(1.0 / math.sqrt(2.0 * math.log(2.0)))
 # Deviations of a disc of radius 1 and of an interval from −1 to 1.

@@ -507,8 +507,6 @@ def trace_photons(
     columns = [name for name in _COLUMNS if name not in left_out]
     lights = tuple(light.path for light in scene.lights)
     links = links_of(scene.lights, geometry.paths)
-    if needs.linked and not len(links):
-        links = np.zeros((len(lights), len(geometry.paths)), np.int32)
     device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     bands = bands_of(geometry, nesting_of(scene), launcher) if needs.dispersive else [Band(0, geometry.surfaces)]
     for band in bands:
