@@ -34,7 +34,7 @@ from tpdwarp.scene.device.textures import (
 )
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
-from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, passing_share, visible_share
+from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, share_that_arrives
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, lit_from
@@ -206,7 +206,7 @@ def visible_kernel(
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
-    from_areas = area_irradiance(passing_share if partial else visible_share, linked, partial)
+    from_areas = area_irradiance(share_that_arrives(linked, partial), linked)
     from_linked = linked_irradiance(partial)
 
     @wp.kernel(module="unique", enable_backward=False)
