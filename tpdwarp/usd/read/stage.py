@@ -35,6 +35,7 @@ from tpdwarp.usd.read.materialx_files import bring_in, references_materialx
 from tpdwarp.usd.read.mesh_lights import MeshLight, is_mesh_light
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
+from tpdwarp.usd.read.patches import Patch
 from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
@@ -541,7 +542,7 @@ class StageScene:
         if is_primitive(prim):
             return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
         if is_blob(prim):
-            return Blobs(prim, self.warnings, deformation)
+            return (Patch if prim.IsA(UsdGeom.NurbsPatch) else Blobs)(prim, self.warnings, deformation)
         return Shape(
             UsdGeom.Mesh(prim),
             self.time_codes_per_second,
