@@ -40,6 +40,12 @@ class Contents:
     cameras: list[Usd.Prim] = field(default_factory=list)
     domes: list[Usd.Prim] = field(default_factory=list)
 
+    @property
+    def shows_anything(self) -> bool:
+        """Whether anything is drawn that is visible at some time."""
+        prims = [*self.meshes, *(of.instancer.GetPrim() for of in self.instancers if of.holds_meshes)]
+        return any(map(may_be_visible, prims))
+
 
 class Walker:
     """Sorts the prims of a stage.

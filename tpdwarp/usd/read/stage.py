@@ -21,9 +21,10 @@ from tpdwarp.usd.read.appearances import Appearances
 from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
 from tpdwarp.usd.read.composed_prims import composed_prims
-from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
+from tpdwarp.usd.read.contents import Contents, Walker, may_be_visible, visibility_varies
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
 from tpdwarp.usd.read.domes import Dome
+from tpdwarp.usd.read.emptiness import why_empty
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
 from tpdwarp.usd.read.instance_limits import check_native_instances, refuse_too_many_prims
@@ -52,6 +53,7 @@ MOST_PIXELS = 2**30
 HIGHEST_RATE = 1e6
 LONGEST_SHUTTER = 1e6
 REFERENCE_COUNT = 9
+DEFAULT_PURPOSES = StageSettings().purposes
 # Of the power of each kind of light: irradiance at normal incidence, radiant intensity, radiance (times a picture's).
 UNITS = {"distant": "W/m2", "point": "W/sr", "dome": "W/(m2 sr)", "mesh": "W/(m2 sr)"}
 
@@ -99,6 +101,10 @@ class StageScene:
         self._shapes: dict[str, Shape | Primitive | Blobs] = {}
         purposes = _purposes(settings, self._request)
         contents = Walker(purposes, self._transforms, warnings).walk(stage)
+        if not contents.shows_anything and self._request.purposes is None and settings.purposes == DEFAULT_PURPOSES:
+            purposes, contents = self._with_proxies(purposes, contents)
+        if not contents.shows_anything:
+            raise InputError(why_empty(stage, purposes), file)
         self._meshes = [
             self._place(str(prim.GetPath()), prim, OnStage(prim, self._transforms)) for prim in contents.meshes
         ]
@@ -126,7 +132,6 @@ class StageScene:
             self._camera = FreeCamera(stage, self.up_axis, purposes, self._points_at)
         else:
             self._camera = Camera(stage.GetPrimAtPath(self.camera_path), self._transforms, self._animation, warnings)
-        self._require_meshes()
         self._camera_light = not self._lit()
         if self._camera_light:
             warnings("", "no light shines: a light at the camera stands in (add a UsdLux light)")
@@ -630,11 +635,14 @@ class StageScene:
             )
         return self._cameras[0] if self._cameras else None
 
-    def _require_meshes(self) -> None:
-        prims = [mesh.prim for mesh in self._meshes]
-        prims += [of.instancer.instancer.GetPrim() for of in self._instancers if of.instancer.holds_meshes]
-        if not any(may_be_visible(prim) for prim in prims):
-            raise InputError("no visible mesh of an included purpose (add one, or see --purposes)", self.file)
+    def _with_proxies(self, purposes: frozenset[str], contents: Contents) -> tuple[frozenset[str], Contents]:
+        """The purposes and contents of a stage that shows nothing for ``purposes``: its proxies, if it has any."""
+        more = purposes | {str(UsdGeom.Tokens.proxy)}
+        found = Walker(more, self._transforms, WarnOnce(self.file, silent=True)).walk(self._stage)
+        if not found.shows_anything:
+            return purposes, contents
+        self.warnings("", "nothing is of purpose default or render: what is of purpose proxy is rendered")
+        return more, Walker(more, self._transforms, self.warnings).walk(self._stage)
 
     def _lit(self) -> bool:
         """Whether any light shines at any time."""
@@ -705,6 +713,6 @@ def _time_range(stage: Usd.Stage) -> tuple[float, float]:
 
 def _purposes(settings: StageSettings, request: RenderRequest) -> frozenset[str]:
     """The purposes rendered: those of the render settings unless the user asked for others."""
-    if request.purposes is not None and settings.purposes == StageSettings().purposes:
+    if request.purposes is not None and settings.purposes == DEFAULT_PURPOSES:
         return frozenset(request.purposes)
     return frozenset({"default", *settings.purposes})
