@@ -7,7 +7,8 @@ from collections.abc import Iterable
 
 from pxr import Usd, UsdGeom, UsdLux, UsdShade
 
-from tpdwarp.usd.read.contents import is_drawn, may_be_visible
+from tpdwarp.usd.read.contents import is_drawn
+from tpdwarp.usd.read.visibilities import may_be_visible
 
 # What a stage without shapes may be good for, in the words of its schemas.
 OTHERS = ((UsdShade.Material, "material"), (UsdLux.LightAPI, "light"), (UsdGeom.Camera, "camera"))
