@@ -34,14 +34,30 @@ BASES = {
     "bspline": (np.array([[-1, 3, -3, 1], [3, -6, 3, 0], [-3, 0, 3, 0], [1, 4, 1, 0]], dtype=float) / 6.0, 1),
     "catmullRom": (np.array([[-1, 3, -3, 1], [2, -5, 4, -1], [-1, 0, 1, 0], [0, 2, 0, 0]], dtype=float) / 2.0, 1),
 }
-KINDS = (UsdGeom.Points, UsdGeom.BasisCurves, UsdGeom.HermiteCurves, UsdGeom.NurbsCurves, UsdGeom.NurbsPatch)
+KINDS = (
+    UsdGeom.Points,
+    UsdGeom.BasisCurves,
+    UsdGeom.HermiteCurves,
+    UsdGeom.NurbsCurves,
+    UsdGeom.NurbsPatch,
+    UsdGeom.TetMesh,
+)
 # What of them changes with time, beside transforms.
-VARYING = ("points", "widths", "curveVertexCounts", "velocities", "tangents", "pointWeights")
+VARYING = (
+    "points",
+    "widths",
+    "curveVertexCounts",
+    "velocities",
+    "tangents",
+    "pointWeights",
+    "tetVertexIndices",
+    "surfaceFaceVertexIndices",
+)
 KNOTS = "does not fit the control vertices: evenly spread knots take its place"
 
 
 def is_blob(prim: Usd.Prim) -> bool:
-    """Whether a prim is rendered as spheres, tubes or a patch."""
+    """Whether a prim is rendered by a mesh that is made anew for each frame: spheres, tubes, a patch, a solid."""
     return any(prim.IsA(kind) for kind in KINDS)
 
 

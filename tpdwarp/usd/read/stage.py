@@ -43,6 +43,7 @@ from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.skinning import Deformation, Skeletons
+from tpdwarp.usd.read.solids import Solid
 from tpdwarp.usd.read.subdivision.surface import SCHEMES, levels_for
 from tpdwarp.usd.read.transforms import Transforms, union
 from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
@@ -55,6 +56,8 @@ MOST_PIXELS = 2**30
 HIGHEST_RATE = 1e6
 LONGEST_SHUTTER = 1e6
 REFERENCE_COUNT = 9
+# What is made anew for each frame and is no points or curves.
+SURFACES: dict[type, type[Blobs]] = {UsdGeom.NurbsPatch: Patch, UsdGeom.TetMesh: Solid}
 DEFAULT_PURPOSES = StageSettings().purposes
 # Of the power of each kind of light: irradiance at normal incidence, radiant intensity, radiance (times a picture's).
 UNITS = {"distant": "W/m2", "point": "W/sr", "dome": "W/(m2 sr)", "mesh": "W/(m2 sr)"}
@@ -565,7 +568,8 @@ class StageScene:
         if is_primitive(prim):
             return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
         if is_blob(prim):
-            return (Patch if prim.IsA(UsdGeom.NurbsPatch) else Blobs)(prim, self.warnings, deformation)
+            kind = next((kind for schema, kind in SURFACES.items() if prim.IsA(schema)), Blobs)
+            return kind(prim, self.warnings, deformation)
         return Shape(
             UsdGeom.Mesh(prim),
             self.time_codes_per_second,
