@@ -343,7 +343,7 @@ class Light:
             self._warnings(self.path, "the light's IES profile is not rendered")
         if _authored(self._api.GetSpecularAttr(), 1.0):
             self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
-        if self._api.GetFiltersRel().HasAuthoredTargets():
+        if self._api.GetFiltersRel().GetTargets():
             self._warnings(self.path, "light filters are not rendered")
         distance = shadow.GetShadowDistanceAttr()
         if distance and distance.HasAuthoredValue() and number_at(distance, EARLIEST) >= 0:
