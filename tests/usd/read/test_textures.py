@@ -256,3 +256,15 @@ def test_animated_coordinates_are_those_of_the_frame(small):
     for time in (1, 3):
         mesh = mesh_named(scene.at(Shutter.still(time)), "/Mesh")
         np.testing.assert_allclose(at_corners(mesh), [(s + time, t) for s, t in CORNERS])
+
+
+@pytest.mark.parametrize(("metallic", "words"), [(0.0, 0), (1.0, 1)])
+def test_a_texture_of_what_does_not_show_is_not_mentioned(small, metallic, words):
+    write(small, np.full((2, 2, 1), 0.25, np.float32))
+    surface = small.preview("/Material", metallic=metallic)
+    link(surface, "roughness", shader(small, "Texture", "UsdUVTexture", file="./texture.exr"), "r", TYPES.Float)
+    small.bind(small.mesh(), "/Material")
+    source = small.open()
+    source.at(Shutter.still(1))
+    said = [message for message in source.warnings.messages if "/Material/" in message]
+    assert len(said) == words and all("inputs:roughness: is a texture" in message for message in said)

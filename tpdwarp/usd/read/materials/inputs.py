@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +46,17 @@ class Value:
         return self.numbers if self.image is None else self.image
 
 
+class _Held(WarnOnce):
+    """Warnings that may turn out to be about nothing."""
+
+    def __init__(self, file: str, held: list[tuple[str, str]]) -> None:
+        super().__init__(file, silent=True)
+        self._held_back = held
+
+    def __call__(self, prim: str, message: str, kind: str = "") -> None:
+        self._held_back.append((prim, message))
+
+
 class Inputs:
     """Reads the inputs of one shader.
 
@@ -58,6 +71,19 @@ class Inputs:
         self.shader, self.frame, self.textures, self.warnings = shader, frame, textures, warnings
         self.varies = False
         self._as_images = False
+
+    @contextmanager
+    def warnings_held(self, held: list[tuple[str, str]] | None) -> Iterator[None]:
+        """While entered, warnings are added to ``held``, by what they are about; None says them as ever."""
+        if held is None:
+            yield
+            return
+        said = self.warnings
+        self.warnings = _Held(said.file, held)
+        try:
+            yield
+        finally:
+            self.warnings = said
 
     @property
     def path(self) -> str:

@@ -17,7 +17,9 @@ BRIGHTEST = 1e6
 # Properties that say how much of a surface is there; textures of them cut out shapes.
 PRESENCES = ("presence", "opacity", "alpha")
 # Connected, these change the look of what is rendered without having a value that would show how.
-CONNECTED_ONLY = ("normal", "geometry_normal", "normalCamera", "occlusion")
+CONNECTED_ONLY = ("normal", "geometry_normal", "normalCamera")
+# Properties that do not show on what neither transmits nor is metal.
+OF_SPECULAR = ("roughness", "ior", "tint", "absorption_depth", "abbe")
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ class Dialect:
         values: dict[str, Any] = {}
         sources: dict[str, str] = {}
         shown = ""
+        held: list[tuple[str, str]] = []
         for name, where in self.fields.items():
             sources[name] = inputs.source(*where.names)
             image = _base_image(inputs, where) if name == "base_color" else None
@@ -74,18 +77,22 @@ class Dialect:
                 values["cutout"] = image.mapped(lambda pixels: pixels.mean(axis=-1, keepdims=True))
                 values[name] = 1.0
                 continue
-            values[name] = _value(inputs, name, where)
-            if name == "base_color":
+            with inputs.warnings_held(held if name in OF_SPECULAR else None):
+                values[name] = _value(inputs, name, where)
                 found = inputs.value(*where.names)
-                shown = "displayColor" if found is None else found.primvar
-            elif (found := inputs.value(*where.names)) is not None and found.primvar:
-                inputs.warn(where.names[0], "is a primvar, which is not spread; its fallback is used")
+                if name == "base_color":
+                    shown = "displayColor" if found is None else found.primvar
+                elif found is not None and found.primvar:
+                    inputs.warn(where.names[0], "is a primvar, which is not spread; its fallback is used")
         if self.adjust is not None:
             self.adjust(inputs, values)
         for name in PRESENCES:
             if name in sources:
                 sources.setdefault("presence", sources[name])
         self._warn(inputs, values)
+        if values.get("transmission", 0.0) > 0 or values.get("metalness", 0.0) > 0:
+            for about, message in held:
+                inputs.warnings(about, message)
         known = {name: value for name, value in values.items() if name in Physical.__dataclass_fields__}
         return Physical(**{"color_primvar": shown, **known}, sources=sources)
 
