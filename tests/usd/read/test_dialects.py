@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -408,6 +409,39 @@ def test_glass_takes_from_light_what_its_dialect_says(tmp_path, way):
         assert getattr(material, name) == pytest.approx(expected.get(name, getattr(plain, name)), rel=1e-6), name
 
 
+class WithBall:
+    """A stage whose ball is of a material that is written down, as a source of scenes."""
+
+    def __init__(self, source, material):
+        self._source, self._material = source, material
+
+    def __getattr__(self, name):
+        return getattr(self._source, name)
+
+    def at(self, shutter):
+        scene = self._source.at(shutter)
+        meshes = (replace(m, materials=(self._material,)) if m.path == "/Ball" else m for m in scene.meshes)
+        return replace(scene, meshes=tuple(meshes))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", PARTIAL)
+def test_glass_that_takes_from_light_gives_the_picture_of_what_it_is(tmp_path, way):
+    network, expected = PARTIAL[way]
+    source, material, _ = seen(tmp_path, network)
+    (tmp_path / "clear").mkdir()
+    clear = ball(tmp_path / "clear", preview(opacity=0.0, roughness=0.0, ior=1.5))
+    pixels, fluxes = picture(source)
+    written = Material(GLASS, material.color, 1.5, "/M", **expected)
+    expected_pixels, expected_fluxes = picture(WithBall(clear, written))
+    # What is authored has single precision.
+    np.testing.assert_allclose(pixels, expected_pixels, rtol=1e-4, atol=1e-5 * expected_pixels.max())
+    assert fluxes == pytest.approx(expected_fluxes, rel=1e-5)
+    assert fluxes[1] > 0
+    # And it is another than that of clear glass.
+    assert not np.allclose(pixels, picture(clear)[0], rtol=1e-3)
+
+
 @pytest.mark.parametrize("way", OTHER)
 def test_other_surfaces_are_what_their_dialect_means(tmp_path, rendered, way):
     network, interaction, color, ior = OTHER[way]
@@ -456,6 +490,7 @@ def test_materialx_comes_before_what_is_for_all_and_other_renderers_come_last(tm
         Network("mtlx", "ND_surface_unlit", {"emission_color": RED, "emission": 2.0}),
         Network("arnold", "arnold:flat", {"color": (2.0, 0.0, 0.0)}),
         Network("ri", "PxrConstant", {"emitColor": (2.0, 0.0, 0.0)}),
+        fed("ND_surface", "edf", ("ND_uniform_edf", {"color": (2.0, 0.0, 0.0)})),
     ],
 )
 def test_what_is_unlit_shines_and_reflects_nothing(tmp_path, unlit):

@@ -42,7 +42,7 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
         warnings(physical.sources.get(name, path), message)
 
     if max(physical.emission) > 0:
-        warn("emission", "light that a surface gives off is seen, but lights nothing")
+        warn("emission", "light that a surface gives off is seen, but lights nothing (MeshLightAPI makes it a light)")
     if physical.presence < NEARLY:
         return None
     there = replace(_present(physical, path, warn, warnings), presence=physical.presence)
