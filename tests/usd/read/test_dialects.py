@@ -156,6 +156,30 @@ CLEAR = {
         (("N1", STANDARD, {"transmission": 1.0, **SHARP}), ("N2", STANDARD, {})),
         (("S", "fg", "N1", "out"), ("S", "bg", "N2", "out")),
     ),
+    "Arnold's front": Network(
+        "arnold",
+        "arnold:two_sided",
+        {},
+        (("N1", "arnold:standard_surface", {"transmission": 1.0, **SHARP}),),
+        (("S", "front", "N1", "out"),),
+    ),
+    "Arnold's mixture of glass alone": Network(
+        "arnold",
+        "arnold:mix_shader",
+        {"mix": 1.0},
+        (("N1", "arnold:standard_surface", {"transmission": 1.0, **SHARP}), ("N2", "arnold:lambert", {})),
+        (("S", "shader2", "N1", "out"), ("S", "shader1", "N2", "out")),
+    ),
+    "Arnold's nodes": Network(
+        "arnold",
+        "arnold:standard_surface",
+        SHARP,
+        (
+            ("N1", "arnold:range", {"input": 3.0, "input_min": 2.0, "input_max": 4.0, "output_max": 2.0}),
+            ("N2", "arnold:multiply", {"input1": 1.0}),
+        ),
+        (("S", "transmission", "N2", "out"), ("N2", "input2", "N1", "out")),
+    ),
     "Redshift": Network("redshift", "redshift::StandardMaterial", {"refr_weight": 1.0, "refl_roughness": 0.0}),
     "unknown shader, known inputs": Network("", "SomeonesGlass", {"transmission": 1.0, "roughness": 0.0}),
 }
