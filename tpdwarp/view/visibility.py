@@ -29,6 +29,7 @@ from tpdwarp.scene.device.textures import (
     TextureArrays,
     absorbed_in_media,
     absorbed_within,
+    mapped_normal,
     on_plane,
     textured_color,
 )
@@ -203,6 +204,7 @@ def visible_kernel(
     thin_walls: bool = False,
     rough: bool = False,
     clipped: bool = False,
+    normal_maps: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
@@ -366,6 +368,8 @@ def visible_kernel(
                     across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
                     down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
                     albedo = textured_color(textures, material, hit, albedo, across, down)
+                    if wp.static(normal_maps):
+                        n = mapped_normal(textures, material, hit, n, across, down)
                 weight = wp.cw_mul(throughput, albedo) * INV_PI
                 if wp.static(linked):
                     irradiance = from_linked(
@@ -573,6 +577,7 @@ def visible_points(
         thin_walls=needs.thin_walls,
         rough=needs.rough,
         clipped=needs.clipped,
+        normal_maps=needs.normal_maps,
     )
     first = True
     while len(items):

@@ -158,9 +158,9 @@ class Inputs:
         attributes = [] if found is None else found.GetValueProducingAttributes()
         return text_at(attributes[0], self.frame) if attributes else ""
 
-    def node(self, name: str) -> UsdShade.Shader | None:
-        """The shading node an input is connected to."""
-        found = self.find(name)
+    def node(self, *names: str) -> UsdShade.Shader | None:
+        """The shading node that the first of these inputs which is authored is connected to."""
+        found = self.find(*names)
         return None if found is None else _node(found)[0]
 
     def coordinates(self, depth: int = 0) -> Coordinates:

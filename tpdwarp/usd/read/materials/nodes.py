@@ -74,6 +74,13 @@ def _saturate(value: np.ndarray, amount: np.ndarray) -> np.ndarray:
     return grey + amount * (value - grey)
 
 
+def _signed(value: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """A normal from the colour that it is stored as, leaning more by ``scale``."""
+    lean = np.ones(3)
+    lean[:2] = scale[:2]
+    return (2.0 * value[..., :3] - 1.0) * lean
+
+
 def _separate(numbers: Numbers, output: str, words: Words) -> np.ndarray:
     return _channel(numbers[0], CHANNELS[output.removeprefix("out")[:1]])
 
@@ -138,6 +145,8 @@ OPERATIONS: dict[str, Operation] = {
     ),
     "remap": _of(_remap, ("in", 0.0), ("inlow", 0.0), ("inhigh", 1.0), ("outlow", 0.0), ("outhigh", 1.0)),
     "range": _of(_remap, ("in", 0.0), ("inlow", 0.0), ("inhigh", 1.0), ("outlow", 0.0), ("outhigh", 1.0)),
+    # Up, where nothing is connected. How much it leans may be told along s and t apart.
+    "normalmap": Operation((("in", None), ("scale", 1.0)), lambda numbers, output, words: _signed(*numbers)),
     "mix": _of(lambda bg, fg, mix: bg + (fg - bg) * mix, ("bg", 0.0), ("fg", 0.0), ("mix", 0.0)),
     "combine2": _of(_combine, *_INS[:2]),
     "combine3": _of(_combine, *_INS[:3]),
@@ -182,6 +191,7 @@ ARNOLD: dict[str, Operation] = {
     "mix_rgb": _MIX,
     "mix_rgba": _MIX,
     "range": _of(_remap, ("input", 0.0), *_RANGE),
+    "normal_map": Operation((("input", None), ("strength", 1.0)), lambda numbers, output, words: _signed(*numbers)),
     "float_to_rgb": _of(_combine, ("r", 0.0), ("g", 0.0), ("b", 0.0)),
     "float_to_rgba": _of(_combine, ("r", 0.0), ("g", 0.0), ("b", 0.0), ("a", 1.0)),
 }

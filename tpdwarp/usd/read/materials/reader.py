@@ -125,10 +125,14 @@ class Materials:
         displacement = material.ComputeDisplacementSource()[0]
         if displacement and displacement.GetPrim() != shader.GetPrim():
             self.warnings(path, "displacement is not rendered")
-        images = [] if found is None else [physical.base_image if found.texture else None, physical.cutout]
+        images = [] if found is None else [
+            physical.base_image if found.texture else None,
+            physical.cutout,
+            physical.normal_image if found.normal_map else None,
+        ]
         lie = [image.coordinates for image in images if image is not None]
         if len(set(lie)) > 1:
-            self.warnings(path, "its textures lie differently: those that cut out lie as those that colour")
+            self.warnings(path, "its textures lie differently: all lie as the first that colours, cuts out or bends")
         return Surface(
             found or Material(path=path),
             physical.color_primvar,

@@ -16,8 +16,8 @@ from tpdwarp.usd.read.materials.textures import Image
 BRIGHTEST = 1e6
 # Properties that say how much of a surface is there; textures of them cut out shapes.
 PRESENCES = ("presence", "opacity", "alpha")
-# Connected, these change the look of what is rendered without having a value that would show how.
-CONNECTED_ONLY = ("normal", "geometry_normal", "normalCamera")
+# What dialects call the normal: a map of it counts, and no value.
+NORMALS = ("normal", "geometry_normal", "normalCamera")
 # Properties that do not show on what neither transmits nor is metal.
 OF_SPECULAR = ("roughness", "ior", "tint", "absorption_depth", "abbe")
 
@@ -84,6 +84,11 @@ class Dialect:
                     shown = "displayColor" if found is None else found.primvar
                 elif found is not None and found.primvar:
                     inputs.warn(where.names[0], "is a primvar, which is not spread; its fallback is used")
+        if inputs.node(*NORMALS):
+            values["normal_image"] = inputs.image(*NORMALS)
+            sources["normal_image"] = inputs.source(*NORMALS)
+            if values["normal_image"] is None:
+                inputs.warnings(sources["normal_image"], "is not rendered")
         if self.adjust is not None:
             self.adjust(inputs, values)
         for name in PRESENCES:
@@ -100,9 +105,6 @@ class Dialect:
         for name, harmless in self.ignored.items():
             value = inputs.value(name)
             if value is not None and (value.numbers is None or np.any(value.numbers != harmless)):
-                inputs.warn(name, "is not rendered")
-        for name in CONNECTED_ONLY:
-            if inputs.node(name):
                 inputs.warn(name, "is not rendered")
         color = values.get("base_color")
         if self.untinted and values.get("transmission", 0.0) >= 0.5 and max(color) - min(color) > 0.05:
