@@ -180,6 +180,7 @@ CLEAR = {
         ),
         (("S", "transmission", "N2", "out"), ("N2", "input2", "N1", "out")),
     ),
+    "Arnold's old standard": Network("arnold", "arnold:standard", {"Kt": 1.0, "IOR": 1.5}),
     "Redshift": Network("redshift", "redshift::StandardMaterial", {"refr_weight": 1.0, "refl_roughness": 0.0}),
     "unknown shader, known inputs": Network("", "SomeonesGlass", {"transmission": 1.0, "roughness": 0.0}),
 }
@@ -300,6 +301,12 @@ OTHER = {
         MIRROR,
         (1 / 3,) * 3,
         1.5,
+    ),
+    "Arnold's old standard mirror": (
+        Network("arnold", "arnold:standard", {"Kr": 1.0, "Kr_color": GOLD}),
+        MIRROR,
+        GOLD,
+        1.0,
     ),
     "OmniPBR mirror": (
         Network(
@@ -518,7 +525,9 @@ def test_materialx_comes_before_what_is_for_all_and_other_renderers_come_last(tm
     ],
 )
 def test_what_is_unlit_shines_and_reflects_nothing(tmp_path, unlit):
-    _, material, _ = seen(tmp_path, unlit)
+    _, material, warnings = seen(tmp_path, unlit)
+    # An EDF lights its surroundings elsewhere.
+    assert len(warnings) == (unlit.surface == "ND_surface")
     assert (material.interaction, material.color, material.emission) == (DIFFUSE, (0, 0, 0), (2, 0, 0))
 
 

@@ -167,3 +167,15 @@ def test_limits_outside_of_the_knots_are_brought_within_them():
     knots = np.array([0, 0, 1, 2, 2.0])
     np.testing.assert_array_equal(fitting_knots(2, 3, knots, np.array([-5, 1.5]))[1], [0, 1.5])
     np.testing.assert_array_equal(fitting_knots(2, 3, knots, np.array([3, 4.0]))[1], [0, 2])
+
+
+@pytest.mark.parametrize("order", [None, -3, 9])
+def test_curves_of_no_order_are_cubic_and_those_of_an_impossible_one_are_left_out(small, order):
+    small.mesh("/Floor")
+    made = curve(small, [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)], 4, [0, 0, 0, 0, 1, 1, 1, 1])
+    if order is None:
+        made.GetOrderAttr().Clear()
+    else:
+        made.GetOrderAttr().Set([order])
+    meshes = [mesh.path for mesh in small.open().at(STILL).meshes]
+    assert meshes == (["/Floor", "/Curve"] if order is None else ["/Floor"])

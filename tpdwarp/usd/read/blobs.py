@@ -53,6 +53,8 @@ VARYING = (
     "tetVertexIndices",
     "surfaceFaceVertexIndices",
 )
+# The order of NURBS curves that do not say theirs.
+CUBIC = 4
 KNOTS = "does not fit the control vertices: evenly spread knots take its place"
 
 
@@ -283,20 +285,21 @@ class Blobs:
     ) -> _Centres | None:
         """The middle lines of NURBS curves."""
         curves = UsdGeom.NurbsCurves(self._prim)
-        orders, knots = indices_at(curves.GetOrderAttr(), frame), self.numbers(curves.GetKnotsAttr(), frame)
+        knots, given = self.numbers(curves.GetKnotsAttr(), frame), indices_at(curves.GetOrderAttr(), frame)
+        orders = np.full(len(counts), CUBIC)
+        orders[: len(given)] = given[: len(counts)]
         ranges = self.numbers(curves.GetRangesAttr(), frame).reshape(-1)
         own = self.own_weights(frame, int(counts.sum()))
         pieces = int(np.clip(MOST_TRIANGLES / (6 * max(int(counts.sum()), 1)), 1, PIECES))
         segments, weights, slopes, of_curve = [], [], [], []
         start = at = 0
         most = max(int(orders.max(initial=2)), 2)
-        for curve, count in enumerate(counts.tolist()):
-            order = int(orders[curve]) if curve < len(orders) else 4
-            given = knots[at : at + count + order]
+        for curve, (count, order) in enumerate(zip(counts.tolist(), orders.tolist(), strict=True)):
+            own_knots = knots[at : at + count + order]
             start, at = start + count, at + count + order
             if not 2 <= order <= count:
                 continue
-            along, limits, fits = fitting_knots(order, count, given, ranges[2 * curve : 2 * curve + 2])
+            along, limits, fits = fitting_knots(order, count, own_knots, ranges[2 * curve : 2 * curve + 2])
             if not fits:
                 self._warnings(f"{self.path}.knots", KNOTS)
             for span in spans(order, along, limits, pieces):

@@ -56,4 +56,4 @@ def _held(prims: list[Usd.Prim]) -> str:
     counts = {name: sum(prim.HasAPI(kind) if kind is UsdLux.LightAPI else prim.IsA(kind) for prim in prims)
               for kind, name in OTHERS}  # fmt: skip
     found = [f"{count} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
-    return ", ".join(found) or f"{len(prims) - 1} prims without a shape" if len(prims) > 1 else "it is empty"
+    return ", ".join(found) or "prims without a shape" if len(prims) > 1 else "it is empty"

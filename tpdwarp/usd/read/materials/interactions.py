@@ -41,7 +41,7 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
     def warn(name: str, message: str) -> None:
         warnings(physical.sources.get(name, path), message)
 
-    if max(physical.emission) > 0:
+    if max(physical.emission) > 0 and not physical.unlit:
         warn("emission", "light that a surface gives off is seen, but lights nothing (MeshLightAPI makes it a light)")
     if physical.presence < NEARLY:
         return None

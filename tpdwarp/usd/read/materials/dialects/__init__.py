@@ -27,6 +27,7 @@ from tpdwarp.usd.read.values import text_at
 TABLES = (
     preview_surface.DIALECT,
     standard_surface.DIALECT,
+    standard_surface.STANDARD,
     open_pbr.DIALECT,
     gltf_pbr.DIALECT,
     renderman.SURFACE,

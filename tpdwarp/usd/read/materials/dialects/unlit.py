@@ -10,7 +10,7 @@ from tpdwarp.usd.read.materials.physical import BLACK, WHITE
 
 
 def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
-    values["base_color"] = BLACK
+    values["base_color"], values["unlit"] = BLACK, True
 
 
 MATERIALX = Dialect(
