@@ -521,6 +521,7 @@ def test_materialx_comes_before_what_is_for_all_and_other_renderers_come_last(tm
         Network("mtlx", "ND_surface_unlit", {"emission_color": RED, "emission": 2.0}),
         Network("arnold", "arnold:flat", {"color": (2.0, 0.0, 0.0)}),
         Network("ri", "PxrConstant", {"emitColor": (2.0, 0.0, 0.0)}),
+        Network("arnold", "arnold:multiply", {"input1": RED, "input2": (2.0, 1.0, 1.0)}),
         fed("ND_surface", "edf", ("ND_uniform_edf", {"color": (2.0, 0.0, 0.0)})),
     ],
 )

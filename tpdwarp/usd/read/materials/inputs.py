@@ -120,6 +120,10 @@ class Inputs:
         finally:
             self._as_images = False
 
+    def output(self) -> Value:
+        """What the shader itself computes, where it is a node that computes a value."""
+        return self._computed(self.shader, "out", self.path, 0)
+
     def number(self, names: tuple[str, ...], default: float) -> float:
         """A number at the first of these inputs that is authored; the mean of a colour.
 
