@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tpdwarp.usd.read.materials.inputs import Inputs
+from tpdwarp.usd.read.materials.interactions import LEAST_METAL, NEARLY
 from tpdwarp.usd.read.materials.physical import Color, Physical
 from tpdwarp.usd.read.materials.textures import Image
 
@@ -19,7 +20,7 @@ PRESENCES = ("presence", "opacity", "alpha")
 # What dialects call the normal: a map of it counts, and no value.
 NORMALS = ("normal", "geometry_normal", "normalCamera")
 # Properties that do not show on what neither transmits nor is metal.
-OF_SPECULAR = ("roughness", "ior", "tint", "absorption_depth", "abbe")
+OF_SPECULAR = ("roughness", "ior", "tint", "absorption_depth", "abbe", "metalness")
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class Dialect:
             if name in sources:
                 sources.setdefault("presence", sources[name])
         self._warn(inputs, values)
-        if values.get("transmission", 0.0) > 0 or values.get("metalness", 0.0) > 0:
+        if values.get("transmission", 0.0) > NEARLY or values.get("metalness", 0.0) >= LEAST_METAL:
             for about, message in held:
                 inputs.warnings(about, message)
         known = {name: value for name, value in values.items() if name in Physical.__dataclass_fields__}
