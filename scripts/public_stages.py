@@ -42,7 +42,7 @@ SOFT = tuple(
             r"against the faces' winding",
             r"rendered as its control polygons",
             r"has no widths",
-            r"has no points and is left out|has no faces and is left out|has a size of 0 or less",
+            r"has no (points|faces|curve of enough vertices) and is left out|has a size of 0 or less",
             r"has no prototypes and is left out|has no protoIndices|which does not exist",
             r"faces of fewer than three corners",
             r"is no whole number|holds no finite|which is clamped|which are clamped|are ignored|is ignored",
@@ -64,7 +64,8 @@ SOFT = tuple(
             r"change in number within a shutter",
             # USD's own words, of what it could not compose.
             r"Could not open asset|Could not load|Unresolved reference|deprecated version|Skipping xformOp|API schema",
-            r" -- found \[| -- no positions|MaterialBindingAPI is not applied",
+            r" -- found \[| -- no (positions|prototype indices)|MaterialBindingAPI is not applied",
+            r"Unable to open clip layer|samples are not aligned|joint ?(influences|Indices)|element size|Boundable Extent",
         ),
     )
 )
