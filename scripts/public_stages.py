@@ -65,7 +65,8 @@ SOFT = tuple(
             # USD's own words, of what it could not compose.
             r"Could not open asset|Could not load|Unresolved reference|deprecated version|Skipping xformOp|API schema",
             r" -- found \[| -- no (positions|prototype indices)|MaterialBindingAPI is not applied",
-            r"Unable to open clip layer|samples are not aligned|joint ?(influences|Indices)|element size|Boundable Extent",
+            r"Unable to open clip layer",
+            r"samples are not aligned|joint ?(influences|Indices)|element size|Boundable Extent",
         ),
     )
 )
