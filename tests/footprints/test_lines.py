@@ -69,7 +69,8 @@ FAST = {
     "thin": dict(velocity=(90, 70), width=(0, 4, 2)),
     "cell": dict(velocity=(50, 30), pixel=(3, 1, -0.5, 2)),
     "cell along an axis": dict(velocity=(0, 60), pixel=(3, 0, 0, 3)),
-    "curved": dict(velocity=(50, 35), acceleration=(15, -20), jerk=(10, 0), pixel=(3, 1, -0.5, 2)),
+    "oblique cell": dict(velocity=(85, 86), pixel=(4.5, -4.89, 4.43, -44.42)),
+    "curved": dict(velocity=(50, 35), acceleration=(6, -8), jerk=(4, 0), pixel=(3, 1, -0.5, 2)),
     "growing": dict(velocity=(50, 35), rate=(0.4, 0, 0, -0.3), gain=0.6),
 }  # fmt: skip
 
