@@ -141,12 +141,12 @@ def test_a_lamp_under_a_mirror_shines_as_its_image_does(moves):
 @pytest.mark.parametrize("shape", ["sphere", "rectangle"])
 def test_a_lamp_with_extent_shines_by_way_of_a_mirror_as_lamberts_law_has_it(shape):
     """A sphere as a point does, E = I cos θ/d²; a rectangle by the sum over its places, I cos² θ/d² of each."""
-    points, triangles = shapes.rectangle(3.0, 3.0)
+    points, triangles = shapes.rectangle(1.3, 1.3)
     mirror = still("/mirror", (points, triangles[:, ::-1]), (0, 0, 2), MIRROR)
     spans = np.array([[0.0, 0.4, 0.0], [0.3, 0.0, 0.0]])
     extent = {"radius": 0.4} if shape == "sphere" else {"spans": spans}
     lamp = Light("/lamp", 3.0, position=(np.array([-0.2, 0.1, 1.0]),) * 2, **extent)
-    truth = irradiance(scene([floor(), mirror], lamp, camera(1.0, 4)), 1 << 20, parts=4)
+    truth = irradiance(scene([floor(), mirror], lamp, camera(1.0, 4)), 1 << 21, parts=4)
     side = (np.arange(64) + 0.5) / 64 - 0.5
     x, y = np.meshgrid(side, -side)
     expected = np.zeros((64, 64))
@@ -156,23 +156,24 @@ def test_a_lamp_with_extent_shines_by_way_of_a_mirror_as_lamberts_law_has_it(sha
         square = (x - place[0]) ** 2 + (y - place[1]) ** 2 + 3.0**2
         expected += 3.0 * 9.0 / square**2 / 64 if shape == "rectangle" else 3.0 * 3.0 / square**1.5
     expected = expected.reshape(4, 16, 4, 16).mean(axis=(1, 3))
-    assert truth.error < 0.01
-    assert truth.irradiance.mean() == pytest.approx(expected.mean(), rel=2 * truth.error)
+    # Pixels err alike and each by itself, so that their mean errs by a quarter of that.
+    assert truth.error < 0.05
+    assert truth.irradiance.mean() == pytest.approx(expected.mean(), rel=3 * truth.error / 4)
     assert np.sqrt(np.mean((truth.irradiance / expected - 1) ** 2)) < 2 * truth.error
 
 
 def test_a_sun_through_flat_water_leaves_an_edge_as_wide_as_it_is():
     """The part of its disc on one side of a chord; all of it in the middle."""
     degrees, depth = 6.0, 1.0
-    water = still("/water", flat_sheet(2.0, depth), (0, 0, 0), DIELECTRIC, 1.33)
+    water = still("/water", flat_sheet(0.3, depth), (0, 0, 0), DIELECTRIC, 1.33)
     light = Light("/sun", 1.0, direction=DOWN, angle=math.radians(degrees))
     radius = depth * math.tan(math.asin(math.sin(math.radians(0.5 * degrees)) / 1.33))
-    truth = irradiance(scene([floor(), water], light, camera(4 * radius, 32, center=(1.0, 0.0))), 1 << 20, parts=2)
+    truth = irradiance(scene([floor(), water], light, camera(4 * radius, 32, center=(0.15, 0.0))), 1 << 20, parts=2)
     s = np.clip(-((np.arange(32) + 0.5) / 8 - 2), -1, 1)
     passed = 1 - closed_forms.fresnel_reflectance(0.0, 1.0, 1.33)
     expected = passed * (0.5 + (np.arcsin(s) + s * np.sqrt(1 - s**2)) / math.pi)
-    # A few hundred photons a pixel, which err by 1/√N at most, and columns of 32 of them.
-    np.testing.assert_allclose(truth.irradiance.mean(axis=0), expected, atol=0.02)
+    # More than 5000 photons a column, which err by no more than 1/√N, and three times that.
+    np.testing.assert_allclose(truth.irradiance.mean(axis=0), expected, atol=0.04)
     assert truth.irradiance.mean() == pytest.approx(expected.mean(), rel=5e-3)
 
 
