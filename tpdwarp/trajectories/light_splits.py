@@ -11,7 +11,8 @@ than the light's image, i wide. Together, up to a factor:
 
     e/(2 L N) + c/√N + h² N^¾/(8 L²) + M i²/(2 √N L²)
 
-as means over the photons of a coarse trace, weighted by flux. Photons from the rim are traced from the point of the
+as root mean squares over the photons of a coarse trace, weighted by the irradiance where they lie, as errors of
+pictures are. Photons from the rim are traced from the point of the
 first surface at which those from the middle meet it, so that each has its own e.
 
 Beyond the paper, whose lights are points or parallel.
@@ -46,8 +47,9 @@ MIDDLE = (0.0, 0.0)
 CHANGED_ERROR = 0.25
 # M(N) of the pieces of a disc (tests/trajectories/test_light_splits.py): this, times N to the power below.
 LEFT_OUT, LEFT_OUT_POWER = 0.22, -3.0 / 8.0
-# More parts have to lessen the error by more than this part.
+# More parts have to lessen the error by more than this part; one is enough where it errs by no more than that.
 LEAST_GAIN = 0.1
+ENOUGH = 0.01
 
 
 def best_split_count(tracer: PhotonTracer) -> int:
@@ -62,12 +64,12 @@ def best_split_count(tracer: PhotonTracer) -> int:
     clock = Clock()
     stills = tracer.source.reference_shutters()
     chosen = stills[:: max(1, -(-len(stills) // MOST_STILLS))]
-    totals = np.zeros(len(candidates(photons)))
+    totals, looks = np.zeros(len(candidates(photons))), 0
     for still in chosen:
         loaded = tracer.load(still, clock)
         if loaded.requirements.extended_lights and loaded.requirements.caustics:
-            totals += _errors(tracer, loaded, candidates(photons), clock)
-    if not totals.any():
+            totals, looks = totals + _errors(tracer, loaded, candidates(photons), clock), looks + 1
+    if totals[0] <= ENOUGH * looks:
         return 1
     return int(candidates(photons)[np.argmax(totals <= (1.0 + LEAST_GAIN) * totals.min())])
 
@@ -96,8 +98,6 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
         e, same = _missed(middle, rim, place)
         missed += np.where(same, e**2, 0.0) / len(RIM)
         changed += ~same / len(RIM)
-    flux = middle.flux.sum(axis=1, dtype=np.float64)
-    flux /= flux.sum()
     length = _length(middle, plan)
     size = _areas(middle) * plan.photons / photons
     n = counts[:, None].astype(np.float64)
@@ -106,7 +106,20 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     blur = np.minimum(size * n * narrowing**2 / (8.0 * length**2), 1.0)
     round_part = np.where(middle.image == int(LightImage.DISC), _image_areas(middle) / length**2, 0.0)
     outline = np.where(n > 1.0, 0.5 * LEFT_OUT * n ** (LEFT_OUT_POWER - 0.5), 0.0) * round_part
-    return ((first_order + CHANGED_ERROR * changed / np.sqrt(n) + blur + outline) * flux).sum(axis=1)
+    error = first_order + CHANGED_ERROR * changed / np.sqrt(n) + blur + outline
+    return np.sqrt((error**2 * _squares(middle, float(np.median(length)))).sum(axis=1))
+
+
+def _squares(photons: PhotonMap, side: float) -> np.ndarray:
+    """The part of the square of irradiance over all receivers that each photon stands for, shape [n].
+
+    That is its flux times the irradiance where it lies: the flux in the cube of that side that holds it.
+    """
+    flux = photons.flux.sum(axis=1, dtype=np.float64)
+    cubes = np.floor(photons.position.astype(np.float64) / side)
+    _, cube = np.unique(cubes, axis=0, return_inverse=True)
+    squares = flux * np.bincount(cube.ravel(), flux)[cube.ravel()]
+    return squares / squares.sum()
 
 
 def _missed(middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
