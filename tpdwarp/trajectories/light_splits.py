@@ -48,7 +48,7 @@ CHANGED_ERROR = 0.25
 # M(N) of the pieces of a disc (tests/trajectories/test_light_splits.py): this, times N to the power below.
 LEFT_OUT, LEFT_OUT_POWER = 0.22, -3.0 / 8.0
 # More parts have to lessen the error by more than this part; one is enough where it errs by no more than that.
-LEAST_GAIN = 0.1
+LEAST_GAIN = 0.3
 ENOUGH = 0.01
 
 
