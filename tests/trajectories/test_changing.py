@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.estimators.frames import OPEN, STILL_SCENE, irradiance
-from tests.photons.shapes import ball, box, floor, glass, moving
-from tests.photons.traced import sun
+from tests.photons.shapes import MIRROR, ball, box, floor, glass, mesh, moving
+from tests.photons.traced import lamp, sun
 from tests.view.scenes import Source, looking_down, quad, steady, wave_source
 from tpdwarp.clock import Clock
 from tpdwarp.photons.path_tags import PathTags, facets_of
@@ -23,6 +23,7 @@ from tpdwarp.trajectories.changing import PARTS, changing_cells, place_in_cell
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from usd_scenes.oracle import Wave
 from usd_scenes.oracle.closed_forms import fresnel_reflectance, lit_edge_profile, snell
+from usd_scenes.shapes import ring
 
 RETRACED = "cells traced again in time"
 SETTINGS = Settings(photons=4096, segments=1, samples=1, aovs=("irradiance",))
@@ -167,6 +168,17 @@ def test_waves_and_bodies_that_glide_with_their_light_are_traced_once(source):
 def test_light_that_leaves_by_another_facet_is_traced_again():
     cells = changing(turning_box(0.1))
     assert cells is not None and 0 < len(cells) < 2048
+
+
+@pytest.mark.parametrize("height", [0.5, 0.7])
+def test_what_two_faces_of_the_cube_meet_in_shines_once(height):
+    """A lamp goes round a ring of mirrors, which several faces of its directions see."""
+    points, triangles, normals = ring(0.5, 0.3, 96)
+    tube = mesh("/ring", points, triangles, MIRROR, normals=normals)
+    source = steady([floor(), tube], (lamp((0.3, 0.1, height), motion=(-0.1, 0.3, 0.0)),))
+    traced = trace_frame(RenderContext(source, SETTINGS), OPEN)
+    assert len(np.unique(traced.photons.ids)) > 1000 and traced.energy.counts[RETRACED] > 0
+    assert traced.photons.flux.sum(dtype=np.float64) == pytest.approx(traced.energy.deposited, rel=1e-5)
 
 
 def test_facets_are_planes_and_smooth_surfaces_have_none():

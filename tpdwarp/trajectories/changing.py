@@ -221,12 +221,14 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
     with clock.stage("trace"):
         riders: dict[int, ChosenCells] = {}
         windows: dict[int, Window] = {}
+        shifts: dict[int, np.ndarray] = {}
         for number in _numbers(maps, sparse):
             cells = np.concatenate([_cells(photons, sparse, number)[1] for photons in maps])
             windows[number] = window = Window.around(cells, margin=1)
-            riders[number] = ChosenCells(
-                window.cells(np.ones(window.size, bool)), _shifts(maps[1], sparse, number, window).reshape(-1, 2)
-            )
+            inside = window.cells(np.ones(window.size, bool))
+            inside = inside[sparse.lattices[number].holds(inside)]
+            shifts[number] = _shifts(maps[1], sparse, number, window)
+            riders[number] = ChosenCells(inside, shifts[number][window.at(inside)])
         drift = max((END * np.abs(cells.offset).max() for cells in riders.values()), default=0.0)
     if drift > LARGEST_DRIFT:
         ends = [keyframes.traced(part, sparse, chosen=_riding(riders, sparse, part)) for part in (-END, END)]
@@ -237,8 +239,8 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
         for number, window in windows.items():
             changing = _change(maps, sparse, number, window, typical)
             if changing.any():
-                shifts = riders[number].offset.reshape(*window.size, 2)
-                found[number] = _finer(plan.lattices[number], sparse.lattices[number], window, changing, shifts)
+                lattices = plan.lattices[number], sparse.lattices[number]
+                found[number] = _finer(*lattices, window, changing, shifts[number])
     return found
 
 
@@ -252,7 +254,7 @@ def _finer(fine: Lattice, coarse: Lattice, window: Window, changing: np.ndarray,
     high = np.ceil((inside.max(axis=0) + 1) * ratio + start).astype(np.int64)
     cells = Window(low, high - low).cells(np.ones(high - low, bool))
     around = np.floor((cells + 0.5 - start) / ratio).astype(np.int64)
-    chosen = window.holds(around) & wanted[window.at(around)]
+    chosen = window.holds(around) & wanted[window.at(around)] & fine.holds(cells)
     return ChosenCells(cells[chosen], (shifts[window.at(around[chosen])] * ratio).astype(np.float32))
 
 
