@@ -117,7 +117,7 @@ class Seen:
 
 
 @pytest.mark.parametrize(
-    ("error", "moves", "samples"), [(0.5, True, 64), (0.1, True, 16), (0.05, True, 4), (0.5, False, 4)]
+    ("error", "moves", "samples"), [(0.5, True, 64), (0.1, True, 16), (0.03, True, 4), (0.5, False, 4)]
 )
 def test_samples_are_raised_until_what_moves_past_pixels_adds_little(error, moves, samples):
     wanted = 0.05

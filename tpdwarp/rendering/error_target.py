@@ -65,8 +65,8 @@ LEAST_LIGHT = 0.1
 # number to the power −¾, and independently of each other: the change to four times as many is the error to 6 %.
 MORE_SAMPLES, MOST_SAMPLES = 4, 64
 FALL_BY_SAMPLES = MORE_SAMPLES**-0.75
-# Camera samples may add this part to the error.
-LARGEST_BY_SAMPLES = 0.5
+# What camera samples may err by, as a part of what is wanted: together they stay within 1.05 of it, below the warning.
+LARGEST_BY_SAMPLES = 0.3
 # Keeps quotients and logarithms of errors finite.
 TINY = 1e-12
 
