@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -82,6 +83,20 @@ def test_an_edge_along_the_motion_takes_part_of_a_cell_wherever_it_lies(place):
     # Eight places in each cell, of which the edge divides those it goes through alike up to half a place; photons in
     # the middle of their cells would be wrong by up to half a cell.
     assert lit == pytest.approx(2 + place * cell, abs=cell / PARTS / 2)
+
+
+def test_a_side_that_shows_in_less_than_the_last_of_the_cells_is_lit():
+    """The side of a slab that the sun just sees reflects to the floor what Fresnel says, with few photons, too."""
+    theta, thick = 0.05, 0.3
+    slab = moving(box("/slab", (-1, -1, 1.0), (1, 1, 1.0 + thick), glass()), (0.0, 0.1, 0.0))
+    source = steady([floor(), slab], (sun((math.sin(theta), 0, -math.cos(theta))),))
+    photons = trace_frame(RenderContext(source, Settings.of(SETTINGS, photons=1024)), OPEN).photons
+    seen, step = thick * math.sin(theta), (2.0 * math.cos(theta) + thick * math.sin(theta)) / 32
+    assert seen < 0.3 * step
+    reflected = fresnel_reflectance(0.5 * math.pi - theta, 1.0, 1.5)
+    # Each cell is looked at in eight places across, on both sides of each face.
+    found = photons.flux[(photons.bounces == 1) & (photons.normals[:, 2] > 0), 0].sum()
+    assert found == pytest.approx(2.0 * seen * reflected, abs=2.0 * step / PARTS)
 
 
 def test_places_in_a_cell_are_spread_evenly_over_time_and_along_both_of_its_sides():
