@@ -80,10 +80,12 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="takes what was found, stage by stage")
     parser.add_argument("--render", action="store_true", help="render each stage, 64 pixels wide")
     parser.add_argument("--seconds", type=float, default=60.0, help="of processor time a stage may take [60]")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="only every Nth of them [1]")
     parser.add_argument("--resume", action="store_true", help="keep what --out holds")
     options = parser.parse_args()
     known = json.loads(options.out.read_text()) if options.resume and options.out.exists() else {}
     stages = sorted(str(f) for d in options.folders for f in d.rglob("*") if f.suffix in SUFFIXES and f.is_file())
+    stages = stages[:: options.every]
     import_everything()
     for done, stage in enumerate(stages):
         if stage in known:

@@ -181,6 +181,7 @@ CLEAR = {
         (("S", "transmission", "N2", "out"), ("N2", "input2", "N1", "out")),
     ),
     "Arnold's old standard": Network("arnold", "arnold:standard", {"Kt": 1.0, "IOR": 1.5}),
+    "MoonRay": Network("moonray", "DwaBaseMaterial", {"transmission": 1.0, "roughness": 0.0}),
     "Redshift": Network("redshift", "redshift::StandardMaterial", {"refr_weight": 1.0, "refl_roughness": 0.0}),
     "unknown shader, known inputs": Network("", "SomeonesGlass", {"transmission": 1.0, "roughness": 0.0}),
 }
@@ -308,6 +309,13 @@ OTHER = {
         GOLD,
         1.0,
     ),
+    "MoonRay mirror": (
+        Network("moonray", "DwaBaseMaterial", {"metallic": 1.0, "metallic_color": GOLD, "roughness": 0.0}),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "MoonRay base": (Network("moonray", "BaseMaterial", {"diffuse_color": RED}), DIFFUSE, RED, 1.5),
     "OmniPBR mirror": (
         Network(
             "mdl",

@@ -249,3 +249,17 @@ def test_a_stage_of_which_nothing_is_left_is_refused(small):
     small.mesh(indices=(0, 1, 2, 9))
     with pytest.raises(InputError, match=r"/Mesh\.faceVertexIndices"):
         small.open().at(Shutter.still(1))
+
+
+def test_a_bad_prim_is_left_out_where_the_camera_is_free_and_in_a_description(small):
+    small.mesh("/Floor")
+    small.mesh("/Broken", [(0, 0, 0), (1, 0, 0), (float("inf"), 1, 0), (0, 1, 0)])
+    many = UsdGeom.PointInstancer.Define(small.stage, "/Many")
+    small.mesh("/Many/Ball")
+    many.CreatePrototypesRel().SetTargets(["/Many/Ball"])
+    many.CreateProtoIndicesAttr([0, 0])
+    source = small.open()
+    assert source.resolution()[0] > 0
+    assert [mesh.path for mesh in source.at(Shutter.still(1)).meshes] == ["/Floor"]
+    triangles = {entry["path"]: entry["triangles"] for entry in source.describe()["meshes"]}
+    assert triangles["/Floor"] == 2 and triangles["/Broken"] == 0

@@ -506,7 +506,7 @@ class StageScene:
     def _described_meshes(self) -> list[dict[str, Any]]:
         described: dict[str, dict[str, Any]] = {}
         for placed in self._placed(self.start):
-            mesh = placed.over(Shutter.still(self.start))
+            mesh = next(iter(self._usable(placed, Shutter.still(self.start), [])), None)
             entry = described.setdefault(
                 str(placed.prim.GetPath()),
                 {
@@ -645,10 +645,8 @@ class StageScene:
         return any(attribute.ValueMightBeTimeVarying() for prim in prims for attribute in prim.GetAuthoredAttributes())
 
     def _points_at(self, frame: float) -> Iterator[np.ndarray]:
-        for placed in self._placed(frame):
-            mesh = placed.over(Shutter.still(frame))
-            if mesh is not None:
-                yield mesh.points
+        for mesh in self._meshes_over(Shutter.still(frame)):
+            yield mesh.points
 
     def _warn_outside(self, shutter: Shutter) -> None:
         span = self._animation

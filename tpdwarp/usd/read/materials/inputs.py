@@ -21,7 +21,7 @@ DEEPEST = 64
 DEFAULTS = ("fallback", "default", "missing_color")
 # What the identifiers of nodes that read primvars hold: USD's, MaterialX's and Arnold's.
 PRIMVAR_READERS = ("primvarreader", "geompropvalue", "geomcolor", "user_data_rgb")
-FILES = ("file", "filename", "in")
+FILES = ("file", "filename", "in", "texture")
 
 
 @dataclass(frozen=True)
