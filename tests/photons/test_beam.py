@@ -35,10 +35,10 @@ def interact(
     i = wp.tid()
     beam = beams[i]
     hit = closest_hit(surfaces, beam.x, beam.w, beam.offset, surfaces.magnitude, 0.0, 100.0, True, wp.rand_init(1, i))
-    arrived = transfer_to(beam, hit, True)
+    arrived = transfer_to(beam, hit, True, True)
     eta = relative_index(surfaces, hit, beam.w)
     at = interface_at(surfaces, hit, beam.w, dielectric, eta, True)
-    out[i] = scatter(surfaces, arrived, hit, at, reflected, True)
+    out[i] = scatter(arrived, hit, at, reflected, True, True)
     flat[i] = int(at.flat)
 
 

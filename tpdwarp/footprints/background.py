@@ -6,7 +6,8 @@ one path tile the receiver, and their sum is as bright as each of them, Φ/|D_u 
 than what nearly all other light makes, its detail cannot matter, and the footprint is averaged over squares that are
 larger than pixels, but small beside what it sweeps over itself.
 
-Only flat receivers that stand still have background light: there squares make a raster (``rasters``).
+Only flat receivers that stand still have background light: there squares make a raster (``rasters``). What is bright
+goes there, too, where it is wide (``wide``), but with squares that change nothing of it.
 
 Beyond the paper.
 """
@@ -20,7 +21,7 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bspline import SUPPORT
-from tpdwarp.footprints.placing import PLANE_ROUNDING
+from tpdwarp.footprints.planes import Plane, on_any, planes_of
 from tpdwarp.footprints.shaping import PixelSize, pixel_on_plane, tangent_frame
 from tpdwarp.photons.photon_map import PhotonMap
 
@@ -44,26 +45,6 @@ COARSEST_SQUARE = wp.constant(2.0**-3)
 FEWEST_PIXELS = wp.constant(1.5)
 # Cells that a footprint of the B-spline reaches over.
 CELLS = wp.constant(2.0 * SUPPORT)
-# Planes of one receiver that are tried, and the photons that make one worth a raster. Chosen, not derived.
-MOST_PLANES = 8
-FEWEST_PHOTONS = 128
-# Normals of one plane differ by their rounding alone.
-SAME_NORMAL = 1e-6
-
-
-@dataclass(frozen=True)
-class Plane:
-    """A flat receiver at rest: the number of its object, the foot of the origin on it, and its unit normal."""
-
-    receiver: int
-    foot: np.ndarray
-    normal: np.ndarray
-
-    def holds(self, receiver: np.ndarray, positions: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Which of the photons lie on it, shape [n]."""
-        heights = np.abs((positions - self.foot) @ self.normal)
-        same = (receiver == self.receiver) & (normals @ self.normal > 1.0 - SAME_NORMAL)
-        return same & (heights <= float(PLANE_ROUNDING))
 
 
 @dataclass
@@ -137,12 +118,13 @@ def split_light(maps: list[PhotonMap], smoothing: float, pixel: PixelSize, launc
         (bright < limit) & (squares > 0.0) & ~photons.receiver_motion.any(axis=1)
         for photons, bright, (_, squares) in zip(maps, while_shining, measured, strict=True)
     ]
-    out.planes = _planes(maps, faint)
+    receiver, position, normal = (
+        np.concatenate([getattr(photons, name)[rows] for photons, rows in zip(maps, faint, strict=True)])
+        for name in ("receiver", "position", "normal")
+    )
+    out.planes = planes_of(receiver, position, normal)
     for photons, chosen, (_, squares) in zip(maps, faint, measured, strict=True):
-        on_planes = np.zeros(len(photons), bool)
-        for plane in out.planes:
-            on_planes |= plane.holds(photons.receiver, photons.position, photons.normal)
-        chosen &= on_planes
+        chosen &= on_any(out.planes, photons.receiver, photons.position, photons.normal)
         out.fine.append(photons if not chosen.any() else photons.rows(~chosen))
         for side in np.unique(squares[chosen]):
             rows = photons.rows(chosen & (squares == side))
@@ -168,26 +150,3 @@ def _exceeded_by_most(brightness: np.ndarray, flux: np.ndarray) -> float:
     if not len(below) or not below[-1] > 0.0:
         return 0.0
     return float(brightness[order][np.searchsorted(below, FAINT_QUANTILE * below[-1])])
-
-
-def _planes(maps: list[PhotonMap], chosen: list[np.ndarray]) -> list[Plane]:
-    """The planes that the chosen photons landed on, of those that hold enough of them."""
-    receiver, position, normal = (
-        np.concatenate([getattr(photons, name)[rows] for photons, rows in zip(maps, chosen, strict=True)])
-        for name in ("receiver", "position", "normal")
-    )
-    found: list[Plane] = []
-    for number in np.unique(receiver):
-        left = np.flatnonzero(receiver == number)
-        for _ in range(MOST_PLANES):
-            if len(left) < FEWEST_PHOTONS:
-                break
-            n = normal[left[0]].astype(np.float64)
-            plane = Plane(int(number), n * (position[left[0]] @ n), n)
-            held = plane.holds(receiver[left], position[left], normal[left])
-            # Not one that rounding keeps from holding itself.
-            held[0] = True
-            if np.count_nonzero(held) >= FEWEST_PHOTONS:
-                found.append(plane)
-            left = left[~held]
-    return found

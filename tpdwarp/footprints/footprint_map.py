@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -16,40 +16,73 @@ from tpdwarp.photons.photon_map import PhotonMap, joined
 
 
 @dataclass
-class FootprintMap:
-    """Footprints of one or more (sub-)shutters with the BVH over their swept bounds.
+class Footprints:
+    """Footprints of one or more (sub-)shutters.
 
     Attributes:
         arrays: Device arrays, one row a footprint.
-        pieces: The parts that ``bvh`` is built over.
-        bvh: Bounds of the pieces, swept over their own part of the shutter.
         durations: Part of the shutter that each footprint's ``dxdt`` spans, shape [n].
         moves: Whether any footprint moves.
         curved: Whether any trajectory curves.
         shaded: Whether receivers are shaded by normals that are not those of their triangles.
-        run_size: Half the typical size of a piece: queries this close together are gathered together.
         clamped: Footprints whose length or aspect was limited.
         growth_limited: Footprints whose axes grow too fast to be followed.
-        count: Number of footprints.
     """
 
     arrays: FootprintArrays
-    pieces: PieceArrays
-    bvh: wp.Bvh | None
     durations: wp.array
     moves: bool
     curved: bool
     shaded: bool
-    run_size: float
     clamped: int
     growth_limited: int
-    count: int
+
+    @property
+    def count(self) -> int:
+        """Number of footprints."""
+        return self.durations.shape[0]
+
+    def rows(self, chosen: np.ndarray, launcher: Launcher) -> Footprints:
+        """Some of them, by index or mask; what was limited is counted in all."""
+        arrays = FootprintArrays()
+        for name, variable in FootprintArrays.vars.items():
+            column = getattr(self.arrays, name).numpy()
+            # Columns that nothing needs have no rows.
+            setattr(arrays, name, launcher.array(column[chosen] if len(column) else column, variable.type.dtype))
+        return replace(self, arrays=arrays, durations=launcher.array(self.durations.numpy()[chosen], wp.float32))
+
+
+@dataclass
+class FootprintMap(Footprints):
+    """Footprints with the BVH over their swept bounds.
+
+    Attributes:
+        pieces: The parts that ``bvh`` is built over.
+        bvh: Bounds of the pieces, swept over their own part of the shutter; None where there are none.
+        run_size: Half the typical size of a piece: queries this close together are gathered together.
+    """
+
+    pieces: PieceArrays
+    bvh: wp.Bvh | None
+    run_size: float
+
+    @classmethod
+    def of(cls, footprints: Footprints, launcher: Launcher) -> FootprintMap:
+        """Builds the BVH."""
+        if not footprints.count:
+            return cls(**vars(footprints), pieces=PieceArrays(), bvh=None, run_size=0.0)
+        pieces = pieces_of(footprints.arrays, launcher)
+        size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
+        # On the CPU it is built in half the time that the default takes, and walked through no slower.
+        constructor = None if launcher.device.is_cuda else "cubql"
+        bvh = wp.Bvh(pieces.lower, pieces.upper, constructor=constructor)
+        return cls(**vars(footprints), pieces=pieces, bvh=bvh, run_size=0.5 * size)
 
 
 def shape_footprints(
     maps: list[PhotonMap], kernel: str, smoothing: float, pixel: PixelSize, moves: bool, launcher: Launcher
-) -> FootprintMap:
-    """Shapes the footprints of all photons in ``maps`` and builds the BVH over their bounds."""
+) -> Footprints:
+    """Shapes the footprints of all photons in ``maps``."""
     are_cells = np.zeros(len(maps), np.int32)
     if kernel == "bspline" and smoothing == 1.0:
         maps, are_cells = told_apart(maps, pixel, launcher)
@@ -58,7 +91,7 @@ def shape_footprints(
     if not count:
         arrays = launcher.rows(FootprintArrays, 0)
         none = launcher.zeros(0, wp.float32)
-        return FootprintMap(arrays, PieceArrays(), None, none, moves, curved, False, 0.0, 0, 0, 0)
+        return Footprints(arrays, none, moves, curved, False, 0, 0)
 
     def column(name: str) -> wp.array:
         return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
@@ -100,13 +133,8 @@ def shape_footprints(
     radial = None if kernel == "bspline" else kernel
     shape = footprint_kernel(radial, curved, axes_in_light(radial) if extended else None)
     launcher(shape, count, [*columns, images, float(smoothing), pixel, out])
-    pieces = pieces_of(out, launcher)
-    size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
     clamped, limited = (int(flags.numpy().sum(dtype=np.int64)) for flags in (out.clamped, out.growth_limited))
-    # On the CPU it is built in half the time that the default takes, and walked through no slower.
-    constructor = None if launcher.device.is_cuda else "cubql"
-    bvh = wp.Bvh(pieces.lower, pieces.upper, constructor=constructor)
-    return FootprintMap(out, pieces, bvh, durations, moves, curved, shaded, 0.5 * size, clamped, limited, count)
+    return Footprints(out, durations, moves, curved, shaded, clamped, limited)
 
 
 def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:

@@ -1,21 +1,23 @@
-"""The irradiance that footprints add up to: fine ones at every query, those of the background by rasters."""
+"""The irradiance that footprints add up to: fine ones at every query, wide and faint ones by rasters."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import SplitLight, split_light
-from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
+from tpdwarp.footprints.footprint_map import FootprintMap, Footprints, shape_footprints
 from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, irradiance_of
-from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, rows_of
+from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, rows_of
 from tpdwarp.footprints.rasters import Rasters
 from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.ways import piece_counts, piece_of, rows_at
 from tpdwarp.footprints.weights import GatherForm
+from tpdwarp.footprints.wide import WideFootprints, wide_footprints
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.bends import within_reach
 
@@ -55,25 +57,51 @@ class FootprintLight:
         # Kernels of the paper are evaluated as it says.
         split = split_light(maps, smoothing, pixel, launcher) if form.smooth else SplitLight(maps)
 
-        def shaped(photons: list[PhotonMap], size: PixelSize) -> FootprintMap:
+        def shaped(photons: list[PhotonMap], size: PixelSize) -> Footprints:
             return shape_footprints(photons, form.kernel, smoothing, size, moves, launcher)
 
-        self._fine = shaped(split.fine, pixel)
-        self._background = [shaped(split.coarse[side], _square(side)) for side in sorted(split.coarse)]
-        self._rasters = None
-        if self._background:
-            shaded = self._background[0].shaded
-            self._rasters = Rasters(split.planes, sorted(split.coarse), shaded, self._at_corners, launcher)
-        everything = (self._fine, *self._background)
+        self._shaped = shaped(split.fine, pixel)
+        faint = [
+            (side, FootprintMap.of(shaped(photons, _square(side)), launcher))
+            for side, photons in sorted(split.coarse.items())
+        ]
+        everything = (self._shaped, *(footprints for _, footprints in faint))
         self.clamped = sum(footprints.clamped for footprints in everything)
         self.growth_limited = sum(footprints.growth_limited for footprints in everything)
         self.count = sum(footprints.count for footprints in everything)
 
+        # ---- By how they are looked up
+        self._wide = WideFootprints(np.arange(self._shaped.count))
+        if form.smooth:
+            self._wide = wide_footprints(self._shaped, pixel, launcher)
+        self._fine = self._map_of(self._wide.others)
+        self._smooth = [
+            Rasters(planes, levels, form, launcher)
+            for planes, levels in ((split.planes, faint), (self._wide.planes, self._levels(self._wide.still)))
+            if levels
+        ]
+        levels = self._levels(self._wide.moving)
+        self._sweeping = [Rasters(self._wide.planes, levels, form, launcher)] if levels else []
+
+    def _map_of(self, rows: np.ndarray) -> FootprintMap:
+        whole = len(rows) == self._shaped.count
+        return FootprintMap.of(self._shaped if whole else self._shaped.rows(rows, self._launcher), self._launcher)
+
+    def _levels(self, sides: dict[float, np.ndarray]) -> list[tuple[float, FootprintMap]]:
+        return [(side, self._map_of(rows)) for side, rows in sorted(sides.items())]
+
+    @cached_property
+    def _all_that_moves(self) -> FootprintMap:
+        """What queries look at that move, or see part of the shutter: wide footprints too, unless they stand still."""
+        if not self._sweeping:
+            return self._fine
+        return self._map_of(np.sort(np.concatenate([self._wide.others, *self._wide.moving.values()])))
+
     @property
     def longest_way(self) -> float:
         """How far a query may move within its window and be looked up at once: through a run."""
-        sizes = [footprints.run_size for footprints in (self._fine, *self._background) if footprints.count]
-        return min(sizes, default=0.0) / (1.0 + float(LARGEST_DEVIATION))
+        footprints = self._all_that_moves
+        return footprints.run_size / (1.0 + float(LARGEST_DEVIATION)) if footprints.count else 0.0
 
     def of_photons(self, maps: list[PhotonMap]) -> FootprintLight:
         """The light of other photons, evaluated as this one is."""
@@ -103,31 +131,31 @@ class FootprintLight:
         return found
 
     def _at_once(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
-        sums = gathered(self._fine, queries, self._form, self._launcher, lookup)
-        if self._rasters is None:
-            return irradiance_of(sums, lookup.with_motion)
-        off = self._rasters.add_to(queries, sums.irradiance)
+        whole = lookup.window == PLAIN_LOOKUP.window and not lookup.query_moves
+        fine = self._fine if whole else self._all_that_moves
+        sums = gathered(fine, queries, self._form, self._launcher, lookup)
+        rasters = [*self._smooth, *(self._sweeping if whole else ())]
+        off = [smooth.add_to(queries, lookup, sums.irradiance) for smooth in rasters]
         found = irradiance_of(sums, lookup.with_motion)
-        self._add_directly(queries, off, lookup, found)
+        for smooth, rows in zip(rasters, off, strict=True):
+            self._add_directly(smooth, queries, rows, lookup, found)
         return found
 
-    def _add_directly(self, queries: QueryArrays, rows: np.ndarray, lookup: Lookup, found: Irradiance) -> None:
-        """Adds background light to the ``rows`` that lie on no raster, and its motion to all where that is wanted."""
+    def _add_directly(
+        self, smooth: Rasters, queries: QueryArrays, rows: np.ndarray, lookup: Lookup, found: Irradiance
+    ) -> None:
+        """Adds the light of rasters to the ``rows`` that lie on none, and its motion to all where that is wanted."""
         looked_at = np.arange(queries.position.shape[0]) if lookup.with_motion else rows
         if not len(looked_at):
             return
         some = rows_of(queries, looked_at, self._launcher)
-        for footprints in self._background:
+        for footprints in smooth.levels:
             more = irradiance_of(gathered(footprints, some, self._form, self._launcher, lookup), lookup.with_motion)
             found.irradiance[rows] += more.irradiance[np.searchsorted(looked_at, rows)]
             if lookup.with_motion:
                 found.motion += more.motion
                 found.weight += more.weight
                 found.photons += more.photons
-
-    def _at_corners(self, level: int, corners: QueryArrays) -> np.ndarray:
-        sums: IrradianceArrays = gathered(self._background[level], corners, self._form, self._launcher, PLAIN_LOOKUP)
-        return sums.irradiance.numpy()
 
 
 def _square(side: float) -> PixelSize:

@@ -1,22 +1,25 @@
-"""Rasters of background light: irradiance at the corners of squares on planes, found when first looked at.
+"""Rasters of smooth light: irradiance at the corners of squares on planes, found when first looked at.
 
-What lies in a square is interpolated between its corners. Corners are gathered in tiles, always whole ones, so that
-their values depend neither on who looks first nor on how queries are cut into batches.
+Between corners it is interpolated by cubic convolution (Keys 1981), which is exact for parabolas. Corners are gathered
+in tiles, always whole ones, so that their values depend neither on who looks first nor on how queries are cut into
+batches. A query that moves sees the mean along its way, while the light stands still.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.background import SAME_NORMAL, Plane
-from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
+from tpdwarp.footprints.background import COARSEST_SQUARE
+from tpdwarp.footprints.footprint_map import FootprintMap
+from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, time_window
+from tpdwarp.footprints.irradiance import Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.leaves import LEAF
-from tpdwarp.footprints.placing import PLANE_ROUNDING
+from tpdwarp.footprints.placing import PLANE_ROUNDING, TimeWindow
+from tpdwarp.footprints.planes import SAME_NORMAL, Plane
 from tpdwarp.footprints.shaping import tangent_frame
+from tpdwarp.footprints.weights import GatherForm
 
 # Corners of a tile along u and v: together the queries of one thread of the gather.
 TILE_U = wp.constant(16)
@@ -26,6 +29,12 @@ TILE_CORNERS = int(TILE_U) * int(TILE_V)
 # Rasters reach so far from the foot of the origin along either axis: the scene has unit radius.
 REACH = wp.constant(2.0)
 FLAT = wp.constant(1.0 - SAME_NORMAL)
+# Corners along either side that a value is interpolated from.
+STENCIL = wp.constant(4)
+# So far from the ends of rasters there are corners all around: the coarsest of squares have two there.
+MARGIN = wp.constant(2.0 * float(COARSEST_SQUARE))
+# Places along its way that a query looks at: as many as pieces that it would be cut into (tpdwarp.footprints.ways).
+MOST_PLACES = wp.constant(16)
 # What becomes of a query: its receiver has no background light; or it lies on no raster and is gathered itself.
 ELSEWHERE = wp.constant(-1)
 OFF_RASTER = wp.constant(-2)
@@ -76,12 +85,32 @@ def within_tile(u: int, v: int) -> int:
     )
 
 
+@wp.func
+def place_count(motion: wp.vec3, window: TimeWindow, side: float) -> int:
+    """At how many places of its way a query looks, on squares of ``side``: one for each that it passes."""
+    return 1 + wp.min(int(window.length * wp.length(motion) / side), MOST_PLACES - 1)
+
+
+@wp.func
+def place_on_way(x: wp.vec3, motion: wp.vec3, window: TimeWindow, number: int, count: int) -> wp.vec3:
+    """Where a query stands in the middle of one of ``count`` parts of its window."""
+    late = window.center - window.time + window.length * ((float(number) + 0.5) / float(count) - 0.5)
+    return x + late * motion
+
+
+@wp.func
+def corner_below(place: wp.vec2, side: float) -> wp.vec2i:
+    """The first of the corners that a value at ``place`` is interpolated from."""
+    return wp.vec2i(int(place[0] / side) - 1, int(place[1] / side) - 1)
+
+
 @wp.kernel(enable_backward=False)
 def find_planes(
     base: int,
     # In
     rasters: RasterArrays,
     queries: QueryArrays,
+    window: TimeWindow,
     shaded: int,
     # Out
     planes: wp.array(dtype=wp.int32),
@@ -91,6 +120,9 @@ def find_planes(
     i = base + wp.tid()
     planes[i] = ELSEWHERE
     x = queries.position[i]
+    motion = wp.vec3()
+    if queries.motion.shape[0] > 0:
+        motion = queries.motion[i]
     for plane in range(rasters.receiver.shape[0]):
         if rasters.receiver[plane] == queries.receiver[i] and planes[i] < 0:
             planes[i] = OFF_RASTER
@@ -98,20 +130,29 @@ def find_planes(
             flat = wp.dot(n, queries.normal[i]) > FLAT
             if shaded != 0:
                 flat = flat and wp.dot(n, queries.shading_normal[i]) > FLAT
-            place = on_plane(rasters, plane, x)
-            inside = wp.min(place) > 0.0 and wp.max(place) < 2.0 * REACH
-            if flat and inside and wp.abs(wp.dot(n, x - rasters.foot[plane])) <= PLANE_ROUNDING:
+            for end in range(2):
+                at = x + (window.center - window.time + (float(end) - 0.5) * window.length) * motion
+                place = on_plane(rasters, plane, at)
+                # Two coarsest squares more, for the corners around it.
+                inside = wp.min(place) > MARGIN and wp.max(place) < 2.0 * REACH - MARGIN
+                flat = flat and inside and wp.abs(wp.dot(n, at - rasters.foot[plane])) <= PLANE_ROUNDING
+            if flat:
                 planes[i] = plane
     plane = planes[i]
     if plane >= 0:
-        place = on_plane(rasters, plane, x)
         for level in range(rasters.side.shape[0]):
-            u = int(place[0] / rasters.side[level])
-            v = int(place[1] / rasters.side[level])
-            for corner in range(4):
-                tile = tile_of(rasters, plane, level, u + corner % 2, v + corner // 2)
-                if rasters.slots[tile] < 0:
-                    wanted[tile] = 1
+            side = rasters.side[level]
+            count = place_count(motion, window, side)
+            for number in range(count):
+                place = on_plane(rasters, plane, place_on_way(x, motion, window, number, count))
+                first = corner_below(place, side)
+                for corner in range(4):
+                    # Tiles are no narrower than what is interpolated from: it lies in those of its own corners.
+                    u = first[0] + (STENCIL - 1) * (corner % 2)
+                    v = first[1] + (STENCIL - 1) * (corner // 2)
+                    tile = tile_of(rasters, plane, level, u, v)
+                    if rasters.slots[tile] < 0:
+                        wanted[tile] = 1
 
 
 @wp.kernel(enable_backward=False)
@@ -148,55 +189,81 @@ def place_corners(
     queries.receiver[i] = rasters.receiver[plane]
 
 
+@wp.func
+def cubic_weights(t: float) -> wp.vec4:
+    """Weights of the four corners around a place that lies the part t between the inner two (Keys 1981, a = −½)."""
+    return wp.vec4(
+        0.5 * t * ((2.0 - t) * t - 1.0),
+        1.0 + 0.5 * t * t * (3.0 * t - 5.0),
+        0.5 * t * ((4.0 - 3.0 * t) * t + 1.0),
+        0.5 * t * t * (t - 1.0),
+    )
+
+
+@wp.func
+def interpolated(rasters: RasterArrays, plane: int, level: int, place: wp.vec2) -> wp.vec3:
+    """The light of one raster at ``place``, no less than zero."""
+    side = rasters.side[level]
+    first = corner_below(place, side)
+    along_u = cubic_weights(place[0] / side - float(first[0] + 1))
+    along_v = cubic_weights(place[1] / side - float(first[1] + 1))
+    total = wp.vec3()
+    for corner in range(STENCIL * STENCIL):
+        u = corner % STENCIL
+        v = corner // STENCIL
+        slot = rasters.slots[tile_of(rasters, plane, level, first[0] + u, first[1] + v)]
+        value = rasters.values[slot * TILE_U * TILE_V + within_tile(first[0] + u, first[1] + v)]
+        total += (along_u[u] * along_v[v]) * value
+    return wp.max(total, wp.vec3(0.0, 0.0, 0.0))
+
+
 @wp.kernel(enable_backward=False)
 def add_rasters(
     base: int,
     # In
     rasters: RasterArrays,
     queries: QueryArrays,
+    window: TimeWindow,
     planes: wp.array(dtype=wp.int32),
     # Out
     irradiance: wp.array(dtype=wp.vec3),
 ):
-    """Adds the light of all rasters to queries on planes, bilinearly between the corners of squares."""
+    """Adds the light of all rasters to queries on planes, in the mean along their way."""
     i = base + wp.tid()
     plane = planes[i]
     if plane >= 0:
-        place = on_plane(rasters, plane, queries.position[i])
+        motion = wp.vec3()
+        if queries.motion.shape[0] > 0:
+            motion = queries.motion[i]
         total = irradiance[i]
         for level in range(rasters.side.shape[0]):
-            at = place / rasters.side[level]
-            u = int(at[0])
-            v = int(at[1])
-            for corner in range(4):
-                cu = u + corner % 2
-                cv = v + corner // 2
-                weight = (1.0 - wp.abs(at[0] - float(cu))) * (1.0 - wp.abs(at[1] - float(cv)))
-                slot = rasters.slots[tile_of(rasters, plane, level, cu, cv)]
-                total += weight * rasters.values[slot * TILE_U * TILE_V + within_tile(cu, cv)]
+            count = place_count(motion, window, rasters.side[level])
+            for number in range(count):
+                at = place_on_way(queries.position[i], motion, window, number, count)
+                total += interpolated(rasters, plane, level, on_plane(rasters, plane, at)) / float(count)
         irradiance[i] = total
 
 
 class Rasters:
-    """Background light on planes.
+    """Smooth light on planes.
 
     Args:
         planes: The planes.
-        sides: Sides of the squares of each raster.
-        shaded: Whether receivers are shaded by normals that are not those of their triangles.
-        light: Irradiance of the background footprints of one of ``sides``, by its number, at queries, shape [n, 3].
+        levels: Footprints by the sides of the squares that they are gathered on; there may be several of one side.
+        form: How they are evaluated.
         launcher: Where.
+
+    Attributes:
+        levels: The footprints of each raster.
     """
 
     def __init__(
-        self,
-        planes: list[Plane],
-        sides: list[float],
-        shaded: bool,
-        light: Callable[[int, QueryArrays], np.ndarray],
-        launcher: Launcher,
+        self, planes: list[Plane], levels: list[tuple[float, FootprintMap]], form: GatherForm, launcher: Launcher
     ) -> None:
-        self._light, self._launcher, self._shaded = light, launcher, shaded
+        self.levels = [footprints for _, footprints in levels]
+        self._form, self._launcher = form, launcher
+        self._shaded = any(footprints.shaded for footprints in self.levels)
+        sides = [side for side, _ in levels]
         # One square more, for the corners at the end.
         squares = [int(2.0 * float(REACH) / side) + 1 for side in sides]
         across, down = (np.array([-(-(count + 1) // size) for count in squares]) for size in (int(TILE_U), int(TILE_V)))
@@ -214,19 +281,21 @@ class Rasters:
         self._values = np.zeros((0, 3), np.float32)
         self._hold()
 
-    def add_to(self, queries: QueryArrays, irradiance: wp.array) -> np.ndarray:
+    def add_to(self, queries: QueryArrays, lookup: Lookup, irradiance: wp.array) -> np.ndarray:
         """Adds the light of the rasters to ``irradiance`` at ``queries``.
 
         Returns:
-            Rows of queries that rasters say nothing of though there is background light on their receiver, shape [m].
+            Rows of queries that rasters say nothing of though there is such light on their receiver, shape [m].
         """
         count = queries.position.shape[0]
         planes = self._launcher.zeros(count, wp.int32)
         wanted = self._launcher.zeros(len(self._slots), wp.int32)
         shaded = int(self._shaded and has_shading_normals(queries))
-        self._launcher(find_planes, count, [self._arrays, queries, shaded, planes, wanted])
+        looking = queries if lookup.query_moves else at_rest(queries, self._launcher)
+        window = time_window(lookup)
+        self._launcher(find_planes, count, [self._arrays, looking, window, shaded, planes, wanted])
         self._find(np.flatnonzero(wanted.numpy()))
-        self._launcher(add_rasters, count, [self._arrays, queries, planes, irradiance])
+        self._launcher(add_rasters, count, [self._arrays, looking, window, planes, irradiance])
         return np.flatnonzero(planes.numpy() == int(OFF_RASTER))
 
     def _find(self, tiles: np.ndarray) -> None:
@@ -238,7 +307,9 @@ class Rasters:
         for level in np.unique(levels):
             those = tiles[levels == level].astype(np.int32)
             self._slots[those] = sum(map(len, values)) // TILE_CORNERS + np.arange(len(those), dtype=np.int32)
-            values.append(self._light(int(level), self._corners(int(level), those)))
+            corners = self._corners(int(level), those)
+            found = gathered(self.levels[level], corners, self._form, self._launcher, PLAIN_LOOKUP)
+            values.append(found.irradiance.numpy())
         self._values = np.concatenate(values)
         self._hold()
 
@@ -256,3 +327,12 @@ class Rasters:
         """Gives the device what is known by now."""
         self._arrays.slots = self._launcher.array(self._slots, wp.int32)
         self._arrays.values = self._launcher.array(self._values, wp.vec3)
+
+
+def at_rest(queries: QueryArrays, launcher: Launcher) -> QueryArrays:
+    """The queries without their motion."""
+    out = QueryArrays()
+    for name in QueryArrays.vars:
+        setattr(out, name, getattr(queries, name))
+    out.motion = launcher.zeros(0, wp.vec3)
+    return out

@@ -11,6 +11,7 @@ from tpdwarp.footprints import bspline
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
 from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
 from tpdwarp.footprints.lanes import LANES, Lanes
+from tpdwarp.footprints.lines import is_line, line_weight
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,15 @@ def footprint_weight(form: GatherForm, moves: bool, curved: bool) -> wp.Function
     Queries (u, v) are relative to where the footprint stands in the middle of its trajectory.
     """
     if form.smooth:
-        return bspline_weight(moves, curved, form.extended)
+        along = bspline_weight(moves, curved, form.extended)
+
+        @wp.func
+        def smooth(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
+            if is_line(trajectory):
+                return line_weight(u, v, trajectory)
+            return along(u, v, trajectory)
+
+        return smooth if moves else along
     support = wp.constant(SUPPORT)
     still = static_weight(form.kernel)
     moving = moving_weight(form.kernel, form.form, form.time_filter)

@@ -16,7 +16,7 @@ from tpdwarp.photons.differentials import (
     transfer,
 )
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import Hit, normal_variation, shading_normal
+from tpdwarp.scene.device.intersection import Hit, ShadingNormal, normal_variation, shading_normal
 
 
 @wp.struct
@@ -42,7 +42,8 @@ class Beam:
 class Interface:
     """A specular surface as this beam meets it: n towards the beam, cosines, relative index, reflectance.
 
-    ``flat`` is set where the interpolated normal would send the beam through the wrong side of the surface.
+    ``shading`` is the normal that counts there; ``flat`` is set where it is not the interpolated one, which would send
+    the beam through the wrong side of the surface.
     """
 
     n: wp.vec3
@@ -51,16 +52,23 @@ class Interface:
     reflectance: float
     side: float
     flat: bool
+    shading: ShadingNormal
 
 
 @wp.func
-def transfer_to(beam: Beam, hit: Hit, moves: bool) -> Beam:
-    """Transfers the beam's position and its columns to ``hit`` (Eqs. 3, 4); directions stay."""
+def transfer_to(beam: Beam, hit: Hit, footprint: bool, moves: bool) -> Beam:
+    """Transfers the beam's position and its columns to ``hit`` (Eqs. 3, 4); directions stay.
+
+    Args:
+        footprint: Whether it has columns u and v.
+        moves: Whether it has a column t.
+    """
     still = wp.vec3(0.0, 0.0, 0.0)
     out = beam
     out.x = hit.position
-    out.dxdu = transfer(beam.dxdu, beam.dwdu, beam.w, hit.distance, hit.n_g, still)
-    out.dxdv = transfer(beam.dxdv, beam.dwdv, beam.w, hit.distance, hit.n_g, still)
+    if footprint:
+        out.dxdu = transfer(beam.dxdu, beam.dwdu, beam.w, hit.distance, hit.n_g, still)
+        out.dxdv = transfer(beam.dxdv, beam.dwdv, beam.w, hit.distance, hit.n_g, still)
     if moves:
         out.dxdt = transfer(beam.dxdt, beam.dwdt, beam.w, hit.distance, hit.n_g, hit.motion)
     return out
@@ -104,8 +112,8 @@ def interface_at(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, eta
     found = bool(False)
     while not found:
         at.flat = flat
-        s = shading_normal(surfaces, hit, at.flat, moves)
-        at.n = s.n * at.side
+        at.shading = shading_normal(surfaces, hit, flat, moves)
+        at.n = at.shading.n * at.side
         at.reflectance = 1.0
         at.cos_t = 0.0
         at.eta = 1.0
@@ -125,35 +133,39 @@ def interface_at(surfaces: Surfaces, hit: Hit, w: wp.vec3, dielectric: bool, eta
 
 
 @wp.func
-def scatter(surfaces: Surfaces, incident: Beam, hit: Hit, at: Interface, reflected: bool, moves: bool) -> Beam:
+def scatter(incident: Beam, hit: Hit, at: Interface, reflected: bool, footprint: bool, moves: bool) -> Beam:
     """The beam after reflection or refraction: new ω and D_a ω (Igehy 1999, with the paper's time column).
 
     Positions and their columns pass unchanged. The normal's own columns are D_a N = Σ_j (n_j − n_0) D_a β_j, to which
-    a = t adds Σ β_i D_t n_i.
+    a = t adds Σ β_i D_t n_i. ``footprint`` and ``moves`` are as for :func:`transfer_to`.
     """
-    s = shading_normal(surfaces, hit, at.flat, moves)
+    s = at.shading
     w = incident.w
-    dndu = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, incident.dxdu))
-    dndv = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, incident.dxdv))
     out = incident
     if reflected:
         out.w = reflect(w, at.n)
-        out.dwdu = reflect_differential(w, at.n, incident.dwdu, dndu)
-        out.dwdv = reflect_differential(w, at.n, incident.dwdv, dndv)
         out.offset = hit.offset * at.side * hit.n_g
     else:
         out.w = refract(w, at.n, at.eta, at.cos_t)
-        out.dwdu = refract_differential(w, at.n, at.eta, at.cos_t, incident.dwdu, dndu)
-        out.dwdv = refract_differential(w, at.n, at.eta, at.cos_t, incident.dwdv, dndv)
         out.offset = -hit.offset * at.side * hit.n_g
+    if footprint:
+        dndu = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, incident.dxdu))
+        dndv = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, incident.dxdv))
+        out.dwdu = _direction_differential(w, at, reflected, incident.dwdu, dndu)
+        out.dwdv = _direction_differential(w, at, reflected, incident.dwdv, dndv)
     if moves:
         dndt = at.side * normal_differential(
             s.n, s.length, normal_variation(s, hit, incident.dxdt - hit.motion) + s.rate
         )
-        if reflected:
-            out.dwdt = reflect_differential(w, at.n, incident.dwdt, dndt)
-        else:
-            out.dwdt = refract_differential(w, at.n, at.eta, at.cos_t, incident.dwdt, dndt)
+        out.dwdt = _direction_differential(w, at, reflected, incident.dwdt, dndt)
     out.w = wp.normalize(out.w)
     out.magnitude = hit.magnitude
     return out
+
+
+@wp.func
+def _direction_differential(w: wp.vec3, at: Interface, reflected: bool, dw: wp.vec3, dn: wp.vec3) -> wp.vec3:
+    """D_a ω after reflection or refraction (Igehy 1999)."""
+    if reflected:
+        return reflect_differential(w, at.n, dw, dn)
+    return refract_differential(w, at.n, at.eta, at.cos_t, dw, dn)

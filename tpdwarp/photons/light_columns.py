@@ -17,8 +17,7 @@ from tpdwarp.photons.beam import Beam, Interface
 from tpdwarp.photons.differentials import normal_differential, reflect_differential, refract_differential, transfer
 from tpdwarp.photons.emission import Patch
 from tpdwarp.scene.description import ExtentShape
-from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import Hit, normal_variation, shading_normal
+from tpdwarp.scene.device.intersection import Hit, normal_variation
 from tpdwarp.scene.device.shaping import across_of, shaped
 
 
@@ -159,11 +158,9 @@ def transfer_columns(columns: LightColumns, w: wp.vec3, hit: Hit) -> LightColumn
 
 
 @wp.func
-def scatter_columns(
-    surfaces: Surfaces, columns: LightColumns, w: wp.vec3, hit: Hit, at: Interface, reflected: bool, moves: bool
-) -> LightColumns:
+def scatter_columns(columns: LightColumns, w: wp.vec3, hit: Hit, at: Interface, reflected: bool) -> LightColumns:
     """The columns after reflection or refraction of a beam of direction ω (Igehy 1999)."""
-    s = shading_normal(surfaces, hit, at.flat, moves)
+    s = at.shading
     dnda = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, columns.dxda))
     dndb = at.side * normal_differential(s.n, s.length, normal_variation(s, hit, columns.dxdb))
     out = columns

@@ -135,6 +135,7 @@ def facet(
     out = Interface()
     out.side = at.side
     out.flat = at.flat
+    out.shading = at.shading
     out.eta = at.eta
     out.n = m
     out.reflectance = 1.0

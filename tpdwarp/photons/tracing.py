@@ -244,7 +244,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 takes = surfaces.interaction[surfaces.material_of[hit.triangle]] == DIFFUSE and count > 0
                 # What throws no shadow is lit all the same, by light that others bend too.
                 if (link & PASSED) != 0 and ((link & UNLIT) != 0 or not takes):
-                    beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                    beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
                     if wp.static(extended):
                         columns = transfer_columns(columns, beam.w, hit)
                     start = 0.0
@@ -265,7 +265,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 culled += part.culled
                 decision += part.decided
                 if not part.reflected:
-                    beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                    beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
                     if wp.static(extended):
                         columns = transfer_columns(columns, beam.w, hit)
                     start = 0.0
@@ -281,14 +281,14 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     beyond = crossing.beyond
                     if crossing.nothing:
                         inside = beyond
-                        beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                        beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
                         if wp.static(extended):
                             columns = transfer_columns(columns, beam.w, hit)
                         start = 0.0
                         continue
             if tags.shape[0] > 0:
                 path = prolonged(path, tags[hit.triangle])
-            beam = transfer_to(beam, hit, wp.static(moves))
+            beam = transfer_to(beam, hit, True, wp.static(moves))
             if wp.static(recording):
                 vertices[i * VERTICES + wp.min(count + 1, VERTICES - 1)] = beam.x
             if wp.static(extended):
@@ -410,9 +410,9 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                             columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], width)
                     continue
             if wp.static(extended):
-                columns = scatter_columns(surfaces, columns, beam.w, hit, at, reflected, wp.static(moves))
+                columns = scatter_columns(columns, beam.w, hit, at, reflected)
             before = beam.w
-            beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
+            beam = scatter(beam, hit, at, reflected, True, wp.static(moves))
             if wp.static(rough):
                 if textures.roughnesses[material] > 0.0:
                     columns = widened(columns, before, beam.w, at, reflected, textures.roughnesses[material])

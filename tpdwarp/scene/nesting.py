@@ -54,10 +54,12 @@ class Nesting:
         media: Number of the medium in each mesh of a scene, −1 for those that take no part, shape [m] int32. Where
             several are, the highest holds. Solids that do not overlap may share a number.
         materials: What each medium is made of.
+        box: What is in a medium lies within it, [2, 3]; unbounded where an open sheet bounds one.
     """
 
     media: np.ndarray
     materials: tuple[Material, ...]
+    box: np.ndarray
 
     @property
     def indices(self) -> np.ndarray:
@@ -315,4 +317,9 @@ def _numbered(order: list[tuple[int, int]], solids: dict[int, _Solid], mesh_coun
         if medium == len(materials):
             materials.append(own)
         media[number] = medium
-    return Nesting(media, tuple(materials))
+    taking_part = [solids[number] for number in below]
+    low, high = (np.array([solid.box[side] for solid in taking_part]) for side in range(2))
+    box = np.stack([low.min(axis=0), high.max(axis=0)])
+    if any(solid.is_open for solid in taking_part):
+        box = np.array([[-np.inf] * 3, [np.inf] * 3])
+    return Nesting(media, tuple(materials), box)

@@ -21,7 +21,7 @@ from tpdwarp.photons.rough_lobes import behind_sheet, facet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import along, closest_hit, diffuse_color, occluded, shading_normal
+from tpdwarp.scene.device.intersection import Hit, along, closest_hit, diffuse_color, occluded, shading_normal
 from tpdwarp.scene.device.links import UNLIT, linked_share
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.presence import presence_at, share_that_passes
@@ -29,12 +29,13 @@ from tpdwarp.scene.device.textures import (
     TextureArrays,
     absorbed_in_media,
     absorbed_within,
+    mapped_normal,
     on_plane,
     textured_color,
 )
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
-from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, passing_share, visible_share
+from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, share_that_arrives
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, lit_from
@@ -184,6 +185,15 @@ def query_motion(motion: wp.vec3) -> wp.vec3:
     return motion
 
 
+@wp.func
+def faced_normal(surfaces: Surfaces, hit: Hit, n_g: wp.vec3, moves: bool) -> wp.vec3:
+    """The shading normal, faced to the viewer as ``n_g`` is, also where it was authored against the winding."""
+    n = shading_normal(surfaces, hit, False, moves).n
+    if wp.dot(n, n_g) < 0.0:
+        return -n
+    return n
+
+
 @cache
 def visible_kernel(
     moves: bool,
@@ -203,10 +213,11 @@ def visible_kernel(
     thin_walls: bool = False,
     rough: bool = False,
     clipped: bool = False,
+    normal_maps: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
-    from_areas = area_irradiance(passing_share if partial else visible_share, linked, partial)
+    from_areas = area_irradiance(share_that_arrives(linked, partial), linked)
     from_linked = linked_irradiance(partial)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -302,7 +313,7 @@ def visible_kernel(
                         out.first_triangle[i] = hit.triangle
                 if not part.reflected:
                     passed_by += hit.distance
-                    beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                    beam = passed(transfer_to(beam, hit, False, wp.static(moves)), hit)
                     start = 0.0
                     end = FAR
                     continue
@@ -317,27 +328,22 @@ def visible_kernel(
                     if crossing.nothing:
                         inside = beyond
                         passed_by += hit.distance
-                        beam = passed(transfer_to(beam, hit, wp.static(moves)), hit)
+                        beam = passed(transfer_to(beam, hit, False, wp.static(moves)), hit)
                         start = 0.0
                         end = FAR
                         continue
-            beam = transfer_to(beam, hit, wp.static(moves))
+            beam = transfer_to(beam, hit, False, wp.static(moves))
             if wp.static(moves):
                 if wp.length_sq(hit.motion) > 0.0:
                     flags = flags | MET_MOTION
-            side = -wp.sign(wp.dot(hit.n_g, beam.w))
-            n_g = side * hit.n_g
-            n = shading_normal(surfaces, hit, False, wp.static(moves)).n
-            # Faced to the viewer, as the geometric normal is, also where it was authored against the winding.
-            if wp.dot(n, n_g) < 0.0:
-                n = -n
+            n_g = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
             first = bounce == 0
             if wp.static(nested or partial):
                 # Before it, there may have been surfaces that are not there.
                 first = out.first_depth[i] < 0.0
             if first:
                 out.first_position[i] = beam.x
-                out.first_normal[i] = n
+                out.first_normal[i] = faced_normal(surfaces, hit, n_g, wp.static(moves))
                 if wp.static(named):
                     out.first_triangle[i] = hit.triangle
                 depth = hit.distance
@@ -357,6 +363,7 @@ def visible_kernel(
 
             # ---- A diffuse surface ends the path: direct light, and a query for the photons'
             if interaction == DIFFUSE:
+                n = faced_normal(surfaces, hit, n_g, wp.static(moves))
                 albedo = diffuse_color(surfaces, hit)
                 if wp.static(textured):
                     # What a sample stands for is taken to be as wide as it would be without what bent its ray.
@@ -366,6 +373,8 @@ def visible_kernel(
                     across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
                     down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
                     albedo = textured_color(textures, material, hit, albedo, across, down)
+                    if wp.static(normal_maps):
+                        n = mapped_normal(textures, material, hit, n, across, down)
                 weight = wp.cw_mul(throughput, albedo) * INV_PI
                 if wp.static(linked):
                     irradiance = from_linked(
@@ -470,7 +479,7 @@ def visible_kernel(
                     if wp.static(rough):
                         beam.w = behind_sheet(beam.w, surfaces.ior[material], textures.roughnesses[material], u, v)
                 else:
-                    beam = scatter(surfaces, beam, hit, at, reflected, wp.static(moves))
+                    beam = scatter(beam, hit, at, reflected, False, wp.static(moves))
             else:
                 break
 
@@ -573,6 +582,7 @@ def visible_points(
         thin_walls=needs.thin_walls,
         rough=needs.rough,
         clipped=needs.clipped,
+        normal_maps=needs.normal_maps,
     )
     first = True
     while len(items):

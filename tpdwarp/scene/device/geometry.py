@@ -21,7 +21,8 @@ class Surfaces:
 
     ``time`` is where in the shutter (−½ … ½) ``points`` stand; normals are moved there on the fly. ``magnitude``
     is how large the coordinates of the scene are along each axis. Where solids are nested, ``medium_of`` has the medium
-    of each object and ``medium_index`` the index of each medium (:mod:`tpdwarp.scene.nesting`).
+    of each object and ``medium_index`` the index of each medium (:mod:`tpdwarp.scene.nesting`); outside of the box from
+    ``media_low`` to ``media_high`` there is none at any time of the shutter.
     """
 
     mesh: wp.uint64
@@ -42,6 +43,8 @@ class Surfaces:
     ior: wp.array(dtype=wp.float32)
     medium_of: wp.array(dtype=wp.int32)
     medium_index: wp.array(dtype=wp.float32)
+    media_low: wp.vec3
+    media_high: wp.vec3
 
 
 @dataclass
@@ -112,6 +115,9 @@ def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
     return np.concatenate(filled).astype(dtype)
 
 
+# Beyond the box of solids so far there is no medium, in the tracer's units: more than by what solids in contact are
+# separated (tpdwarp.scene.device.contact), and than rounding.
+MEDIA_MARGIN = 1e-4
 # A triangle without area, which no ray hits, for scenes that have none at all.
 NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
 
@@ -196,6 +202,9 @@ def geometry_of(
     surfaces.medium_of = launcher.array(media, wp.int32)
     indices = np.zeros(0) if nesting is None else nesting.indices
     surfaces.medium_index = launcher.array(indices.astype(np.float32), wp.float32)
+    if nesting is not None:
+        box = normalization.points(nesting.box)
+        surfaces.media_low, surfaces.media_high = wp.vec3(*(box[0] - MEDIA_MARGIN)), wp.vec3(*(box[1] + MEDIA_MARGIN))
     paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
     return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, tuple(table))
 

@@ -68,6 +68,8 @@ def media_at(surfaces: Surfaces, x: wp.vec3, w: wp.vec3) -> int:
     """The media that a path begins in at x: those whose surface is first met from its back, ahead or behind."""
     inside = int(0)
     known = int(0)
+    if wp.min(wp.min(x - surfaces.media_low), wp.min(surfaces.media_high - x)) < 0.0:
+        return inside
     for side in range(2):
         direction = w
         if side == 1:
