@@ -14,14 +14,19 @@ Beyond the paper, whose swept footprints (Eq. 7) are lines as well, all along.
 
 from __future__ import annotations
 
+import math
+
 import warp as wp
 
-from tpdwarp.footprints.bspline import HALF_WIDTH, Trajectory, box_extent, twice_averaged_bspline
+from tpdwarp.footprints.bspline import HALF_WIDTH, Trajectory, box_extent, bspline_tail, twice_averaged_bspline
 from tpdwarp.footprints.lanes import LANES, Lanes, not_negative
 
-# A line goes at least so many pixels, or halves of what a B-spline reaches over: its ends, where the profile along it
-# is taken for a box, are less than a quarter of it. Chosen, not derived.
-SHORTEST_WAY = wp.constant(8.0)
+# A line goes at least so many pixels, or halves of what a B-spline reaches over. Chosen, not derived: at the ends of a
+# cell's line, an eighth of it, the profile along it is taken for a box; that of a B-spline is one, of which slower ones
+# pass few nodes anyway.
+SHORTEST_WAY_OF_CELL, SHORTEST_WAY_OF_BSPLINE = wp.constant(8.0), wp.constant(3.0)
+# A box has the variance of a B-spline so many times narrower.
+BOX_OF_BSPLINE = wp.constant(math.sqrt(3.0))
 # It turns by no more than a radian, so that it passes nothing twice, and leaves its tangent by no more than this part
 # of what it covers within that: half of the curvature.
 LARGEST_TURN = wp.constant(1.0)
@@ -57,7 +62,8 @@ def is_line(trajectory: Trajectory) -> bool:
     jerk = wp.length(measure * trajectory.jerk)
     slowest = wp.length(measure * trajectory.velocity) - 0.5 * acceleration - 0.125 * jerk
     turning = acceleration + 0.5 * jerk
-    far = slowest > SHORTEST_WAY and trajectory.filter_width[2] >= 0.0
+    shortest = wp.where(trajectory.is_cell == 1, SHORTEST_WAY_OF_CELL, SHORTEST_WAY_OF_BSPLINE)
+    far = slowest > shortest and trajectory.filter_width[2] >= 0.0
     return far and turning < LARGEST_TURN * slowest and turning < LARGEST_CURVATURE * slowest * slowest
 
 
@@ -204,8 +210,12 @@ def line_weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     rate = _lengths_passed(trajectory, then)
     part = Lanes(-1.0)
     for end in range(2):
-        left = Lanes(0.5) + rate * (Lanes(0.5) + float(1 - 2 * end) * s)
-        part += wp.min(wp.max(left, Lanes(0.0)), Lanes(1.0))
+        left = rate * (Lanes(0.5) + float(1 - 2 * end) * s)
+        if trajectory.is_cell == 1:
+            part += wp.min(wp.max(Lanes(0.5) + left, Lanes(0.0)), Lanes(1.0))
+        else:
+            beyond = bspline_tail(BOX_OF_BSPLINE * wp.abs(left))
+            part += beyond + wp.cw_mul(not_negative(left), Lanes(1.0) - 2.0 * beyond)
     weight = wp.cw_mul(wp.cw_mul(profile, slowness), wp.max(part, Lanes(0.0)))
     scale = wp.determinant(inverse)
     return scale * wp.cw_mul(weight, Lanes(1.0) + trajectory.gain * inside)
