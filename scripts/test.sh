@@ -43,4 +43,5 @@ root=$(cd -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd -P)
 "$root/scripts/setup.sh" test
 cd "$root"
 .venv/bin/python -m ruff check
-exec .venv/bin/python -m pytest ${chosen[@]+"${chosen[@]}"} "$@"
+# Files share fixtures and kernels, so each is run by one process. (-n 0 runs all in this one.)
+exec .venv/bin/python -m pytest -n 2 --dist loadfile ${chosen[@]+"${chosen[@]}"} "$@"

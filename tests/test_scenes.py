@@ -6,11 +6,17 @@ import importlib
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdRender, UsdShade, UsdValidation
+
+from tpdwarp.scene.description import Shutter
+from tpdwarp.scene.requirements import requirements_of
+from tpdwarp.settings import StageSettings
+from tpdwarp.usd.read.stage import StageScene
 
 ROOT = Path(__file__).resolve().parent.parent
 SHIPPED = ROOT / "usd_scenes"
@@ -141,6 +147,14 @@ def test_wave_is_the_travelling_sinusoid_at_every_sample() -> None:
     assert UsdGeom.Mesh.Get(stage, "/World/Water").GetPointsAttr().GetTimeSamples() == list(FRAMES)
     for time in FRAMES:
         assert_waves(stage, time, [(0.08, 1.3, 1.3 / 8, 0.0)])
+
+
+def test_a_wave_pays_for_nothing_but_refraction_and_motion() -> None:
+    source = StageScene.open(str(SHIPPED / "wave.usdc"), StageSettings(camera="TopOrtho", exposure=1.0))
+    needs = requirements_of(source.at(Shutter(3, 3, 4)))
+    asked = {field.name for field in fields(needs) if getattr(needs, field.name)}
+    # Kernels are compiled for what is asked for here, and for nothing else.
+    assert asked == {"moving_meshes", "refraction", "bounces"}
 
 
 def test_wave_options_reach_the_scene(make_scenes: Callable[..., int], tmp_path: Path) -> None:

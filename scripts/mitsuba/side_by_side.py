@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""The caustic of a tumbler under an area lamp, beside Mitsuba 3: time to the same error, and docs/tumbler_lamp.png.
+"""The caustic of a tumbler under an area lamp, beside other renderers: time to the same error, and a picture.
 
-    .venv/bin/python scripts/mitsuba/side_by_side.py PYTHON docs/tumbler_lamp.png
+    .venv/bin/python scripts/mitsuba/side_by_side.py docs/tumbler_lamp.jpg --mitsuba PYTHON --cycles PYTHON
 
-PYTHON is one that has Mitsuba (an environment of its own: pip install mitsuba). Both render the same triangles, with
-the same normals, seen from where the floor is seen directly. The floor is all but black, so that light that it throws
-back onto the glass is no part of the comparison. Mitsuba's noise follows from two pictures of different seeds; its mean
-is the truth for tpdwarp, whose error is what is left of the difference beside that noise.
+PYTHON is one that has Mitsuba 3 (an environment of its own: pip install mitsuba), or Blender's Cycles (pip install
+bpy). All render the same triangles, with the same normals, seen from where the floor is seen directly. The floor is all
+but black, so that light that it throws back onto the glass is no part of the comparison. The truth is that of no
+renderer: the light through the glass by brute force (``usd_scenes.brute_force``), all else by many camera samples. The
+error of a path tracer falls with the root of its time, which says what it would take to err as little.
 """
 
 from __future__ import annotations
@@ -31,64 +32,107 @@ from tpdwarp.io.images import encode_srgb
 from tpdwarp.scene.description import MeshAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
+from usd_scenes import brute_force
+from usd_scenes.brute_force.description import DIELECTRIC, DIFFUSE
 
 TUMBLER = Path(__file__).resolve().parents[2] / "usd_scenes" / "tumbler.usdc"
 ALBEDO, PIXELS, RADIANCE, LAMP = 0.01, 96, 40.0, 0.6
 EYE, TARGET, UP, SIZE = (0.85, 0.0, 3.0), (0.85, 0.0, 0.0), (0.0, 1.0, 0.0), 0.9
 PHOTONS = (1 << 14, 1 << 16, 1 << 18)
+FRAME, SHOWN = 5.0, 1 << 16
+# Plain photons of the truth, and camera samples of its direct light.
+TRUTH_PHOTONS, TRUTH_SAMPLES = 1 << 24, 256
+SCRIPTS = {"mitsuba": "render.py", "cycles": "../blender/render_lamp.py"}
 # Pictures are shown so much enlarged, and a gap between them.
 ENLARGED, GAP = 2, 4
 
 
 def main() -> None:
-    """Renders both, prints the ratio, and writes the picture."""
-    parser = argparse.ArgumentParser(description="Compares soft caustics with Mitsuba 3.")
-    parser.add_argument("python", type=Path, help="a Python that has Mitsuba")
+    """Renders with all, prints the ratios, and writes the picture."""
+    parser = argparse.ArgumentParser(description="Compares soft caustics with other renderers.")
     parser.add_argument("picture", type=Path)
-    parser.add_argument("--splits", default="auto", help="parts that the lamp is cut into")
+    for name in SCRIPTS:
+        parser.add_argument(f"--{name}", type=Path, help="a Python that has it")
+    parser.add_argument("--samples", type=float, default=1.0, help="theirs, as a multiple of those of their scripts")
     options = parser.parse_args()
     stage = stage_of()
+    scene = tpdwarp.Scene(stage, camera="/World/Above", threads=1, image_width=PIXELS, samples=4, exposure=0.0)
+    truth = truth_of(stage, scene)
+
+    def error(found: np.ndarray) -> float:
+        return math.sqrt(np.mean((found - truth) ** 2)) / truth.mean()
+
+    shown, others = [truth], {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write(stage, folder)
-        script = Path(__file__).resolve().parent / "render.py"
-        subprocess.run([options.python, script, folder], check=True)
-        theirs = dict(np.load(folder / "pictures.npz"))
-    means = {name: theirs[name].mean(axis=0) for name in ("ptracer", "path")}
-    noise = {name: math.sqrt(0.5 * np.mean((theirs[name][0] - theirs[name][1]) ** 2)) for name in means}
-    truth, mean = means["ptracer"], means["ptracer"].mean()
-    print(f"  Mitsuba's two integrators: means differ by {means['path'].mean() / mean - 1:+.4f}")
-    for name, deviation in noise.items():
-        print(f"  {name:10s} relative RMSE {deviation / mean:.4f} in {float(theirs[f'{name}_seconds']):.1f} CPU s")
-    best = None
-    scene = tpdwarp.Scene(stage, camera="/World/Above", threads=1, image_width=PIXELS, samples=4, exposure=0.0)
-    splits = options.splits if options.splits == "auto" else int(options.splits)
+        for renderer, script in SCRIPTS.items():
+            if (python := getattr(options, renderer)) is None:
+                continue
+            command = [python, Path(__file__).resolve().parent / script, folder, str(options.samples)]
+            subprocess.run(command, check=True)
+            with np.load(folder / f"{renderer}.npz") as found:
+                theirs = dict(found)
+            for kind in (key for key in theirs if not key.endswith("_seconds")):
+                seconds = float(theirs[f"{kind}_seconds"])
+                others[kind] = (error(theirs[kind]), seconds)
+                shown.append(theirs[kind])
+                print(
+                    f"  {kind:20s} relative RMSE {others[kind][0]:.4f}, mean {theirs[kind].mean() / truth.mean():.4f}, "
+                    f"{seconds:.1f} CPU s",
+                    flush=True,
+                )
     for photons in PHOTONS:
-        scene.render_frame(5.0, photons=photons, light_splits=splits)
+        scene.render_frame(FRAME, photons=photons)
         start = time.process_time()
-        frame = scene.render_frame(5.0, photons=photons, light_splits=splits)
+        frame = scene.render_frame(FRAME, photons=photons)
         seconds = time.process_time() - start
         ours = frame.channels["R"].astype(np.float64)
-        # The mean of two pictures has half the variance of one.
-        squared = np.mean((ours - truth) ** 2) - 0.5 * noise["ptracer"] ** 2
-        best = ours
-        if squared <= 0.0:
-            ratio = ours.mean() / mean
-            print(f"  {photons:7d} photons: mean {ratio:.4f}, {seconds:.2f} CPU s; errs by less than the noise")
-            continue
-        error = math.sqrt(squared) / mean
-        needed = {
-            name: float(theirs[f"{name}_seconds"]) * (deviation / mean / error) ** 2
-            for name, deviation in noise.items()
-        }
         parts = frame.energy.counts.get("parts of each light with extent", 1)
-        said = ", ".join(f"{name} {value:.1f} s ({value / seconds:.1f} times)" for name, value in needed.items())
+        times = (f"{name} {spent * (own / error(ours)) ** 2 / seconds:.1f}" for name, (own, spent) in others.items())
         print(
-            f"  {photons:7d} photons, {parts:3d} parts: relative RMSE {error:.4f}, mean {ours.mean() / mean:.4f}, "
-            f"{seconds:.2f} CPU s; for that error {said}",
+            f"  {photons:7d} photons, {parts:3d} parts: relative RMSE {error(ours):.4f}, "
+            f"mean {ours.mean() / truth.mean():.4f}, {seconds:.2f} CPU s; for that error times as long: "
+            f"{', '.join(times)}",
             flush=True,
         )
-    _write_picture(options.picture, [best, truth, theirs["ptracer"][0], means["path"]])
+        if photons == SHOWN:
+            shown.insert(0, ours)
+    _write_picture(options.picture, shown)
+
+
+def truth_of(stage: Usd.Stage, scene: tpdwarp.Scene) -> np.ndarray:
+    """Radiance of the floor, shape [height, width]."""
+    source = StageScene.open(stage, Settings(camera="/World/Above", exposure=0.0)).at(Shutter.still(FRAME))
+    (lamp,) = source.lights
+    light = brute_force.Light(
+        lamp.path, lamp.power[0], position=(lamp.position,) * 2, spans=np.asarray(lamp.extent.spans)
+    )
+    # A square of the floor is the same pixel to a camera close above it.
+    eye = np.array([EYE[0], EYE[1], 0.01])
+    above = brute_force.Camera((eye, eye), np.eye(3), SIZE, PIXELS, PIXELS)
+    meshes = []
+    for mesh in source.meshes:
+        points, normals, triangles = _corners(mesh)
+        kind = DIELECTRIC if mesh.specular else DIFFUSE
+        normals = (normals,) * 2 if mesh.specular else None
+        meshes.append(
+            brute_force.Mesh(mesh.path, (points,) * 2, triangles, kind, mesh.materials[0].ior, normals=normals)
+        )
+    lit = brute_force.Scene("tumbler", tuple(meshes), (light,), above)
+    caustic = brute_force.irradiance(lit, TRUTH_PHOTONS, threads=1)
+    direct = scene.render_frame(FRAME, photons=1024, samples=TRUTH_SAMPLES, aovs=("direct",)).channels["direct.R"]
+    truth = caustic.irradiance * ALBEDO / math.pi + direct
+    own = caustic.error * caustic.irradiance.mean() * ALBEDO / math.pi / truth.mean()
+    print(f"  the truth errs by {own:.4f}", flush=True)
+    return truth
+
+
+def _corners(mesh: MeshAtShutter) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A mesh with vertices of its own for each triangle: points, normals and triangles."""
+    points = mesh.points[mesh.triangles].reshape(-1, 3).astype(np.float64)
+    normals = mesh.normals[mesh.normal_indices].reshape(-1, 3).astype(np.float64)
+    return points, normals, np.arange(len(points), dtype=np.int32).reshape(-1, 3)
 
 
 def stage_of() -> Usd.Stage:
@@ -96,7 +140,7 @@ def stage_of() -> Usd.Stage:
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     layer.TransferContent(Sdf.Layer.FindOrOpen(str(TUMBLER)))
     stage = Usd.Stage.Open(layer)
-    place = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Sun")).ComputeLocalToWorldTransform(5.0)
+    place = UsdGeom.Xformable(stage.GetPrimAtPath("/World/Sun")).ComputeLocalToWorldTransform(FRAME)
     for name in ("Water", "IceA", "IceB", "Sun"):
         stage.RemovePrim(f"/World/{name}")
     shader = UsdShade.Shader(stage.GetPrimAtPath("/World/Materials/Floor/Surface"))
@@ -119,14 +163,14 @@ def stage_of() -> Usd.Stage:
 def write(stage: Usd.Stage, folder: Path) -> None:
     """Writes meshes as PLY files, and the rest as scene.json."""
     settings = Settings(camera="/World/Above", exposure=0.0)
-    scene = StageScene.open(stage, settings).at(Shutter.still(5))
+    scene = StageScene.open(stage, settings).at(Shutter.still(FRAME))
     meshes = {}
     for mesh in scene.meshes:
         name = mesh.path.rpartition("/")[2]
         _write_ply(folder / f"{name}.ply", mesh)
         meshes[name] = mesh.materials[0].ior if mesh.specular else 0.0
     lamp = UsdLux.RectLight(stage.GetPrimAtPath("/World/Lamp"))
-    rows = np.array(lamp.ComputeLocalToWorldTransform(5.0))
+    rows = np.array(lamp.ComputeLocalToWorldTransform(FRAME))
     described = {
         "albedo": ALBEDO,
         "meshes": meshes,
@@ -143,10 +187,8 @@ def write(stage: Usd.Stage, folder: Path) -> None:
 
 
 def _write_ply(path: Path, mesh: MeshAtShutter) -> None:
-    """One vertex a corner of each triangle, with its normal where there are any."""
-    names, corners = ["x", "y", "z"], [mesh.points[mesh.triangles].reshape(-1, 3)]
-    if mesh.normals is not None:
-        names, corners = [*names, "nx", "ny", "nz"], [*corners, mesh.normals[mesh.normal_indices].reshape(-1, 3)]
+    """One vertex a corner of each triangle, with its normal."""
+    names, corners = ["x", "y", "z", "nx", "ny", "nz"], _corners(mesh)[:2]
     values = np.concatenate(corners, axis=1).astype("<f4")
     count = len(mesh.triangles)
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {3 * count}"]
@@ -166,6 +208,7 @@ def _write_picture(path: Path, pictures: list[np.ndarray]) -> None:
     pixels = encode_srgb(np.concatenate(parts[:-1], axis=1).astype(np.float32))
     output = oiio.ImageOutput.create(str(path))
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 1, "uint8")
+    spec.attribute("compression", "jpeg:90")
     output.open(str(path), spec)
     output.write_image((np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)[:, :, None])
     output.close()

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from pxr import Gf, Usd, UsdRender
 
 import tpdwarp
 from tests.farms.clusters import Cluster, cluster
@@ -72,6 +73,25 @@ def test_a_farm_of_this_machine_renders_what_render_does(stage, tmp_path):
         "a.view.usda",
         "s.jsonl",
     ]
+
+
+@pytest.mark.slow
+def test_a_farm_renders_every_product_under_its_own_name(stage, tmp_path):
+    settings = Usd.Stage.Open(str(stage))
+    found = UsdRender.Settings.Define(settings, "/Render/Settings")
+    settings.SetMetadata("renderSettingsPrimPath", "/Render/Settings")
+    for name, size in {"wide": (8, 4), "square": (4, 4)}.items():
+        product = UsdRender.Product.Define(settings, f"/Render/{name}")
+        product.CreateResolutionAttr(Gf.Vec2i(*size))
+        product.CreateProductNameAttr(f"{name}.exr")
+        found.GetProductsRel().AddTarget(product.GetPath())
+    settings.GetRootLayer().Save()
+    few = {"frames": "1:2", "samples": 1, "photons": 256, "threads": 1}
+    result = tpdwarp.farm(stage, tmp_path / "farm" / "<product>.##.exr", workers=1, **few)
+    assert result.ok and len(result.outcomes) == 4
+    assert tpdwarp.render(stage, tmp_path / "one" / "<product>.##.exr", **few).ok
+    assert len(list((tmp_path / "one").glob("*.exr"))) == 4
+    assert_same_pixels(tmp_path / "farm", tmp_path / "one")
 
 
 def test_a_scheduler_that_does_not_answer_is_refused(stage, tmp_path):

@@ -138,6 +138,45 @@ def test_a_lamp_under_a_mirror_shines_as_its_image_does(moves):
     assert truth.irradiance.mean() == pytest.approx(expected.mean(), rel=truth.error)
 
 
+@pytest.mark.parametrize("shape", ["sphere", "rectangle"])
+def test_a_lamp_with_extent_shines_by_way_of_a_mirror_as_lamberts_law_has_it(shape):
+    """A sphere as a point does, E = I cos θ/d²; a rectangle by the sum over its places, I cos² θ/d² of each."""
+    points, triangles = shapes.rectangle(1.3, 1.3)
+    mirror = still("/mirror", (points, triangles[:, ::-1]), (0, 0, 2), MIRROR)
+    spans = np.array([[0.0, 0.4, 0.0], [0.3, 0.0, 0.0]])
+    extent = {"radius": 0.4} if shape == "sphere" else {"spans": spans}
+    lamp = Light("/lamp", 3.0, position=(np.array([-0.2, 0.1, 1.0]),) * 2, **extent)
+    truth = irradiance(scene([floor(), mirror], lamp, camera(1.0, 4)), 1 << 21, parts=4)
+    side = (np.arange(64) + 0.5) / 64 - 0.5
+    x, y = np.meshgrid(side, -side)
+    expected = np.zeros((64, 64))
+    steps = (np.arange(8) + 0.5) / 4 - 1
+    for u, v in np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) if shape == "rectangle" else [(0, 0)]:
+        place = u * spans[0] + v * spans[1] - (0.2, -0.1, 0.0)
+        square = (x - place[0]) ** 2 + (y - place[1]) ** 2 + 3.0**2
+        expected += 3.0 * 9.0 / square**2 / 64 if shape == "rectangle" else 3.0 * 3.0 / square**1.5
+    expected = expected.reshape(4, 16, 4, 16).mean(axis=(1, 3))
+    # Pixels err alike and each by itself, so that their mean errs by a quarter of that.
+    assert truth.error < 0.05
+    assert truth.irradiance.mean() == pytest.approx(expected.mean(), rel=3 * truth.error / 4)
+    assert np.sqrt(np.mean((truth.irradiance / expected - 1) ** 2)) < 2 * truth.error
+
+
+def test_a_sun_through_flat_water_leaves_an_edge_as_wide_as_it_is():
+    """The part of its disc on one side of a chord; all of it in the middle."""
+    degrees, depth = 6.0, 1.0
+    water = still("/water", flat_sheet(0.3, depth), (0, 0, 0), DIELECTRIC, 1.33)
+    light = Light("/sun", 1.0, direction=DOWN, angle=math.radians(degrees))
+    radius = depth * math.tan(math.asin(math.sin(math.radians(0.5 * degrees)) / 1.33))
+    truth = irradiance(scene([floor(), water], light, camera(4 * radius, 32, center=(0.15, 0.0))), 1 << 20, parts=2)
+    s = np.clip(-((np.arange(32) + 0.5) / 8 - 2), -1, 1)
+    passed = 1 - closed_forms.fresnel_reflectance(0.0, 1.0, 1.33)
+    expected = passed * (0.5 + (np.arcsin(s) + s * np.sqrt(1 - s**2)) / math.pi)
+    # More than 5000 photons a column, which err by no more than 1/√N, and three times that.
+    np.testing.assert_allclose(truth.irradiance.mean(axis=0), expected, atol=0.04)
+    assert truth.irradiance.mean() == pytest.approx(expected.mean(), rel=5e-3)
+
+
 @pytest.mark.parametrize("tilt, leaves", [(-20.0, 85.0), (80.0, 45.0)])
 def test_shading_normals_turn_light_unless_it_would_go_into_the_surface(tilt, leaves):
     """A mirror at x = 1, a unit above the floor, lit by light that goes towards +x and 45 degrees down.
@@ -283,17 +322,17 @@ def test_turning_glass_agrees_with_the_slow_tracer():
 @wp.kernel(enable_backward=False)
 def _points(directions: wp.array2d(dtype=wp.uint32), seed: int, found: wp.array2d(dtype=wp.float64)):
     point = wp.tid()
-    for dimension in range(3):
+    for dimension in range(5):
         found[point, dimension] = coordinate(directions, point, dimension, seed)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 77])
 def test_scrambled_points_are_spread_evenly_in_every_dimension_and_pair(seed):
     directions = wp.array(direction_numbers(), dtype=wp.uint32, device="cpu")
-    found = wp.zeros((256, 3), dtype=wp.float64, device="cpu")
+    found = wp.zeros((256, 5), dtype=wp.float64, device="cpu")
     wp.launch(_points, dim=256, inputs=[directions, seed, found], device="cpu")
     points = found.numpy()
-    for dimension in range(3):
+    for dimension in range(5):
         np.testing.assert_array_equal(np.sort(np.floor(256 * points[:, dimension])), np.arange(256))
     # The first two dimensions are a (0, 2)-sequence: one point in every elementary interval of area 1/256.
     for k in range(9):
@@ -303,7 +342,7 @@ def test_scrambled_points_are_spread_evenly_in_every_dimension_and_pair(seed):
 
 def test_sequences_of_different_seeds_differ():
     directions = wp.array(direction_numbers(), dtype=wp.uint32, device="cpu")
-    found = [wp.zeros((64, 3), dtype=wp.float64, device="cpu") for _ in range(2)]
+    found = [wp.zeros((64, 5), dtype=wp.float64, device="cpu") for _ in range(2)]
     for seed in range(2):
         wp.launch(_points, dim=64, inputs=[directions, seed, found[seed]], device="cpu")
     assert np.abs(found[0].numpy() - found[1].numpy()).mean() > 0.2

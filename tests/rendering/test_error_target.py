@@ -18,7 +18,7 @@ from tpdwarp.io.images import read_stored
 from tpdwarp.jobs.opening import open_scene, shutter_of, spread_shutters
 from tpdwarp.rendering import error_target
 from tpdwarp.rendering.context import RenderContext
-from tpdwarp.rendering.error_target import chosen, numbers_of_segments, settled
+from tpdwarp.rendering.error_target import Choice, chosen, enough_samples, numbers_of_segments, settled
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
@@ -43,8 +43,37 @@ class Made:
         noise = self.space * photons**-self.slope * random.standard_normal((1, 4000, 3))
         return 1.0 + noise + self.time * segments**-2 * np.random.default_rng(1).standard_normal((1, 4000, 3))
 
+    def keep(self, frame: int) -> None:
+        assert frame == 0
+
     def error(self, photons: int, segments: int) -> float:
         return math.hypot(self.space * photons**-self.slope, self.time * segments**-2)
+
+
+class Dark:
+    """Pictures of nothing."""
+
+    def __call__(self, photons: int, segments: int) -> np.ndarray:
+        return np.zeros((1, 10, 3))
+
+    def keep(self, frame: int) -> None:
+        assert frame == 0
+
+
+class Several:
+    """Pictures of several frames of power laws of their own; how many photons were traced for each."""
+
+    def __init__(self, *frames: Made) -> None:
+        self.frames, self.traced = list(frames), [0] * len(frames)
+        self._looked_at = list(range(len(frames)))
+
+    def __call__(self, photons: int, segments: int) -> np.ndarray:
+        for number in self._looked_at:
+            self.traced[number] += photons * segments
+        return np.concatenate([self.frames[number](photons, segments) for number in self._looked_at])
+
+    def keep(self, frame: int) -> None:
+        self._looked_at = [self._looked_at[frame]]
 
 
 @pytest.mark.parametrize("wanted", [0.1, 0.05, 0.02, 0.01])
@@ -66,6 +95,37 @@ def test_the_cheaper_of_photons_and_segments_is_raised():
     assert chosen(Made(8.0, 1.0, 0.5), 0.01, (1,)).segments == 1
 
 
+@pytest.mark.parametrize("wanted", [0.1, 0.02])
+def test_the_frame_that_errs_most_decides_and_the_others_are_hardly_looked_at(wanted):
+    frames = Made(4.0, 0.75), Made(4.0, 0.75, 0.2), Made(1.0, 0.75, 0.02)
+    pictures = Several(*frames)
+    choice = chosen(pictures, wanted, DOUBLED)
+    assert 0.5 * wanted < frames[1].error(choice.photons, choice.segments) < 1.5 * wanted
+    others = max(pictures.traced[0], pictures.traced[2])
+    assert others <= 2 * error_target.PHOTONS_OF_ALL_FRAMES < pictures.traced[1]
+
+
+class Seen:
+    """Pictures whose error by camera samples is that of a stratified mean."""
+
+    def __init__(self, error: float, moves: bool) -> None:
+        self.view_moves, self._error = moves, error
+
+    def __call__(self, photons: int, segments: int, samples: int) -> np.ndarray:
+        noise = np.random.default_rng(samples).standard_normal((1, 4000, 3))
+        return 1.0 + self._error * samples**-0.75 * noise
+
+
+@pytest.mark.parametrize(
+    ("error", "moves", "samples"), [(0.5, True, 64), (0.1, True, 16), (0.05, True, 4), (0.5, False, 4)]
+)
+def test_samples_are_raised_until_what_moves_past_pixels_adds_little(error, moves, samples):
+    wanted = 0.05
+    found, by_samples = enough_samples(Seen(error, moves), Choice(4096, 1, wanted), wanted, 4)
+    assert found == samples
+    assert by_samples == pytest.approx(error * samples**-0.75 if moves else 0.0, rel=0.1)
+
+
 def test_smaller_errors_cost_more():
     choices = [chosen(Made(8.0, 0.75, 0.05), wanted, DOUBLED) for wanted in (0.2, 0.1, 0.03, 0.01)]
     costs = [choice.photons * choice.segments for choice in choices]
@@ -80,8 +140,8 @@ def test_no_choice_takes_more_photons_than_there_may_be(wanted, monkeypatch):
 
 
 def test_no_light_needs_few_photons():
-    choice = chosen(lambda photons, segments: np.zeros((1, 10, 3)), 0.02, DOUBLED)
-    assert (choice.photons, choice.segments) == (error_target.FIRST_PHOTONS, 1) and choice.error < 1e-9
+    choice = chosen(Dark(), 0.02, DOUBLED)
+    assert (choice.photons, choice.segments) == (error_target.FEWEST_PHOTONS, 1) and choice.error < 1e-9
 
 
 @pytest.mark.slow

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.estimators.frames import OPEN, STILL_SCENE, irradiance
-from tests.photons.shapes import ball, box, floor, glass, moving
-from tests.photons.traced import sun
+from tests.photons.shapes import MIRROR, ball, box, floor, glass, mesh, moving
+from tests.photons.traced import lamp, sun
 from tests.view.scenes import Source, looking_down, quad, steady, wave_source
 from tpdwarp.clock import Clock
 from tpdwarp.photons.path_tags import PathTags, facets_of
@@ -22,6 +23,7 @@ from tpdwarp.trajectories.changing import PARTS, changing_cells, place_in_cell
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from usd_scenes.oracle import Wave
 from usd_scenes.oracle.closed_forms import fresnel_reflectance, lit_edge_profile, snell
+from usd_scenes.shapes import ring
 
 RETRACED = "cells traced again in time"
 SETTINGS = Settings(photons=4096, segments=1, samples=1, aovs=("irradiance",))
@@ -81,6 +83,20 @@ def test_an_edge_along_the_motion_takes_part_of_a_cell_wherever_it_lies(place):
     # Eight places in each cell, of which the edge divides those it goes through alike up to half a place; photons in
     # the middle of their cells would be wrong by up to half a cell.
     assert lit == pytest.approx(2 + place * cell, abs=cell / PARTS / 2)
+
+
+def test_a_side_that_shows_in_less_than_the_last_of_the_cells_is_lit():
+    """The side of a slab that the sun just sees reflects to the floor what Fresnel says, with few photons, too."""
+    theta, thick = 0.05, 0.3
+    slab = moving(box("/slab", (-1, -1, 1.0), (1, 1, 1.0 + thick), glass()), (0.0, 0.1, 0.0))
+    source = steady([floor(), slab], (sun((math.sin(theta), 0, -math.cos(theta))),))
+    photons = trace_frame(RenderContext(source, Settings.of(SETTINGS, photons=1024)), OPEN).photons
+    seen, step = thick * math.sin(theta), (2.0 * math.cos(theta) + thick * math.sin(theta)) / 32
+    assert seen < 0.3 * step
+    reflected = fresnel_reflectance(0.5 * math.pi - theta, 1.0, 1.5)
+    # Each cell is looked at in eight places across, on both sides of each face.
+    found = photons.flux[(photons.bounces == 1) & (photons.normals[:, 2] > 0), 0].sum()
+    assert found == pytest.approx(2.0 * seen * reflected, abs=2.0 * step / PARTS)
 
 
 def test_places_in_a_cell_are_spread_evenly_over_time_and_along_both_of_its_sides():
@@ -152,6 +168,17 @@ def test_waves_and_bodies_that_glide_with_their_light_are_traced_once(source):
 def test_light_that_leaves_by_another_facet_is_traced_again():
     cells = changing(turning_box(0.1))
     assert cells is not None and 0 < len(cells) < 2048
+
+
+@pytest.mark.parametrize("height", [0.5, 0.7])
+def test_what_two_faces_of_the_cube_meet_in_shines_once(height):
+    """A lamp goes round a ring of mirrors, which several faces of its directions see."""
+    points, triangles, normals = ring(0.5, 0.3, 96)
+    tube = mesh("/ring", points, triangles, MIRROR, normals=normals)
+    source = steady([floor(), tube], (lamp((0.3, 0.1, height), motion=(-0.1, 0.3, 0.0)),))
+    traced = trace_frame(RenderContext(source, SETTINGS), OPEN)
+    assert len(np.unique(traced.photons.ids)) > 1000 and traced.energy.counts[RETRACED] > 0
+    assert traced.photons.flux.sum(dtype=np.float64) == pytest.approx(traced.energy.deposited, rel=1e-5)
 
 
 def test_facets_are_planes_and_smooth_surfaces_have_none():

@@ -11,7 +11,7 @@ import pytest
 from tests.view.scenes import SUN, WATER, floor, looking_down, quad, steady
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
-from tpdwarp.scene.description import Material, Shutter
+from tpdwarp.scene.description import Extent, ExtentShape, Material, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.view.object_ids import MOST, object_ids
 
@@ -19,8 +19,8 @@ STILL, OPEN = Shutter(0, 0, 0), Shutter(0, 0, 1)
 BLUE = Material(color=(0.2, 0.4, 0.6))
 
 
-def render(meshes, aovs, camera=None, shutter=STILL, samples=4):
-    source = steady(meshes, (SUN,), camera or looking_down())
+def render(meshes, aovs, camera=None, shutter=STILL, samples=4, light=SUN):
+    source = steady(meshes, (light,), camera or looking_down())
     settings = Settings(photons=64, threads=1, aovs=aovs, samples=samples)
     return render_frame(RenderContext(source, settings), shutter, 16, 16).channels
 
@@ -50,6 +50,25 @@ def test_direct_light_and_what_dielectrics_shade_add_up_to_a_scene_without_them(
     shade = np.broadcast_to(np.array(BLUE.color) / math.pi, (4, 7, 3))
     np.testing.assert_allclose(rgb(with_pane, "shadow")[-4:, :7], shade, rtol=1e-5)
     assert rgb(with_pane, "shadow")[:, 9:].max() == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sun", [SUN, replace(SUN, extent=Extent(ExtentShape.ROUND, 0.001))], ids=["point", "disc"])
+def test_what_dielectrics_shade_heeds_what_light_is_linked_to(sun):
+    pane_, card = pane(), quad("/card", (-3, -3), (3, 3), 2.0)
+    below = looking_down(height=0.9)
+
+    def shadow(meshes, **links):
+        return rgb(render([floor(material=BLUE), *meshes], ("shadow",), below, light=replace(sun, **links)), "shadow")
+
+    apart = frozenset({"/elsewhere"})
+    shaded = shadow([pane_], unlit=apart)
+    np.testing.assert_allclose(shaded[:, :7], np.broadcast_to(np.array(BLUE.color) / math.pi, (16, 7, 3)), rtol=1e-4)
+    # Glass that light passes, or that shades what is not lit, takes nothing away.
+    np.testing.assert_array_equal(shadow([pane_], passed=frozenset({"/pane"})), 0)
+    np.testing.assert_array_equal(shadow([pane_], unlit=frozenset({"/floor"})), 0)
+    np.testing.assert_array_equal(shadow([pane_, card], unlit=apart), 0)
+    np.testing.assert_allclose(shadow([pane_, card], passed=frozenset({"/card"})), shaded, rtol=1e-6)
 
 
 @pytest.mark.parametrize("panes", [1, 2, 5])

@@ -31,6 +31,7 @@ from tpdwarp.scene.description import (
     MeshAtShutter,
     SceneAtShutter,
 )
+from usd_scenes import shapes
 from usd_scenes.oracle import finite_differences, surfaces_of
 from usd_scenes.oracle.closed_forms import critical_angle, fresnel_reflectance, snell
 
@@ -200,6 +201,20 @@ def test_check_21_seen_through_flat_water_the_floor_is_shifted_by_snell_and_dimm
     assert reflected is not None and reflected.receivers[0] == -1
 
 
+@pytest.mark.parametrize("wedge", [0.1, 0.4])
+def test_through_a_wedge_of_glass_radiance_keeps_its_scale_whatever_its_angle(wedge):
+    """In at a tilted face, out at a level one: the square of the index cancels, Snell and Fresnel count at each."""
+    glass = Material(Interaction.DIELECTRIC, ior=1.5)
+    top = quad("/top", (-3, -3), (3, 3), 0.0, glass)
+    top = replace(top, points=top.points @ turned((0, wedge, 0)) + (0, 0, 1.5))
+    bottom = quad("/bottom", (-3, -3), (3, 3), 0.5, glass, up=False)
+    scene = SceneAtShutter(SHUTTER, (floor(), top, bottom), (), looking_down(height=5.0))
+    seen = see(scene, SIZE, SIZE, MIDDLE)[0]
+    inside = wedge - snell(wedge, 1.0, 1.5)
+    passed = (1 - fresnel_reflectance(wedge, 1.0, 1.5)) * (1 - fresnel_reflectance(inside, 1.5, 1.0))
+    np.testing.assert_allclose(math.pi * seen.weights[0], passed, rtol=1e-5)
+
+
 @pytest.mark.parametrize("theta", [0.3, 0.9])
 def test_what_water_reflects_is_seen_with_the_rest_of_the_light(theta):
     water, roof = quad("/water", (-3, -3), (3, 3), 1.0, WATER), quad("/roof", (-9, -9), (9, 9), 1.8, up=False)
@@ -264,6 +279,35 @@ def test_no_point_of_a_lone_floor_lies_in_its_own_shadow(plane, size, through_th
         films = np.random.default_rng(5).uniform(0, 64, (2000, 2))
         (seen,) = see(SceneAtShutter(SHUTTER, (board,), (sun,), camera), 64, 64, films)
         np.testing.assert_allclose(math.pi * seen.direct[:, 0], math.cos(angle), rtol=1e-4)
+
+
+@pytest.mark.parametrize("body", ["box", "ball"])
+@pytest.mark.parametrize(("size", "offset"), [(1e-3, 0.0), (1.0, 0.0), (1.0, 1e3), (1.0, 1e7), (1e4, 1e8)])
+def test_no_point_of_a_convex_body_or_of_what_it_stands_on_lies_in_its_own_shadow(body, size, offset):
+    """Turned at random, half sunk or standing on a floor, under light that falls along that floor's normal."""
+    points, triangles = shapes.box((1.0, 1.0, 1.0)) if body == "box" else shapes.sphere(32, 16)[:2]
+    random, place = np.random.default_rng(3), np.array([offset, -2 * offset, 0.5 * offset])
+    films = random.uniform(0, 64, (1000, 2))
+    for angles in random.normal(size=(3, 3)):
+        turn = turned(angles).T
+        up = turn[:, 2]
+        lifted = points + ((0, 0, 0.5) if body == "box" else (0, 0, 0))
+        corners = 3.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
+        ground = MeshAtShutter("/floor", size * corners @ turn.T + place, QUAD, materials=(WHITE,))
+        solid = MeshAtShutter(
+            "/body", size * lifted @ turn.T + place, triangles.astype(np.int32), materials=(WHITE,)
+        )  # fmt: skip
+        across = np.cross(turn[:, 0] + (0.1, 0.2, 0.3), up)
+        across /= np.linalg.norm(across)
+        axes = np.stack([across, np.cross(up, across), up])
+        sun = LightAtShutter("/sun", LightKind.DISTANT, (1.0, 1.0, 1.0), axes=axes)
+        view = turned((0.4, 0.2, 0.0)) @ axes
+        camera = CameraAtShutter("/cam", True, place + 6 * size * view[2], view, (-2 * size, 2 * size) * 2)
+        (seen,) = see(SceneAtShutter(SHUTTER, (ground, solid), (sun,), camera), 64, 64, films)
+        met = seen.receivers >= 0
+        assert met.mean() > 0.9
+        expected = np.maximum(seen.normals[met] @ up, 0.0)
+        np.testing.assert_allclose(math.pi * seen.direct[met, 0], expected, atol=1e-3)
 
 
 def test_surfaces_a_ten_thousandth_of_the_scene_apart_shadow_each_other():

@@ -23,11 +23,13 @@ from tpdwarp.errors import InputError, logger, shortened
 from tpdwarp.farms.cluster import CLOSE_SECONDS, Tls, connected, local_cluster
 from tpdwarp.farms.order import Order, heard
 from tpdwarp.farms.worker import ChunkResult, UnfitWorker, render_chunk
+from tpdwarp.io.files import file_name
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.memory import memory_allowed
 from tpdwarp.jobs.frame_loop import OUT_OF_MEMORY, Persistence, layer_problems, reason_of
 from tpdwarp.jobs.opening import FilePath, Frames, chosen_settings
 from tpdwarp.jobs.outputs import sweep_folder
+from tpdwarp.jobs.products import PRODUCT, each_product
 from tpdwarp.jobs.progress import Progress, progress_of
 from tpdwarp.jobs.reports import SequenceReports
 from tpdwarp.jobs.results import FrameOutcome, SequenceResult
@@ -88,6 +90,14 @@ def farm(
     Raises:
         InputError: As for :func:`tpdwarp.render`; no scheduler answers; or no worker can render.
     """
+    if PRODUCT in file_name(out):
+        options = {
+            "scheduler": scheduler, "workers": workers, "chunk": chunk, "dashboard": dashboard, "tls": tls,
+            "frames": frames, "default_time": default_time, "progress": progress, "curves": curves, "strict": strict,
+            "skip_existing": skip_existing, "frame_timeout": frame_timeout, "retries": retries,
+            "max_failures": max_failures, "max_memory": max_memory,
+        }  # fmt: skip
+        return each_product(farm, scene, {"out": out, "debug_layer": debug_layer, "stats": stats}, options, settings)
     started, begun = time.perf_counter(), time.time()
     chosen = chosen_settings(settings)
     persistence = Persistence(frame_timeout, retries, max_failures)

@@ -230,111 +230,65 @@ def bend_extent(trajectory: Trajectory, axis: int) -> float:
     return 0.125 * wp.abs(trajectory.acceleration[axis]) + wp.abs(trajectory.jerk[axis]) / 48.0
 
 
+@wp.func
+def _along_axis(x: Lanes, width: float) -> Lanes:
+    """b, averaged over a box (beyond the paper) where it has any, which costs twice as much."""
+    if width > 0.0:
+        return averaged_bspline(x, width)
+    return quadratic_bspline(x)
+
+
+@wp.func
+def _reach_along(axis: int, growth: float, trajectory: Trajectory) -> float:
+    """How far w (beyond the paper) reaches while it stands, with axes that grow by ``growth`` of themselves."""
+    if trajectory.is_cell == 1:
+        return HALF_CELL * (1.0 + growth) + pixel_extent(trajectory.pixel, axis)
+    return HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis)
+
+
+@wp.func
+def _squared_width(axis: int, trajectory: Trajectory) -> float:
+    """The square of the width of what w (beyond the paper) is averaged over along an axis."""
+    if trajectory.is_cell == 1:
+        return (
+            trajectory.pixel[axis, 0] * trajectory.pixel[axis, 0]
+            + trajectory.pixel[axis, 1] * trajectory.pixel[axis, 1]
+        )
+    square = trajectory.filter_width[axis] * trajectory.filter_width[axis]
+    if axis == 1:
+        square += trajectory.filter_width[2] * trajectory.filter_width[2]
+    return square
+
+
 @cache
 def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Function:
-    """w(u, v, trajectory) of a B-spline footprint (beyond the paper) at queries, by lanes.
+    """w(u, v, trajectory) of a B-spline footprint, or of a cell, (beyond the paper) at queries, by lanes.
 
-    Queries (u, v) are relative to where it stands at mid shutter. ``extended`` says whether there may be soft discs,
-    the images of lights with extent.
+    It is ∫ b(y − x(s)) ds over s ∈ [−½, ½], by two Gauss nodes for each cell that the footprint moves, of which only
+    those are visited that lie inside the support of any query. The nodes do not depend on the queries (u, v), which are
+    relative to where it stands at mid shutter, so that translates by one cell sum to one while they sweep, too.
 
-    Averages over a filter width cost twice what the B-spline does, so axes without one have functions of their own.
+    ``extended`` says whether there may be soft discs, the images of lights with extent.
     """
-    plain = _weight_along_trajectory(moves, curved, False, 0)
-    box_u = _weight_along_trajectory(moves, curved, True, 0)
-    box_v = _weight_along_trajectory(moves, curved, False, 1)
-    both = _weight_along_trajectory(moves, curved, True, 1)
-    thin = _weight_along_trajectory(moves, curved, True, 2)
-    disc = _weight_along_trajectory(moves, curved, True, DISC)
-    cell = _weight_along_trajectory(moves, curved, False, CELL)
 
     @wp.func
-    def weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
-        width = trajectory.filter_width
-        if trajectory.is_cell == 1:
-            return cell(u, v, trajectory)
+    def tensor(u: Lanes, v: Lanes, width: wp.vec3, pixel: wp.mat22, is_cell: int) -> Lanes:
+        """b(y_u) b(y_v), each averaged over its boxes where it has any; a disc, or a cell."""
+        if is_cell == 1:
+            return cell_weights(u, v, pixel)
         if wp.static(extended):
             if width[2] < 0.0:
-                return disc(u, v, trajectory)
+                return soft_disc(u, v, -width[2])
         if width[2] > 0.0:
-            return thin(u, v, trajectory)
-        if width[0] > 0.0:
-            if width[1] > 0.0:
-                return both(u, v, trajectory)
-            return box_u(u, v, trajectory)
-        if width[1] > 0.0:
-            return box_v(u, v, trajectory)
-        return plain(u, v, trajectory)
-
-    return weight
-
-
-# In place of a number of boxes along v.
-DISC, CELL = 3, 4
-
-
-@cache
-def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: int) -> wp.Function:
-    """∫ b(y − x(s)) ds over s ∈ [−½, ½] (beyond the paper), by two Gauss nodes for each cell that it moves.
-
-    Only nodes inside the support of any query are visited.
-
-    The nodes do not depend on y, so that translates by one cell sum to one while they sweep, too.
-    """
-
-    is_cell = boxes_v == CELL
-
-    @wp.func
-    def tensor(u: Lanes, v: Lanes, width: wp.vec3, pixel: wp.mat22) -> Lanes:
-        """b(y_u) b(y_v), each averaged over its boxes where it has any; a disc, or a cell."""
-        along_u = Lanes(0.0)
-        along_v = Lanes(0.0)
-        if wp.static(is_cell):
-            return cell_weights(u, v, pixel)
-        if wp.static(boxes_v == DISC):
-            return soft_disc(u, v, -width[2])
-        if wp.static(boxes_v == 2):
-            # Thin footprints may be long beside a pixel, and then have no box along them.
-            along_u = quadratic_bspline(u)
-            if width[0] > 0.0:
-                along_u = averaged_bspline(u, width[0])
-        elif wp.static(box_u):
-            along_u = averaged_bspline(u, width[0])
-        else:
-            along_u = quadratic_bspline(u)
-        if wp.static(boxes_v == 2):
-            along_v = twice_averaged_bspline(v, width[1], width[2])
-        elif wp.static(boxes_v == 1):
-            along_v = averaged_bspline(v, width[1])
-        else:
-            along_v = quadratic_bspline(v)
-        return wp.cw_mul(along_u, along_v)
+            return wp.cw_mul(_along_axis(u, width[0]), twice_averaged_bspline(v, width[1], width[2]))
+        return wp.cw_mul(_along_axis(u, width[0]), _along_axis(v, width[1]))
 
     @wp.func
     def still(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
-        return tensor(u, v, trajectory.filter_width, trajectory.pixel)
+        return tensor(u, v, trajectory.filter_width, trajectory.pixel, trajectory.is_cell)
 
     if not moves:
         return still
-
-    @wp.func
-    def reach_along(axis: int, growth: float, trajectory: Trajectory) -> float:
-        """How far it reaches while it stands, with axes that grow by ``growth`` of themselves."""
-        if wp.static(is_cell):
-            return HALF_CELL * (1.0 + growth) + pixel_extent(trajectory.pixel, axis)
-        return HALF_WIDTH * (1.0 + growth) + box_extent(trajectory.filter_width, axis)
-
-    @wp.func
-    def squared_width(axis: int, trajectory: Trajectory) -> float:
-        """The square of the width of what it is averaged over along an axis."""
-        if wp.static(is_cell):
-            return (
-                trajectory.pixel[axis, 0] * trajectory.pixel[axis, 0]
-                + trajectory.pixel[axis, 1] * trajectory.pixel[axis, 1]
-            )
-        square = trajectory.filter_width[axis] * trajectory.filter_width[axis]
-        if axis == 1:
-            square += trajectory.filter_width[2] * trajectory.filter_width[2]
-        return square
 
     @wp.func
     def at_time(s: float, u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
@@ -352,9 +306,9 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
         z_v = scale * (grown_u * from_v - (s * rate[1, 0]) * from_u)
         boxes = scale * wp.vec3(grown_v * width[0], grown_u * width[1], grown_u * width[2])
         pixel = trajectory.pixel
-        if wp.static(is_cell):
+        if trajectory.is_cell == 1:
             pixel = scale * (wp.mat22(grown_v, -s * rate[0, 1], -s * rate[1, 0], grown_u) * pixel)
-        return ((1.0 + s * trajectory.gain) * scale) * tensor(z_u, z_v, boxes, pixel)
+        return ((1.0 + s * trajectory.gain) * scale) * tensor(z_u, z_v, boxes, pixel, trajectory.is_cell)
 
     @wp.func
     def moving(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
@@ -363,7 +317,7 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
             for axis in range(2):
                 rates = wp.abs(trajectory.jacobian_rate[axis, 0]) + wp.abs(trajectory.jacobian_rate[axis, 1])
                 growth = wp.max(growth, 0.5 * rates)
-        reach = wp.vec2(reach_along(0, growth, trajectory), reach_along(1, growth, trajectory))
+        reach = wp.vec2(_reach_along(0, growth, trajectory), _reach_along(1, growth, trajectory))
         extent = reach
         if wp.static(curved):
             extent += wp.vec2(bend_extent(trajectory, 0), bend_extent(trajectory, 1))
@@ -377,9 +331,9 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
             if wp.static(curved):
                 fastest += 0.5 * wp.abs(trajectory.acceleration[axis]) + 0.125 * wp.abs(trajectory.jerk[axis])
             speeds[axis] = fastest
-            speed = wp.max(speed, fastest * _relative_cell(squared_width(axis, trajectory)))
+            speed = wp.max(speed, fastest * _relative_cell(_squared_width(axis, trajectory)))
         if speed == 0.0 and growth == 0.0:
-            return tensor(u, v, trajectory.filter_width, trajectory.pixel)
+            return tensor(u, v, trajectory.filter_width, trajectory.pixel, trajectory.is_cell)
         panels = wp.ceil(wp.clamp(speed, 1.0, MOST_PANELS))
         first = int(wp.floor((within[0] + 0.5) * panels))
         last = int(wp.ceil((within[1] + 0.5) * panels))
@@ -403,8 +357,10 @@ def _weight_along_trajectory(moves: bool, curved: bool, box_u: bool, boxes_v: in
             there_u = u - Lanes(moved[0])
             there_v = v - Lanes(moved[1])
             width = trajectory.filter_width
-            early = tensor(there_u + Lanes(offset[0]), there_v + Lanes(offset[1]), width, trajectory.pixel)
-            late = tensor(there_u - Lanes(offset[0]), there_v - Lanes(offset[1]), width, trajectory.pixel)
+            pixel = trajectory.pixel
+            is_cell = trajectory.is_cell
+            early = tensor(there_u + Lanes(offset[0]), there_v + Lanes(offset[1]), width, pixel, is_cell)
+            late = tensor(there_u - Lanes(offset[0]), there_v - Lanes(offset[1]), width, pixel, is_cell)
             total += early + late
             if wp.static(curved):
                 shift = GAUSS_OFFSET * step

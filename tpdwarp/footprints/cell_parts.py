@@ -5,6 +5,8 @@ the steps from one to the next would show. So σ1 ≥ σ2, the lengths of a foot
 is that of a cell: all of it for σ1 ≤ 1 and σ2 ≤ ½, none for σ1 ≥ 2 or σ2 ≥ 1, and in between a part that changes
 evenly, lest a seam shows where light goes over from one to the other. A photon that is both has two footprints.
 
+The cell of a light with extent is as much larger as makes up for the variance of the light's image.
+
 Beyond the paper.
 """
 
@@ -16,7 +18,17 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.shaping import PixelSize, in_sides, pixel_on_plane, singular_values, tangent_frame
+from tpdwarp.footprints.light_images import cell_in_light, images_of
+from tpdwarp.footprints.shaping import (
+    LightImageArrays,
+    PixelSize,
+    in_sides,
+    light_on_plane,
+    narrowing_at,
+    pixel_on_plane,
+    singular_values,
+    tangent_frame,
+)
 from tpdwarp.photons.photon_map import PhotonMap
 
 # Lengths and widths, in pixels, up to which a footprint is a cell, and from which on it is none. Chosen: with cells up
@@ -34,6 +46,7 @@ def measure_cells(
     normal: wp.array(dtype=wp.vec3),
     dxdu: wp.array(dtype=wp.vec3),
     dxdv: wp.array(dtype=wp.vec3),
+    images: LightImageArrays,
     pixel: PixelSize,
     # Out
     parts: wp.array(dtype=wp.float32),
@@ -47,6 +60,8 @@ def measure_cells(
         j = wp.mat22(
             wp.dot(frame.e1, dxdu[i]), wp.dot(frame.e1, dxdv[i]), wp.dot(frame.e2, dxdu[i]), wp.dot(frame.e2, dxdv[i])
         )
+        if images.image.shape[0] > 0:
+            j = cell_in_light(narrowing_at(images, i) * j, on_plane, light_on_plane(images, i, frame))
         inside = in_sides(on_plane, j)
         sigma = singular_values(inside[0, 0], inside[0, 1], inside[1, 0], inside[1, 1])
         by_length = (SHORTEST_BSPLINE - sigma.s1) / (SHORTEST_BSPLINE - LONGEST_CELL)
@@ -76,5 +91,6 @@ def told_apart(maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher) -> t
 def _parts(photons: PhotonMap, pixel: PixelSize, launcher: Launcher) -> np.ndarray:
     out = launcher.zeros(len(photons), wp.float32)
     columns = (getattr(photons, name) for name in ("position", "normal", "dxdu", "dxdv"))
-    launcher(measure_cells, len(photons), [*(launcher.array(column, wp.vec3) for column in columns), pixel, out])
+    arrays = [launcher.array(column, wp.vec3) for column in columns]
+    launcher(measure_cells, len(photons), [*arrays, images_of([photons], "bspline", launcher), pixel, out])
     return out.numpy()

@@ -10,10 +10,9 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import PieceArrays, pieces_of
 from tpdwarp.footprints.cell_parts import told_apart
-from tpdwarp.footprints.light_images import axes_in_light
-from tpdwarp.footprints.shaping import FootprintArrays, LightImageArrays, PixelSize, footprint_kernel
+from tpdwarp.footprints.light_images import axes_in_light, images_of
+from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, footprint_kernel
 from tpdwarp.photons.photon_map import PhotonMap, joined
-from tpdwarp.scene.light_places import narrowing_of
 
 
 @dataclass
@@ -85,7 +84,7 @@ def shape_footprints(
 ) -> Footprints:
     """Shapes the footprints of all photons in ``maps``."""
     are_cells = np.zeros(len(maps), np.int32)
-    if kernel == "bspline" and smoothing == 1.0 and not any(len(photons.image) for photons in maps):
+    if kernel == "bspline" and smoothing == 1.0:
         maps, are_cells = told_apart(maps, pixel, launcher)
     count = sum(len(photons) for photons in maps)
     curved = any(photons.trajectory is not None for photons in maps)
@@ -130,11 +129,7 @@ def shape_footprints(
     rates = [trajectory_column("dxdut"), trajectory_column("dxdvt")]
     columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux"), bends]
     extended = all(len(m.image) == len(m) for m in maps)
-    images = LightImageArrays()
-    if extended:
-        images.narrowing = narrowing_of(max(m.light_parts for m in maps)) if kernel == "bspline" else 1.0
-        images.dxda, images.dxdb = column("dxda"), column("dxdb")
-        images.image = launcher.array(joined([m.image for m in maps]), wp.int32)
+    images = images_of(maps, kernel, launcher)
     radial = None if kernel == "bspline" else kernel
     shape = footprint_kernel(radial, curved, axes_in_light(radial) if extended else None)
     launcher(shape, count, [*columns, images, float(smoothing), pixel, out])

@@ -24,15 +24,18 @@ from functools import cache
 
 import warp as wp
 
+from tpdwarp.device import Launcher
 from tpdwarp.footprints.bspline import disc_widths
 from tpdwarp.footprints.kernels import VARIANCE
 from tpdwarp.footprints.shaping import (
     Axes,
+    LightImageArrays,
     LightOnPlane,
     PixelOnPlane,
     across_direction,
     axes_of,
     box_along_axes,
+    cell_axes,
     direction,
     in_sides,
     limited,
@@ -50,6 +53,8 @@ from tpdwarp.photons.light_columns import (
     VARIANCE_OF_DISC,
     VARIANCE_OF_INTERVAL,
 )
+from tpdwarp.photons.photon_map import PhotonMap, joined
+from tpdwarp.scene.light_places import narrowing_of
 
 # An image of less than this part of the pixel's variance is left out: it would widen the pixel by half of that.
 NEGLIGIBLE = wp.constant(0.01)
@@ -191,6 +196,37 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
     return out
 
 
+@wp.func
+def cell_in_light(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane) -> wp.mat22:
+    """The cell W that stands for a cell J averaged over the image of its light: W Wᵀ/12 = J Jᵀ/12 + its variance.
+
+    W = (W Wᵀ)^½ (J Jᵀ)^−½ J, the one nearest to J.
+    """
+    by_light = light_variance(light)
+    if light.image == IMAGE_NONE or wp.trace(by_light) <= NEGLIGIBLE * pixel_variance_trace(pixel):
+        return j
+    s = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
+    left = wp.mat22(wp.cos(s.left), -wp.sin(s.left), wp.sin(s.left), wp.cos(s.left))
+    right = wp.mat22(wp.cos(s.right), -wp.sin(s.right), wp.sin(s.right), wp.cos(s.right))
+    turn = left * wp.mat22(1.0, 0.0, 0.0, wp.where(s.s2 < 0.0, -1.0, 1.0)) * wp.transpose(right)
+    return _root(j * wp.transpose(j) + 12.0 * by_light) * turn
+
+
+@wp.func
+def pixel_variance_trace(pixel: PixelOnPlane) -> float:
+    """The variance of a pixel along both axes together."""
+    return (wp.length_sq(pixel.p) + wp.length_sq(pixel.q)) / 12.0
+
+
+@wp.func
+def spline_or_cell_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: float, is_cell: int) -> Axes:
+    """Axes of a B-spline footprint, or a cell, that is averaged over a pixel and the image of its light."""
+    if is_cell == 1:
+        w = cell_in_light(j, pixel, light)
+        return cell_axes(singular_values(w[0, 0], w[0, 1], w[1, 0], w[1, 1]), pixel, distance)
+    return image_axes(j, pixel, light, distance)
+
+
 @cache
 def axes_in_light(radial: str | None) -> wp.Function:
     """The function that gives the axes of a footprint, averaged over a pixel and its light's image.
@@ -199,11 +235,11 @@ def axes_in_light(radial: str | None) -> wp.Function:
         radial: A radial kernel of Table 1, whose singular values are widened by both; None for the B-spline.
     """
     if radial is None:
-        return image_axes
+        return spline_or_cell_axes
     variance = VARIANCE[radial]
 
     @wp.func
-    def radial_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: float) -> Axes:
+    def radial_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: float, is_cell: int) -> Axes:
         both = pixel
         if light.image != IMAGE_NONE:
             both = parallelogram_of(light_variance(light) + (_outer(pixel.p) + _outer(pixel.q)) / 12.0)
@@ -212,3 +248,17 @@ def axes_in_light(radial: str | None) -> wp.Function:
         )
 
     return radial_axes
+
+
+def images_of(maps: list[PhotonMap], kernel: str, launcher: Launcher) -> LightImageArrays:
+    """What the lights of photons span, one row a photon; no rows where no light has an extent."""
+    out = LightImageArrays()
+    out.narrowing = 1.0
+    if all(len(photons.image) == len(photons) for photons in maps):
+        if kernel == "bspline":
+            out.narrowing = narrowing_of(max(photons.light_parts for photons in maps))
+        out.dxda, out.dxdb = (
+            launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3) for name in ("dxda", "dxdb")
+        )
+        out.image = launcher.array(joined([photons.image for photons in maps]), wp.int32)
+    return out

@@ -215,6 +215,24 @@ def within_scene(axis: wp.vec2) -> wp.vec2:
 
 
 @wp.func
+def light_on_plane(images: LightImageArrays, photon: int, frame: TangentFrame) -> LightOnPlane:
+    """The image of a photon's light in a tangent frame (beyond the paper)."""
+    out = LightOnPlane()
+    out.a = within_scene(wp.vec2(wp.dot(frame.e1, images.dxda[photon]), wp.dot(frame.e2, images.dxda[photon])))
+    out.b = within_scene(wp.vec2(wp.dot(frame.e1, images.dxdb[photon]), wp.dot(frame.e2, images.dxdb[photon])))
+    out.image = images.image[photon]
+    return out
+
+
+@wp.func
+def narrowing_at(images: LightImageArrays, photon: int) -> float:
+    """How wide a photon's footprint is, in cells (beyond the paper)."""
+    if images.image[photon] == IMAGE_DISC or images.image[photon] == IMAGE_PARALLELOGRAM:
+        return images.narrowing
+    return 1.0
+
+
+@wp.func
 def singular_values(a: float, b: float, c: float, d: float) -> SingularValues:
     """The singular value decomposition of J = [[a, b], [c, d]] in closed form: M = J⁻¹ of Eq. 7 follows from it."""
     out = SingularValues()
@@ -499,8 +517,7 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
         frame = tangent_frame(n)
         width = smoothing
         if wp.static(extended):
-            if images.image[i] == IMAGE_DISC or images.image[i] == IMAGE_PARALLELOGRAM:
-                width *= images.narrowing
+            width *= narrowing_at(images, i)
         a = wp.dot(frame.e1, dxdu[i]) * width
         b = wp.dot(frame.e1, dxdv[i]) * width
         c = wp.dot(frame.e2, dxdu[i]) * width
@@ -509,11 +526,8 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
         j = singular_values(a, b, c, d)
         axes = Axes()
         if wp.static(extended):
-            light = LightOnPlane()
-            light.a = within_scene(wp.vec2(wp.dot(frame.e1, images.dxda[i]), wp.dot(frame.e2, images.dxda[i])))
-            light.b = within_scene(wp.vec2(wp.dot(frame.e1, images.dxdb[i]), wp.dot(frame.e2, images.dxdb[i])))
-            light.image = images.image[i]
-            axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, wp.length(x))
+            light = light_on_plane(images, i, frame)
+            axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, wp.length(x), out.is_cell[i])
         elif wp.static(radial is None):
             if out.is_cell[i] == 1:
                 axes = cell_axes(j, on_plane, wp.length(x))

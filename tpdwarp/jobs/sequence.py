@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
 import time
-from collections import Counter
-from collections.abc import Mapping
 from typing import Any
 
 from tpdwarp.errors import InputError
@@ -31,6 +28,7 @@ from tpdwarp.jobs.opening import (
 )
 from tpdwarp.jobs.outputs import prepare_outputs
 from tpdwarp.jobs.plan import SequencePlan
+from tpdwarp.jobs.products import PRODUCT, each_product
 from tpdwarp.jobs.progress import Progress, progress_of
 from tpdwarp.jobs.reports import SequenceReports
 from tpdwarp.jobs.results import SequenceResult
@@ -41,9 +39,6 @@ from tpdwarp.rendering.frame import trace_frame
 from tpdwarp.rendering.light_groups import LightGroups
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageLike, StageScene
-
-# Where the name of a product of the render settings goes in that of an image.
-PRODUCT = "<product>"
 
 
 def render(
@@ -103,7 +98,7 @@ def render(
             "skip_existing": skip_existing, "frame_timeout": frame_timeout, "retries": retries,
             "max_failures": max_failures, "max_memory": max_memory,
         }  # fmt: skip
-        return _each_product(scene, {"out": out, "debug_layer": debug_layer, "stats": stats}, options, settings)
+        return each_product(render, scene, {"out": out, "debug_layer": debug_layer, "stats": stats}, options, settings)
     started, begun = time.perf_counter(), time.time()
     chosen = chosen_settings(settings)
     persistence = Persistence(frame_timeout, retries, max_failures)
@@ -117,40 +112,6 @@ def render(
     loop.run(plan.frames, layer)
     seconds = time.perf_counter() - started
     return reports.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds, work.existing.anew)
-
-
-def _each_product(
-    scene: StageLike, files: Mapping[str, FilePath | None], options: Mapping[str, Any], settings: Mapping[str, Any]
-) -> SequenceResult:
-    """Renders the products of a stage's render settings one after the other.
-
-    Args:
-        scene: The stage.
-        files: What is written, by its argument of :func:`render`.
-        options: Its other arguments.
-        settings: Fields of :class:`tpdwarp.settings.Settings`.
-    """
-    whole = {name: value for name, value in settings.items() if name != "product"}
-    products = open_scene(scene, chosen_settings(whole), options["default_time"], options["max_memory"]).products
-    if wanted := settings.get("product"):
-        products = tuple(found for found in products if wanted in found)
-    out = os.fspath(files["out"])
-    if not products:
-        raise InputError(f"names {PRODUCT}, and the stage has no such products in its render settings", out)
-    for file in files.values():
-        if file is not None and PRODUCT not in os.fspath(file) and len(products) > 1:
-            raise InputError(f"{len(products)} products need a place for their names ({PRODUCT})", os.fspath(file))
-    results = []
-    for path, product in products:
-        own = {name: os.fspath(file).replace(PRODUCT, product) for name, file in files.items() if file is not None}
-        results.append(render(scene, **own, **options, **{**settings, "product": path}))
-    return SequenceResult(
-        tuple(outcome for result in results for outcome in result.outcomes),
-        sum(result.seconds for result in results),
-        tuple(problem for result in results for problem in result.problems),
-        results[0].target,
-        sum((Counter(result.anew) for result in results), Counter()),
-    )
 
 
 def write_photons(

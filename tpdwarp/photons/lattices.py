@@ -84,6 +84,13 @@ class Lattice:
     first_id: int
     turn: float = 0.0
 
+    def holds(self, cells: np.ndarray) -> np.ndarray:
+        """Which of the cells [n, 2] lie on it, shape [n]: a face of the cube ends where the next one begins."""
+        if self.limit != CUBE_FACE:
+            return np.ones(len(cells), bool)
+        counts = np.rint(2.0 * CUBE_FACE / np.array(self.step))
+        return np.all((cells >= 0) & (cells < counts), axis=1)
+
 
 @dataclass(frozen=True)
 class EmissionPlan:

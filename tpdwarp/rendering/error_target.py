@@ -8,10 +8,10 @@ picture but one to the last shows the error of the former; if errors fall by a f
 halfway between errors that have nothing in common, D/√(1 + r²), and errors of one shape, D/(1 − r). Errors of pictures
 with fewer photons are their changes to the last one. The change from K to 2K segments shows the error in time and a
 part of that in space, which is separated from it as it falls with more photons. Both add up as squares. Of the
-frames looked at, the one that errs most counts. Where a stage's samples cut the shutter into equal parts, segments are
-these or 2, 4, … for each of them.
+frames looked at, the one that errs most counts; which one that is a few photons tell, and the others are left out from
+then on. Where a stage's samples cut the shutter into equal parts, segments are these or 2, 4, … for each of them.
 Whichever buys more accuracy for its photons, m or K, is raised until the wanted error is within reach of the power law
-that the last changes make.
+that the last changes make. Where the view moves, camera samples are raised last, until what they add is small.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
+from typing import Protocol
 
 import numpy as np
 
@@ -34,8 +35,10 @@ from tpdwarp.trajectories.segments import most_breaks_inside, motion_breaks_with
 # Frames that are looked at. Chosen, not derived, as is all below that does not say otherwise; what they do together is
 # measured by ``scripts/benchmarks/run.py target_error``.
 MOST_STILLS = 3
-# Photons of the first picture.
-FIRST_PHOTONS = 64
+# Photons of the first picture, and the fewest that are chosen.
+FIRST_PHOTONS, FEWEST_PHOTONS = 256, 64
+# From so many photons on only the frame that errs most is looked at.
+PHOTONS_OF_ALL_FRAMES = 1024
 # No smaller error is believed before so many photons were seen.
 FEWEST_SEEN = 4096
 # What a frame may cost at most.
@@ -58,10 +61,27 @@ TIME_FALL_BY_PHOTONS = (0.75, 1.0)
 LEAST_IN_TIME = 0.25
 # Frames count as no darker than by this part of the light of all.
 LEAST_LIGHT = 0.1
+# Camera samples are raised by this factor, up to so many. Where edges move, stratified means of samples err by their
+# number to the power −¾, and independently of each other: the change to four times as many is the error to 6 %.
+MORE_SAMPLES, MOST_SAMPLES = 4, 64
+FALL_BY_SAMPLES = MORE_SAMPLES**-0.75
+# Camera samples may add this part to the error.
+LARGEST_BY_SAMPLES = 0.5
 # Keeps quotients and logarithms of errors finite.
 TINY = 1e-12
 
-Pictures = Callable[[int, int], np.ndarray]
+
+
+class Pictures(Protocol):
+    """Makes pictures of some frames."""
+
+    def __call__(self, photons: int, segments: int) -> np.ndarray:
+        """Light from so many photons in each of so many segments, shape [frames, n, 3]."""
+        ...
+
+    def keep(self, frame: int) -> None:
+        """From now on, pictures are of this one of the frames alone."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -87,18 +107,22 @@ class ErrorTarget:
         wanted, expected: Relative RMSE of the light from photons.
         photons: Photons a frame.
         segments: Segments of the shutter.
+        samples: Camera samples a pixel.
     """
 
     wanted: float
     expected: float
     photons: int
     segments: int
+    samples: int
 
 
 def settled(
     source: SceneSource, settings: Settings, shutters: Sequence[Shutter], width: int, height: int
 ) -> tuple[Settings, ErrorTarget]:
-    """``settings`` with the photons and segments that ``settings.target_error`` asks for.
+    """``settings`` with the photons, segments and samples that ``settings.target_error`` asks for.
+
+    Samples are never fewer than those of ``settings``.
 
     Args:
         source: The scene.
@@ -110,14 +134,36 @@ def settled(
     apart = math.ceil(len(shutters) / MOST_STILLS)
     pictures = Pilot(source, settings, shutters[(apart - 1) // 2 :: apart], width, height)
     choice = chosen(pictures, settings.target_error, numbers_of_segments(source, shutters))
+    samples, by_samples = enough_samples(pictures, choice, settings.target_error, settings.samples)
+    choice = replace(choice, error=math.hypot(choice.error, by_samples))
     if choice.error > 1.05 * settings.target_error:
         logger.warning(
             f"--target-error {settings.target_error:g} is out of reach: {choice.photons * choice.segments} photons in "
             f"{choice.segments} segments are expected to err by {choice.error:.2g}"
         )
     photons = choice.photons * choice.segments
-    target = ErrorTarget(settings.target_error, choice.error, photons, choice.segments)
-    return replace(settings, photons=photons, segments=choice.segments, target_error=None), target
+    target = ErrorTarget(settings.target_error, choice.error, photons, choice.segments, samples)
+    found = {"photons": photons, "segments": choice.segments, "samples": samples, "target_error": None}
+    return replace(settings, **found), target
+
+
+def enough_samples(pictures: Pilot, choice: Choice, wanted: float, least: int) -> tuple[int, float]:
+    """Camera samples a pixel, ``least`` or more, and what they make the light err by; nothing where no view moves.
+
+    What a pixel sees of light changes with its samples where things move past it; few photons are enough to show that.
+    """
+    if not pictures.view_moves:
+        return least, 0.0
+    photons = min(choice.photons, FEWEST_SEEN)
+    samples, here = least, pictures(photons, choice.segments, least)
+    while True:
+        more = pictures(photons, choice.segments, MORE_SAMPLES * samples)
+        error = _change(here, more)
+        if error <= LARGEST_BY_SAMPLES * wanted:
+            return samples, error
+        samples, here = MORE_SAMPLES * samples, more
+        if samples >= MOST_SAMPLES:
+            return samples, FALL_BY_SAMPLES * error
 
 
 def numbers_of_segments(source: SceneSource, shutters: Sequence[Shutter]) -> tuple[int, ...]:
@@ -135,7 +181,7 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
     """The cheapest choice expected to err by no more than ``wanted`` (relative RMSE), or the best there is.
 
     Args:
-        picture: Makes a picture from photons a segment and segments.
+        picture: Makes pictures.
         wanted: The wanted error.
         numbers: Numbers of segments to choose from, from one on.
     """
@@ -169,6 +215,16 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
         by_photons = float(np.clip(jump / max(coarse, TINY), *TIME_FALL_BY_PHOTONS))
         return _ErrorInTime(enough, error, by_photons)
 
+    def the_worst(segments: int) -> int:
+        """The frame that changes most with photons and segments together, as few of both show it."""
+        pairs = [(at(FIRST_PHOTONS, 1), at(PHOTONS_OF_ALL_FRAMES, 1))]
+        if segments in following:
+            pairs.append((at(FIRST_PHOTONS, 1), at(FIRST_PHOTONS, following[segments])))
+        return int(np.argmax(np.sum([_changes(a, b) ** 2 for a, b in pairs], axis=0)))
+
+    frame = the_worst(1)
+    picture.keep(frame)
+    found = {key: pictures[frame : frame + 1] for key, pictures in found.items()}
     photons, segments = FIRST_PHOTONS, 1
     while True:
         space = in_space(photons, segments)
@@ -177,11 +233,11 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
         if 4 * photons >= FEWEST_SEEN:
             most = min(4.0**LARGEST_EXTRAPOLATION * photons, MOST_PHOTONS / segments)
             if error(most) <= wanted:
-                fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
+                fewest = _fewest(error, wanted, FEWEST_PHOTONS, most)
                 if time.photons < min(fewest, 4 * photons) and 2.0 * time(fewest) > wanted:
                     # What few photons take for an error in time may go with more of them: more are looked at.
                     error = _both(space, in_time(photons, segments, space.fall, finest=True))
-                    fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
+                    fewest = _fewest(error, wanted, FEWEST_PHOTONS, most)
                 return Choice(fewest, segments, error(fewest))
             if 4 * photons * segments >= MOST_PHOTONS:
                 return Choice(4 * photons, segments, error(4 * photons))
@@ -217,12 +273,12 @@ class _ErrorInTime:
 
 @dataclass(frozen=True)
 class _ErrorInSpace:
-    """Error by the number of photons in each segment: a power law between those seen, and beyond them.
+    """Error by the number of photons in each segment: a power law between those seen, and outside of them.
 
     Attributes:
         counts: Numbers of photons, each four times the one before.
         errors: Of these.
-        fall: How errors fall from one to the next beyond the last.
+        fall: How errors fall from one to the next beyond the last, and before the first.
     """
 
     counts: Sequence[int]
@@ -245,9 +301,9 @@ class _ErrorInSpace:
 
     def __call__(self, photons: float) -> float:
         errors = np.maximum(self.errors, TINY)
-        beyond = max(0.0, math.log(photons / self.counts[-1]) / math.log(4))
+        beyond = max(0.0, math.log(photons / self.counts[-1])) + min(0.0, math.log(photons / self.counts[0]))
         between = np.interp(math.log(photons), np.log(self.counts), np.log(errors))
-        return math.exp(between) * self.fall**beyond
+        return math.exp(between) * self.fall ** (beyond / math.log(4))
 
 
 def _both(space: _ErrorInSpace, time: _ErrorInTime) -> Callable[[float], float]:
@@ -268,8 +324,13 @@ def _fewest(error: Callable[[float], float], wanted: float, least: int, most: fl
 
 def _change(a: np.ndarray, b: np.ndarray) -> float:
     """RMS difference of the frame [f, n, 3] that differs most, by its own light: no frame is to err by more."""
+    return float(_changes(a, b).max())
+
+
+def _changes(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """RMS difference of each frame [f, n, 3] by its own light, shape [f]; zero where all are dark."""
     brightness = b.mean(axis=(1, 2))
     brightness = np.maximum(brightness, LEAST_LIGHT * brightness.mean())
     if not brightness.all():
-        return 0.0
-    return float(np.sqrt(np.mean(((a - b) / brightness[:, None, None]) ** 2, axis=(1, 2)).max()))
+        return np.zeros(len(a))
+    return np.sqrt(np.mean(((a - b) / brightness[:, None, None]) ** 2, axis=(1, 2)))

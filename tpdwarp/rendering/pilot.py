@@ -32,7 +32,7 @@ class Pilot:
 
     Args:
         source: The scene.
-        settings: How it is rendered, but for photons and segments.
+        settings: How it is rendered, but for photons, segments and samples.
         shutters: Of the frames.
         width, height: Pixels of the frames; about ``PILOT_PIXELS`` of them are looked at.
     """
@@ -45,18 +45,35 @@ class Pilot:
         self._pixels = pixel_grid(width, height, PILOT_PIXELS, settings.seed)
         loader = _KeepingLoader(source, Launcher(settings.device, settings.threads), settings.bounces)
         self._context = RenderContext(source, self._settings, loader)
-        self._seen: dict[tuple[Shutter, int], _Seen] = {}
+        self._seen: dict[tuple[Shutter, int, int], _Seen] = {}
 
-    def __call__(self, photons: int, segments: int) -> np.ndarray:
-        """Light from ``photons`` photons in each of ``segments`` segments, shape [frames, n, 3]."""
-        tried = replace(self._settings, photons=photons * segments, segments=segments)
+    @property
+    def view_moves(self) -> bool:
+        """Whether anything that the camera sees moves across the image."""
+        scenes = (self._context.tracer.load(shutter, Clock()) for shutter in self._shutters)
+        return any(scene.requirements.view_motion for scene in scenes)
+
+    def keep(self, frame: int) -> None:
+        """From now on, pictures are of this one of the frames alone."""
+        self._shutters = self._shutters[frame : frame + 1]
+
+    def __call__(self, photons: int, segments: int, samples: int | None = None) -> np.ndarray:
+        """Light from ``photons`` photons in each of ``segments`` segments, shape [frames, n, 3].
+
+        Args:
+            photons: Of each segment.
+            segments: Of the shutter.
+            samples: Camera samples a pixel; None for those of the settings.
+        """
+        samples = samples or self._settings.samples
+        tried = replace(self._settings, photons=photons * segments, segments=segments, samples=samples)
         context = self._context.with_settings(tried)
         return np.stack([self._light(context, shutter) for shutter in self._shutters])
 
     def _light(self, context: RenderContext, shutter: Shutter) -> np.ndarray:
         settings, clock = context.settings, Clock()
         scenes = context.segmentation.load(shutter, clock)
-        key = shutter, settings.segments
+        key = shutter, settings.segments, settings.samples
         if key not in self._seen:
             self._seen[key] = self._look(context, scenes, clock)
         seen = self._seen[key]

@@ -101,6 +101,8 @@ class Material:
         threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
         diffuse_share: Share of a dielectric or mirror that is diffuse, of albedo ``color``.
         transmittance: What a dielectric lets through of what it refracts, each time.
+        normal_map: Normals over a diffuse surface in the frame of its texture coordinates (along s, along t, out of the
+            surface), where the mesh has these; None for those of the mesh.
         emission: Radiance that a diffuse surface gives off, to both sides; it is seen, and lights nothing.
         absorption: Of light inside a dielectric, exp(−absorption · distance) is left (Beer's law) [1/scene unit].
         thin_walled: Whether a dielectric is a sheet with the same medium on both of its sides: it reflects, and what
@@ -124,6 +126,7 @@ class Material:
     thin_walled: bool = False
     roughness: float = 0.0
     abbe: float = 0.0
+    normal_map: Texture | None = None
 
     @property
     def partial(self) -> bool:

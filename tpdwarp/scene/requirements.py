@@ -29,7 +29,8 @@ class Requirements:
         nested: Whether dielectric solids lie in each other or touch.
         smooth_receivers: Whether a diffuse surface is shaded by normals that are not those of its triangles.
         bounces: Specular interactions followed along a path.
-        textures: Whether an albedo differs over its surface by a texture.
+        textures: Whether an albedo or a normal differs over its surface by a texture.
+        normal_maps: Whether a normal does.
         partial: Whether light passes through a part of a surface, or meets one that is both clear and diffuse.
         tinted: Whether dielectrics take from the light that they refract.
         emission: Whether a surface gives off light.
@@ -63,6 +64,7 @@ class Requirements:
     rough: bool = False
     dispersive: bool = False
     clipped: bool = False
+    normal_maps: bool = False
 
     @property
     def material_arrays(self) -> bool:
@@ -118,6 +120,8 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
     shared = {id(mesh.materials): mesh.materials for mesh in scene.meshes}
     materials = {material for group in shared.values() for material in group}
     partial = any(material.partial for material in materials)
+    placed = {material for mesh in scene.meshes if mesh.coordinates is not None for material in mesh.materials}
+    normal_maps = any(material.normal_map is not None for material in placed)
     return Requirements(
         moving_meshes=tuple(mesh.path for mesh in scene.meshes if mesh.moves),
         moving_lights=tuple(light.path for light in scene.lights if light.moves),
@@ -125,12 +129,9 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         refraction=dielectrics,
         reflection=mirrors,
         nested=nesting_of(scene) is not None,
-        smooth_receivers=(dielectrics or mirrors) and any(map(is_smooth_receiver, scene.meshes)),
+        smooth_receivers=(dielectrics or mirrors) and (normal_maps or any(map(is_smooth_receiver, scene.meshes))),
         bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors or partial else 0,
-        textures=any(
-            mesh.coordinates is not None and any(material.texture is not None for material in mesh.materials)
-            for mesh in scene.meshes
-        ),
+        textures=normal_maps or any(material.texture is not None for material in placed),
         partial=partial,
         tinted=any(material.tinted for material in materials),
         emission=any(any(material.emission) for material in materials),
@@ -142,4 +143,5 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         rough=any(material.roughness > 0 for material in materials),
         dispersive=any(material.abbe > 0 for material in materials),
         clipped=scene.camera is not None and len(scene.camera.clipping_planes) > 0,
+        normal_maps=normal_maps,
     )

@@ -44,7 +44,8 @@ def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
         same = photons.receiver[a] == photons.receiver[b]
         a, b = a[same], b[same]
         column = (photons.dxdu, photons.dxdv)[axis]
-        reach[:, axis] = _reach(photons, column, (a, b))
+        apart = np.linalg.norm(photons.position[b] - photons.position[a], axis=1)
+        reach[:, axis] = _reach(column, (a, b), apart)
         column = column * reach[:, axis : axis + 1]
         mean = 0.5 * (column[a] + column[b])
         misfit = np.linalg.norm(photons.position[b] - photons.position[a] - mean, axis=1)
@@ -53,6 +54,25 @@ def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
         bend += 0.5 * differences(column, (a[beside], b[beside]))
     bend -= photons.normal * np.sum(photons.normal * bend, axis=1, keepdims=True)
     return replace(photons, bend=_at_rest(photons) * bend, reach=reach)
+
+
+def reaches(photons: PhotonMap, plan: EmissionPlan, place: np.ndarray) -> np.ndarray:
+    """The parts of D_u x and D_v x that end at the farther neighbour along each, shape [n, 2].
+
+    Args:
+        place: Where in their cells the photons started, in lattice steps from the middle, shape [n, 2]: the way to a
+            neighbour counts by the step between the two.
+    """
+    reach = np.ones((len(photons), 2), np.float32)
+    columns = (photons.dxdu, photons.dxdv)
+    for axis, (a, b) in enumerate(neighbours(photons, plan)):
+        same = photons.receiver[a] == photons.receiver[b]
+        a, b = a[same], b[same]
+        aligned = photons.position - place[:, 1 - axis, None] * columns[1 - axis]
+        steps = 1.0 + place[b, axis] - place[a, axis]
+        apart = np.linalg.norm(aligned[b] - aligned[a], axis=1) / steps
+        reach[:, axis] = _reach(columns[axis], (a, b), apart)
+    return reach
 
 
 def within_reach(photons: PhotonMap) -> PhotonMap:
@@ -74,10 +94,13 @@ def _at_rest(photons: PhotonMap) -> np.ndarray:
     return (1.0 - share)[:, None].astype(np.float32)
 
 
-def _reach(photons: PhotonMap, column: np.ndarray, pairs: Pairs) -> np.ndarray:
-    """The part of a column that ends at the farther neighbour along it, at most one; shape [n]."""
-    farthest = np.zeros(len(photons), np.float32)
-    apart = np.linalg.norm(photons.position[pairs[1]] - photons.position[pairs[0]], axis=1)
+def _reach(column: np.ndarray, pairs: Pairs, apart: np.ndarray) -> np.ndarray:
+    """The part of a column [n, 3] that ends at the farther neighbour along it, at most one; shape [n].
+
+    Args:
+        apart: How far apart the photons of each pair are.
+    """
+    farthest = np.zeros(len(column), np.float32)
     for rows in pairs:
         # A photon has one neighbour at most on either side.
         farthest[rows] = np.maximum(farthest[rows], apart)

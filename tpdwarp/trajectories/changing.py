@@ -27,6 +27,7 @@ from tpdwarp.photons.emission import ChosenCells, Patch
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.scene.description import SceneAtShutter
+from tpdwarp.trajectories.bends import reaches
 from tpdwarp.trajectories.keyframes import END, LARGEST_DRIFT, ShutterKeyframes
 from tpdwarp.trajectories.neighbours import neighbours
 
@@ -160,9 +161,13 @@ def place_in_cell(cell: np.ndarray, number: int) -> np.ndarray:
     return np.stack([(place + 0.5) / PARTS - 0.5 for place in places], axis=1).astype(np.float32)
 
 
-def in_middle_of_cell(photons: PhotonMap, number: int) -> PhotonMap:
-    """Photons of part ``number`` of the shutter, moved from their place in the cell to its middle by D_u x, D_v x."""
-    u, v = place_in_cell(_cell_of(photons), number).T[:, :, None]
+def in_middle_of_cell(photons: PhotonMap, plan: EmissionPlan, number: int) -> PhotonMap:
+    """Photons of part ``number`` of the shutter, moved from their place in the cell to its middle by D_u x, D_v x.
+
+    Where these grow without bound light would be moved out of the picture: they count as far as neighbours are.
+    """
+    place = place_in_cell(_cell_of(photons), number)
+    u, v = (reaches(photons, plan, place) * place).T[:, :, None]
     return replace(photons, position=photons.position - u * photons.dxdu - v * photons.dxdv)
 
 
@@ -216,12 +221,14 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
     with clock.stage("trace"):
         riders: dict[int, ChosenCells] = {}
         windows: dict[int, Window] = {}
+        shifts: dict[int, np.ndarray] = {}
         for number in _numbers(maps, sparse):
             cells = np.concatenate([_cells(photons, sparse, number)[1] for photons in maps])
             windows[number] = window = Window.around(cells, margin=1)
-            riders[number] = ChosenCells(
-                window.cells(np.ones(window.size, bool)), _shifts(maps[1], sparse, number, window).reshape(-1, 2)
-            )
+            inside = window.cells(np.ones(window.size, bool))
+            inside = inside[sparse.lattices[number].holds(inside)]
+            shifts[number] = _shifts(maps[1], sparse, number, window)
+            riders[number] = ChosenCells(inside, shifts[number][window.at(inside)])
         drift = max((END * np.abs(cells.offset).max() for cells in riders.values()), default=0.0)
     if drift > LARGEST_DRIFT:
         ends = [keyframes.traced(part, sparse, chosen=_riding(riders, sparse, part)) for part in (-END, END)]
@@ -232,8 +239,8 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
         for number, window in windows.items():
             changing = _change(maps, sparse, number, window, typical)
             if changing.any():
-                shifts = riders[number].offset.reshape(*window.size, 2)
-                found[number] = _finer(plan.lattices[number], sparse.lattices[number], window, changing, shifts)
+                lattices = plan.lattices[number], sparse.lattices[number]
+                found[number] = _finer(*lattices, window, changing, shifts[number])
     return found
 
 
@@ -247,7 +254,7 @@ def _finer(fine: Lattice, coarse: Lattice, window: Window, changing: np.ndarray,
     high = np.ceil((inside.max(axis=0) + 1) * ratio + start).astype(np.int64)
     cells = Window(low, high - low).cells(np.ones(high - low, bool))
     around = np.floor((cells + 0.5 - start) / ratio).astype(np.int64)
-    chosen = window.holds(around) & wanted[window.at(around)]
+    chosen = window.holds(around) & wanted[window.at(around)] & fine.holds(cells)
     return ChosenCells(cells[chosen], (shifts[window.at(around[chosen])] * ratio).astype(np.float32))
 
 
@@ -348,11 +355,13 @@ def _borders(
 ) -> dict[int, np.ndarray]:
     """Cells on both sides of edges on the light, where a photon that matters has no neighbour on its path; [n, 2] each.
 
-    Where the cells end that are ``emitted``, so does a sheet that fills them: it ends just there.
+    Where the cells end that are ``emitted``, so does a sheet that fills them: it ends just there. Where there are edges
+    among the cells as well, there are bodies, of which another side may show in less than the last of the cells.
     """
     _, lattice, planned = plan.paths_of(photons.ids)
     matters, cells = _matters(photons, typical, LEAST_BORDER) & planned, _cell_of(photons)
     found: dict[int, list[np.ndarray]] = {}
+    last: dict[int, list[np.ndarray]] = {}
     for axis, (a, b) in enumerate(neighbours(photons, plan)):
         for step, beside in ((1, a), (-1, b)):
             alone = matters.copy()
@@ -363,7 +372,9 @@ def _borders(
                 there[:, axis] += step
                 inside = emitted[int(number)].holds(there)
                 found.setdefault(int(number), []).extend([here[inside], there[inside]])
-    return {number: np.unique(np.concatenate(parts), axis=0) for number, parts in found.items()}
+                last.setdefault(int(number), []).append(here[~inside])
+    edges = {number: parts for number, parts in found.items() if any(map(len, parts))}
+    return {number: np.unique(np.concatenate([*parts, *last[number]]), axis=0) for number, parts in edges.items()}
 
 
 def _grown(chosen: np.ndarray) -> np.ndarray:

@@ -5,11 +5,14 @@ goes with the square of (a, b), so that N parts, 1/√N as wide each, miss 1/N o
 length L, a miss e errs by e/L of the light; L is no less than what the light's image itself is across. Light that takes
 another path from the rim of the light than from its middle errs by a part of itself, in a band that is 1/√N as wide.
 N parts share the photons, so that what footprints h wide blur, h²/(8L²), grows by N; that they interleave makes them
-narrower (:func:`tpdwarp.scene.light_places.narrowing_of`), by N^¼ of that. Together, up to a factor:
+narrower (:func:`tpdwarp.scene.light_places.narrowing_of`), by N^¼ of that. The pieces of a round light are rectangles,
+which leave the part M(N) of it out and cover as much twice, half a piece aside; that is seen where footprints are finer
+than the light's image, i wide. Together, up to a factor:
 
-    e/(2 L N) + c/√N + h² N^¾/(8 L²)
+    e/(2 L N) + c/√N + h² N^¾/(8 L²) + M i²/(2 √N L²)
 
-as means over the photons of a coarse trace, weighted by flux. Photons from the rim are traced from the point of the
+as root mean squares over the photons of a coarse trace, weighted by the irradiance where they lie, as errors of
+pictures are. Photons from the rim are traced from the point of the
 first surface at which those from the middle meet it, so that each has its own e.
 
 Beyond the paper, whose lights are points or parallel.
@@ -42,8 +45,11 @@ MIDDLE = (0.0, 0.0)
 # Light that takes another path from some places errs by so much of itself: a quarter, as light that begins or ends
 # within the shutter does.
 CHANGED_ERROR = 0.25
-# More parts have to lessen the error by more than this part.
-LEAST_GAIN = 0.1
+# M(N) of the pieces of a disc (tests/trajectories/test_light_splits.py): this, times N to the power below.
+LEFT_OUT, LEFT_OUT_POWER = 0.22, -3.0 / 8.0
+# More parts have to lessen the error by more than this part; one is enough where it errs by no more than that.
+LEAST_GAIN = 0.3
+ENOUGH = 0.01
 
 
 def best_split_count(tracer: PhotonTracer) -> int:
@@ -58,12 +64,12 @@ def best_split_count(tracer: PhotonTracer) -> int:
     clock = Clock()
     stills = tracer.source.reference_shutters()
     chosen = stills[:: max(1, -(-len(stills) // MOST_STILLS))]
-    totals = np.zeros(len(candidates(photons)))
+    totals, looks = np.zeros(len(candidates(photons))), 0
     for still in chosen:
         loaded = tracer.load(still, clock)
         if loaded.requirements.extended_lights and loaded.requirements.caustics:
-            totals += _errors(tracer, loaded, candidates(photons), clock)
-    if not totals.any():
+            totals, looks = totals + _errors(tracer, loaded, candidates(photons), clock), looks + 1
+    if totals[0] <= ENOUGH * looks:
         return 1
     return int(candidates(photons)[np.argmax(totals <= (1.0 + LEAST_GAIN) * totals.min())])
 
@@ -92,15 +98,28 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
         e, same = _missed(middle, rim, place)
         missed += np.where(same, e**2, 0.0) / len(RIM)
         changed += ~same / len(RIM)
-    flux = middle.flux.sum(axis=1, dtype=np.float64)
-    flux /= flux.sum()
     length = _length(middle, plan)
     size = _areas(middle) * plan.photons / photons
     n = counts[:, None].astype(np.float64)
     narrowing = np.array([[narrowing_of(int(count))] for count in counts])
     first_order = np.minimum(0.5 * np.sqrt(missed) / length / n, 1.0)
     blur = np.minimum(size * n * narrowing**2 / (8.0 * length**2), 1.0)
-    return ((first_order + CHANGED_ERROR * changed / np.sqrt(n) + blur) * flux).sum(axis=1)
+    round_part = np.where(middle.image == int(LightImage.DISC), _image_areas(middle) / length**2, 0.0)
+    outline = np.where(n > 1.0, 0.5 * LEFT_OUT * n ** (LEFT_OUT_POWER - 0.5), 0.0) * round_part
+    error = first_order + CHANGED_ERROR * changed / np.sqrt(n) + blur + outline
+    return np.sqrt((error**2 * _squares(middle, float(np.median(length)))).sum(axis=1))
+
+
+def _squares(photons: PhotonMap, side: float) -> np.ndarray:
+    """The part of the square of irradiance over all receivers that each photon stands for, shape [n].
+
+    That is its flux times the irradiance where it lies: the flux in the cube of that side that holds it.
+    """
+    flux = photons.flux.sum(axis=1, dtype=np.float64)
+    cubes = np.floor(photons.position.astype(np.float64) / side)
+    _, cube = np.unique(cubes, axis=0, return_inverse=True)
+    squares = flux * np.bincount(cube.ravel(), flux)[cube.ravel()]
+    return squares / squares.sum()
 
 
 def _missed(middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -116,10 +135,13 @@ def _missed(middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]) -> tu
 
 def _length(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
     """Over which length irradiance changes, at least: across the light's image, and across a pilot's footprint."""
-    # Squares of what grazes are beyond single precision.
-    image = sum(np.sum(column.astype(np.float64) ** 2, axis=1) for column in (photons.dxda, photons.dxdb))
     typical = np.median(_areas(photons)) * plan.photons / PILOT_PHOTONS
-    return np.sqrt(2.0 * image + typical)
+    return np.sqrt(_image_areas(photons) + typical)
+
+
+def _image_areas(photons: PhotonMap) -> np.ndarray:
+    """Squares of what images of lights are across, shape [n] float64: those of what grazes are beyond float32."""
+    return 2.0 * sum(np.sum(column.astype(np.float64) ** 2, axis=1) for column in (photons.dxda, photons.dxdb))
 
 
 def _areas(photons: PhotonMap) -> np.ndarray:

@@ -57,7 +57,7 @@ def traced_in_parts(
         last = tracer.load(piece, clock, instead_of=last)
         given = {"chosen": cells.at(middle, number), "tags": keyframes.tags.of(last.scene), **options}
         photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
-        return replace(in_middle_of_cell(photons, number), time=middle, duration=share), energy
+        return replace(in_middle_of_cell(photons, plan, number), time=middle, duration=share), energy
 
     pieces, share = shutter.segments(PARTS), 1.0 / PARTS
     middles = [(part + 0.5) * share - 0.5 for part in range(PARTS)]

@@ -377,16 +377,14 @@ def within(place: wp.vec2) -> wp.vec2:
 
 
 @cache
-def area_irradiance(share: wp.Function, linked: bool = False, partial: bool = False) -> wp.Function:
+def area_irradiance(share: wp.Function, linked: bool = False) -> wp.Function:
     """The function that sums what lights with extent send to a point.
 
     Args:
-        share: What part of the light from a place on a light is counted: share(surfaces, textures, x, place, offset)
-            with a :class:`PlaceOnLight`. It is not asked where lights are linked.
+        share: What part of the light from a place on a light is counted: share(surfaces, textures, links, row, x,
+            place, offset) with a :class:`PlaceOnLight`, and the light's row of ``links``.
         linked: Whether lights are linked to some objects only.
-        partial: Whether surfaces may be there in part.
     """
-    share_of_light = linked_share(partial)
 
     @wp.func
     def irradiance(
@@ -404,8 +402,10 @@ def area_irradiance(share: wp.Function, linked: bool = False, partial: bool = Fa
         for k in range(lights.power.shape[0]):
             light = light_seen_from(lights, k, x, surfaces.time)
             mean = unshadowed_irradiance(light, n)
+            row = int(0)
             if wp.static(linked):
-                if (lights.links[lights.link_row[k], object] & UNLIT) != 0:
+                row = lights.link_row[k]
+                if (lights.links[row, object] & UNLIT) != 0:
                     mean = 0.0
             if mean > 0.0:
                 counted = float(0.0)
@@ -424,14 +424,7 @@ def area_irradiance(share: wp.Function, linked: bool = False, partial: bool = Fa
                         break
                     whole += there.weight
                     if there.weight > 0.0 and wp.dot(n_g, there.w) > 0.0:
-                        part = float(0.0)
-                        if wp.static(linked):
-                            row = lights.link_row[k]
-                            part = share_of_light(
-                                surfaces, textures, lights.links, row, x, there.w, offset, there.distance
-                            )
-                        else:
-                            part = share(surfaces, textures, x, there, offset)
+                        part = share(surfaces, textures, lights.links, row, x, there, offset)
                         if part > 0.0:
                             counted += there.weight * part * shaped(lights.shaping[k], light.facing, -there.w)
                 if counted > 0.0:
@@ -441,17 +434,33 @@ def area_irradiance(share: wp.Function, linked: bool = False, partial: bool = Fa
     return irradiance
 
 
-@wp.func
-def visible_share(
-    surfaces: Surfaces, textures: TextureArrays, x: wp.vec3, there: PlaceOnLight, offset: wp.vec3
-) -> float:
-    """1 for a place on a light that nothing hides, else 0; whatever is specular hides it too."""
-    return wp.where(occluded(surfaces, x, there.w, offset, there.distance), 0.0, 1.0)
+@cache
+def share_that_arrives(linked: bool, partial: bool) -> wp.Function:
+    """The function that gives the share of the light from a place on a light which nothing hides.
 
+    Whatever is specular hides it too.
 
-@wp.func
-def passing_share(
-    surfaces: Surfaces, textures: TextureArrays, x: wp.vec3, there: PlaceOnLight, offset: wp.vec3
-) -> float:
-    """As :func:`visible_share`, where surfaces that are there in part let the rest of the light pass."""
-    return share_that_passes(surfaces, textures, x, there.w, offset, there.distance)
+    Args:
+        linked: Whether light passes some objects as if they were not there.
+        partial: Whether surfaces that are there in part let the rest of the light pass.
+    """
+    share_of_light = linked_share(partial)
+
+    @wp.func
+    def share(
+        surfaces: Surfaces,
+        textures: TextureArrays,
+        links: wp.array2d(dtype=wp.int32),
+        row: int,
+        x: wp.vec3,
+        there: PlaceOnLight,
+        offset: wp.vec3,
+    ) -> float:
+        if wp.static(linked):
+            return share_of_light(surfaces, textures, links, row, x, there.w, offset, there.distance)
+        elif wp.static(partial):
+            return share_that_passes(surfaces, textures, x, there.w, offset, there.distance)
+        else:
+            return wp.where(occluded(surfaces, x, there.w, offset, there.distance), 0.0, 1.0)
+
+    return share

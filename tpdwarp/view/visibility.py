@@ -29,12 +29,13 @@ from tpdwarp.scene.device.textures import (
     TextureArrays,
     absorbed_in_media,
     absorbed_within,
+    mapped_normal,
     on_plane,
     textured_color,
 )
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
-from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, passing_share, visible_share
+from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, share_that_arrives
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, lit_from
@@ -212,10 +213,11 @@ def visible_kernel(
     thin_walls: bool = False,
     rough: bool = False,
     clipped: bool = False,
+    normal_maps: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
-    from_areas = area_irradiance(passing_share if partial else visible_share, linked, partial)
+    from_areas = area_irradiance(share_that_arrives(linked, partial), linked)
     from_linked = linked_irradiance(partial)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -371,6 +373,8 @@ def visible_kernel(
                     across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
                     down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
                     albedo = textured_color(textures, material, hit, albedo, across, down)
+                    if wp.static(normal_maps):
+                        n = mapped_normal(textures, material, hit, n, across, down)
                 weight = wp.cw_mul(throughput, albedo) * INV_PI
                 if wp.static(linked):
                     irradiance = from_linked(
@@ -578,6 +582,7 @@ def visible_points(
         thin_walls=needs.thin_walls,
         rough=needs.rough,
         clipped=needs.clipped,
+        normal_maps=needs.normal_maps,
     )
     first = True
     while len(items):

@@ -44,15 +44,19 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A distant or a point light.
+    """A distant light, a point, or a light with extent: a sun, a sphere or a rectangle of one radiance.
 
     Attributes:
         name: Prim path.
-        power: Distant: irradiance at normal incidence [W/m²]. Point: radiant intensity [W/sr].
+        power: Distant: irradiance across its direction [W/m²]. Others: radiant intensity [W/sr], of a rectangle along
+            its normal.
         direction: Unit direction of travel, shape [3], of a distant light; None for a point light.
         position: Position at the opening and at the closing of the shutter, each [3], of a point light.
         aim: Names of the specular meshes it is aimed at; None for all. Meshes left out must get no light from it.
         share: Of the photons.
+        angle: Across the disc of a distant light, in radians.
+        radius: Of a sphere about ``position``.
+        spans: Half of the sides a and b of a rectangle about ``position``, rows [2, 3]; it shines along b × a.
     """
 
     name: str
@@ -61,6 +65,14 @@ class Light:
     position: tuple[np.ndarray, np.ndarray] | None = None
     aim: tuple[str, ...] | None = None
     share: float = 1.0
+    angle: float = 0.0
+    radius: float = 0.0
+    spans: np.ndarray | None = None
+
+    @property
+    def extended(self) -> bool:
+        """Whether it is no point and not parallel."""
+        return self.angle > 0.0 or self.radius > 0.0 or self.spans is not None
 
 
 @dataclass(frozen=True, eq=False)

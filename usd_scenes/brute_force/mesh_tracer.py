@@ -6,14 +6,13 @@ branches and plain sums serve; threads each launch their own (the call releases 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import warp as wp
 
 from .bvh import Geometry, Hit, Surfaces, first_hit, geometric_normal, shading_normal
-from .description import DIFFUSE, MIRROR, Camera, Light, Mesh, Scene, between
-from .sobol import coordinate, direction_numbers
+from .description import DIFFUSE, MIRROR, Camera, Light, Scene, between
+from .emission import ONE, ZERO, Emission, Pending, emission_of, first_ray
+from .sobol import direction_numbers
 
 wp.config.log_level = wp.LOG_WARNING
 
@@ -26,50 +25,10 @@ STACK = 144
 # the light such ways, so that roulette adds .008 of the variance of counting whole photons, and halves the rays.
 ROULETTE = wp.constant(wp.float64(0.1))
 FAR = wp.constant(wp.float64(1.0e6))
-# Parallel light starts so far before the nearest vertex it is aimed at: farther than anything that shades it.
-BEFORE = 100.0
-ZERO = wp.constant(wp.float64(0.0))
-ONE = wp.constant(wp.float64(1.0))
 
 # Rows of the account before one a mesh: flux that meets something specular first; that never does (direct light, and
 # what passes by); that leaves the scene afterwards; taken by mirrors; given up; put in (or taken out) by roulette.
 SENT, DIRECT, ESCAPED, ABSORBED, LOST, ROULETTE_GAIN, RAYS, MESHES = range(8)
-
-
-@wp.struct
-class Pending:
-    """A branch to follow: origin, direction, time, flux, triangle just left, surfaces met."""
-
-    x: wp.vec3d
-    w: wp.vec3d
-    s: wp.float64
-    flux: wp.float64
-    left: wp.int32
-    surfaces: wp.int32
-
-
-@wp.struct
-class Emission:
-    """The light over a part of the shutter and a window of its own plane.
-
-    Distant: photons start at ``origin`` + a·``e1`` + b·``e2`` along ``e3``. Point: they leave ``origin`` along
-    a·e1 + b·e2 + e3, and their flux falls with the cube of the cosine to e3. (a, b) lie in ``corner`` + [0, ``size``].
-    ``flux`` is that of a photon along e3; ``seed`` that of the sequence. Times lie in ``start`` +
-    [0, ``duration``], parts of the shutter, over all of which the origin moves by ``motion``.
-    """
-
-    distant: wp.int32
-    origin: wp.vec3d
-    e1: wp.vec3d
-    e2: wp.vec3d
-    e3: wp.vec3d
-    corner: wp.vec2d
-    size: wp.vec2d
-    flux: wp.float64
-    seed: wp.int32
-    motion: wp.vec3d
-    start: wp.float64
-    duration: wp.float64
 
 
 @wp.struct
@@ -165,28 +124,6 @@ def deposit(
 
 
 @wp.func
-def first_ray(emission: Emission, directions: wp.array2d(dtype=wp.uint32), photon: int) -> Pending:
-    """A photon as it leaves the light."""
-    a = emission.corner[0] + emission.size[0] * coordinate(directions, photon, 0, emission.seed)
-    b = emission.corner[1] + emission.size[1] * coordinate(directions, photon, 1, emission.seed)
-    ray = Pending()
-    ray.left = -1
-    ray.surfaces = 0
-    ray.flux = emission.flux
-    ray.s = emission.start + emission.duration * coordinate(directions, photon, 2, emission.seed)
-    origin = emission.origin + ray.s * emission.motion
-    if emission.distant == 1:
-        ray.x = origin + a * emission.e1 + b * emission.e2
-        ray.w = emission.e3
-    else:
-        ray.x = origin
-        ray.w = wp.normalize(a * emission.e1 + b * emission.e2 + emission.e3)
-        cosine = wp.dot(ray.w, emission.e3)
-        ray.flux = emission.flux * cosine * cosine * cosine
-    return ray
-
-
-@wp.func
 def put_aside(
     stack: wp.array(dtype=Pending),
     pending: int,
@@ -276,6 +213,8 @@ def trace(
         faintest = ROULETTE * ray.flux
         stack[0] = ray
         pending = wp.int32(1)
+        if ray.flux <= ZERO:
+            pending = 0
         while pending > 0:
             pending -= 1
             ray = stack[pending]
@@ -343,61 +282,6 @@ def look(
                     seen[row, column] = -2
 
 
-@dataclass(frozen=True, eq=False)
-class Window:
-    """The part of a light's domain that photons are sent into; see :class:`Emission`.
-
-    Attributes:
-        origin, motion: Origin at the opening of the shutter and its displacement until it closes, shape [3].
-        axes: Rows are e1, e2, e3, shape [3, 3].
-        corner, size: Of the window, shape [2].
-    """
-
-    origin: np.ndarray
-    motion: np.ndarray
-    axes: np.ndarray
-    corner: np.ndarray
-    size: np.ndarray
-
-
-def window_of(light: Light, meshes: tuple[Mesh, ...], start: float, end: float) -> Window:
-    """The window over the bounds of the specular meshes that a light is aimed at, from ``start`` to ``end``.
-
-    A vertex and the light move linearly: their offset's coordinates, and the ratios of these, are extreme at the ends.
-
-    Raises:
-        ValueError: A point light next to or between what it is aimed at.
-    """
-    aimed = [m for m in meshes if m.interaction != DIFFUSE and (light.aim is None or m.name in light.aim)]
-    points = [np.concatenate([between(mesh.points, s) for mesh in aimed]) for s in (start, end)]
-    if light.direction is not None:
-        axes = _axes_around(np.asarray(light.direction, dtype=np.float64))
-        nearest = min(float((ends @ axes[2]).min()) for ends in points)
-        origin, motion = axes[2] * (nearest - BEFORE), np.zeros(3)
-        flat = np.concatenate([(ends - origin) @ axes[:2].T for ends in points])
-    else:
-        origin = between(light.position, 0.0)
-        motion = between(light.position, 1.0) - origin
-        middle = 0.5 * (points[0].min(axis=0) + points[0].max(axis=0))
-        axes = _axes_around(middle - between(light.position, start))
-        local = np.concatenate(
-            [(ends - between(light.position, s)) @ axes.T for ends, s in zip(points, (start, end), strict=True)]
-        )
-        if local[:, 2].min() <= 0.0:
-            raise ValueError(f"{light.name} is too near to what it is aimed at")
-        flat = local[:, :2] / local[:, 2:]
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    return Window(origin, motion, axes, low, high - low)
-
-
-def _axes_around(direction: np.ndarray) -> np.ndarray:
-    """Rows are three orthonormal axes, the last along ``direction``."""
-    last = direction / np.linalg.norm(direction)
-    first = np.cross(np.eye(3)[int(np.argmin(np.abs(last)))], last)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(last, first), last])
-
-
 def _view_of(camera: Camera, clear: bool) -> View:
     view = View()
     eye = between(camera.position, 0.0)
@@ -444,15 +328,7 @@ class Tracer:
     def send(self, light: Light, count: int, seed: int) -> None:
         """Sends ``count`` photons of ``light``, along the sequence of ``seed``."""
         start, end = self._part
-        window = window_of(light, self._scene.meshes, start, end)
-        emission = Emission()
-        emission.distant = int(light.direction is not None)
-        emission.origin, emission.motion = wp.vec3d(*window.origin), wp.vec3d(*window.motion)
-        emission.e1, emission.e2, emission.e3 = (wp.vec3d(*axis) for axis in window.axes)
-        emission.corner, emission.size = wp.vec2d(*window.corner), wp.vec2d(*window.size)
-        emission.flux = light.power * float(np.prod(window.size)) / count
-        emission.seed = seed
-        emission.start, emission.duration = start, end - start
+        emission = emission_of(light, self._scene.meshes, start, end, count, seed)
         inputs = [self._geometry.surfaces, emission, self._view, self._directions, count, self._stack, *self._sums]
         wp.launch(trace, dim=1, inputs=inputs, device="cpu")
 

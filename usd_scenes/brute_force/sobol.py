@@ -14,18 +14,24 @@ BITS = 32
 
 
 def direction_numbers() -> np.ndarray:
-    """Of the first three dimensions, shape [3, 32] uint32.
+    """Of the first five dimensions, shape [5, 32] uint32.
 
-    The primitive polynomials are none, x + 1 and x² + x + 1 with initial numbers 1 and 1, 3 (S. Joe and F. Kuo, 2008).
+    The primitive polynomials are none, x + 1, x² + x + 1, x³ + x + 1 and x³ + x² + 1, with initial numbers 1; 1, 3;
+    1, 3, 1 and 1, 1, 1 (S. Joe and F. Kuo, 2008).
     """
-    numbers = np.zeros((3, BITS), np.uint64)
+    numbers = np.zeros((5, BITS), np.uint64)
     numbers[0] = 1
     numbers[1, 0] = 1
     numbers[2, :2] = 1, 3
+    numbers[3, :3] = 1, 3, 1
+    numbers[4, :3] = 1, 1, 1
     for k in range(1, BITS):
         numbers[1, k] = 2 * numbers[1, k - 1] ^ numbers[1, k - 1]
     for k in range(2, BITS):
         numbers[2, k] = 2 * numbers[2, k - 1] ^ 4 * numbers[2, k - 2] ^ numbers[2, k - 2]
+    for k in range(3, BITS):
+        numbers[3, k] = 4 * numbers[3, k - 2] ^ 8 * numbers[3, k - 3] ^ numbers[3, k - 3]
+        numbers[4, k] = 2 * numbers[4, k - 1] ^ 8 * numbers[4, k - 3] ^ numbers[4, k - 3]
     return (numbers << np.arange(BITS - 1, -1, -1, dtype=np.uint64)).astype(np.uint32)
 
 
@@ -52,7 +58,7 @@ def scrambled(x: wp.uint32, seed: wp.uint32) -> wp.uint32:
 
 @wp.func
 def coordinate(directions: wp.array2d(dtype=wp.uint32), index: int, dimension: int, seed: int) -> wp.float64:
-    """Coordinate 0, 1 or 2 of a scrambled point, in 0 ... 1; points of equal ``seed`` make a sequence."""
+    """Coordinate 0 … 4 of a scrambled point, in 0 ... 1; points of equal ``seed`` make a sequence."""
     x = wp.uint32(0)
     rest = index
     bit = int(0)

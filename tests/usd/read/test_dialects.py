@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -155,6 +156,31 @@ CLEAR = {
         (("N1", STANDARD, {"transmission": 1.0, **SHARP}), ("N2", STANDARD, {})),
         (("S", "fg", "N1", "out"), ("S", "bg", "N2", "out")),
     ),
+    "Arnold's front": Network(
+        "arnold",
+        "arnold:two_sided",
+        {},
+        (("N1", "arnold:standard_surface", {"transmission": 1.0, **SHARP}),),
+        (("S", "front", "N1", "out"),),
+    ),
+    "Arnold's mixture of glass alone": Network(
+        "arnold",
+        "arnold:mix_shader",
+        {"mix": 1.0},
+        (("N1", "arnold:standard_surface", {"transmission": 1.0, **SHARP}), ("N2", "arnold:lambert", {})),
+        (("S", "shader2", "N1", "out"), ("S", "shader1", "N2", "out")),
+    ),
+    "Arnold's nodes": Network(
+        "arnold",
+        "arnold:standard_surface",
+        SHARP,
+        (
+            ("N1", "arnold:range", {"input": 3.0, "input_min": 2.0, "input_max": 4.0, "output_max": 2.0}),
+            ("N2", "arnold:multiply", {"input1": 1.0}),
+        ),
+        (("S", "transmission", "N2", "out"), ("N2", "input2", "N1", "out")),
+    ),
+    "Arnold's old standard": Network("arnold", "arnold:standard", {"Kt": 1.0, "IOR": 1.5}),
     "Redshift": Network("redshift", "redshift::StandardMaterial", {"refr_weight": 1.0, "refl_roughness": 0.0}),
     "unknown shader, known inputs": Network("", "SomeonesGlass", {"transmission": 1.0, "roughness": 0.0}),
 }
@@ -275,6 +301,12 @@ OTHER = {
         MIRROR,
         (1 / 3,) * 3,
         1.5,
+    ),
+    "Arnold's old standard mirror": (
+        Network("arnold", "arnold:standard", {"Kr": 1.0, "Kr_color": GOLD}),
+        MIRROR,
+        GOLD,
+        1.0,
     ),
     "OmniPBR mirror": (
         Network(
@@ -408,6 +440,39 @@ def test_glass_takes_from_light_what_its_dialect_says(tmp_path, way):
         assert getattr(material, name) == pytest.approx(expected.get(name, getattr(plain, name)), rel=1e-6), name
 
 
+class WithBall:
+    """A stage whose ball is of a material that is written down, as a source of scenes."""
+
+    def __init__(self, source, material):
+        self._source, self._material = source, material
+
+    def __getattr__(self, name):
+        return getattr(self._source, name)
+
+    def at(self, shutter):
+        scene = self._source.at(shutter)
+        meshes = (replace(m, materials=(self._material,)) if m.path == "/Ball" else m for m in scene.meshes)
+        return replace(scene, meshes=tuple(meshes))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", PARTIAL)
+def test_glass_that_takes_from_light_gives_the_picture_of_what_it_is(tmp_path, way):
+    network, expected = PARTIAL[way]
+    source, material, _ = seen(tmp_path, network)
+    (tmp_path / "clear").mkdir()
+    clear = ball(tmp_path / "clear", preview(opacity=0.0, roughness=0.0, ior=1.5))
+    pixels, fluxes = picture(source)
+    written = Material(GLASS, material.color, 1.5, "/M", **expected)
+    expected_pixels, expected_fluxes = picture(WithBall(clear, written))
+    # What is authored has single precision.
+    np.testing.assert_allclose(pixels, expected_pixels, rtol=1e-4, atol=1e-5 * expected_pixels.max())
+    assert fluxes == pytest.approx(expected_fluxes, rel=1e-5)
+    assert fluxes[1] > 0
+    # And it is another than that of clear glass.
+    assert not np.allclose(pixels, picture(clear)[0], rtol=1e-3)
+
+
 @pytest.mark.parametrize("way", OTHER)
 def test_other_surfaces_are_what_their_dialect_means(tmp_path, rendered, way):
     network, interaction, color, ior = OTHER[way]
@@ -456,10 +521,14 @@ def test_materialx_comes_before_what_is_for_all_and_other_renderers_come_last(tm
         Network("mtlx", "ND_surface_unlit", {"emission_color": RED, "emission": 2.0}),
         Network("arnold", "arnold:flat", {"color": (2.0, 0.0, 0.0)}),
         Network("ri", "PxrConstant", {"emitColor": (2.0, 0.0, 0.0)}),
+        Network("arnold", "arnold:multiply", {"input1": RED, "input2": (2.0, 1.0, 1.0)}),
+        fed("ND_surface", "edf", ("ND_uniform_edf", {"color": (2.0, 0.0, 0.0)})),
     ],
 )
 def test_what_is_unlit_shines_and_reflects_nothing(tmp_path, unlit):
-    _, material, _ = seen(tmp_path, unlit)
+    _, material, warnings = seen(tmp_path, unlit)
+    # An EDF lights its surroundings elsewhere.
+    assert len(warnings) == (unlit.surface == "ND_surface")
     assert (material.interaction, material.color, material.emission) == (DIFFUSE, (0, 0, 0), (2, 0, 0))
 
 

@@ -48,18 +48,37 @@ def test_missing_references_are_warnings_of_ours(small, capfd):
     assert "UsdStage" not in capfd.readouterr().err
 
 
-def test_a_stage_without_a_visible_mesh_of_the_purposes_is_refused(small):
+def test_a_stage_that_shows_nothing_is_refused_with_what_it_holds(small):
     small.stage.Save()
-    assert "no visible mesh" in refused(small.file)
+    assert "no visible mesh: it holds nothing that is drawn, but 1 light (" in refused(small.file)
     mesh = small.mesh()
-    mesh.CreatePurposeAttr("proxy")
+    mesh.CreatePurposeAttr("guide")
     small.stage.Save()
-    assert "no visible mesh" in refused(small.file)
-    StageScene.open(small.file, Settings(purposes=("proxy",)))
+    assert "no visible mesh: it holds only 1 of purpose guide (" in refused(small.file)
+    StageScene.open(small.file, Settings(purposes=("guide",)))
     mesh.GetPurposeAttr().Set("default")
     mesh.MakeInvisible()
     small.stage.Save()
-    assert "no visible mesh" in refused(small.file)
+    assert "no visible mesh: all of its 1 shapes are invisible (" in refused(small.file)
+    mesh.GetPrim().SetActive(False)
+    small.stage.DefinePrim("/Cloud", "Volume")
+    small.stage.Save()
+    assert "no visible mesh: it holds nothing that can be rendered, but 1 × Volume" in refused(small.file)
+    small.stage.RemovePrim("/Cloud")
+    small.stage.Save()
+    assert "no visible mesh: all of its 1 shapes are classes, or inactive (" in refused(small.file)
+
+
+def test_proxies_are_rendered_where_there_is_nothing_else(small):
+    small.mesh("/Proxy").CreatePurposeAttr("proxy")
+    source = small.open()
+    assert [mesh.path for mesh in source.at(Shutter.still(1)).meshes] == ["/Proxy"]
+    assert any("what is of purpose proxy is rendered" in message for message in source.warnings.messages)
+    # Not where they were left out on purpose, or stand beside the real thing.
+    with pytest.raises(InputError, match="no visible mesh: it holds only 1 of purpose proxy"):
+        small.open(purposes=("guide",))
+    small.mesh("/Real")
+    assert [mesh.path for mesh in small.open().at(Shutter.still(1)).meshes] == ["/Real"]
 
 
 def test_a_light_that_is_lit_later_is_usable(small):
@@ -69,10 +88,10 @@ def test_a_light_that_is_lit_later_is_usable(small):
     assert small.open().at(Shutter.still(5)).lights[0].power == (1, 1, 1)
 
 
-@pytest.mark.parametrize("kind", ["NurbsPatch", "TetMesh", "NurbsCurves"])
+@pytest.mark.parametrize("kind", ["Volume"])
 def test_other_shapes_are_said_once_and_left_out(small, kind):
     small.mesh()
-    getattr(UsdGeom, kind).Define(small.stage, "/Other")
+    small.stage.DefinePrim("/Other", kind)
     scene = small.open()
     for _ in range(2):
         assert [m.path for m in scene.at(Shutter.still(1)).meshes] == ["/Mesh"]
@@ -163,7 +182,7 @@ def test_description_is_plain_json_and_tells_what_moves(small):
     small.bind(small.moving("/World/Wave", {1: CORNERS, 5: CORNERS + 1}), "/Glass")
     small.mesh("/World/Floor")
     UsdGeom.Camera.Define(small.stage, "/Camera")
-    UsdGeom.NurbsPatch.Define(small.stage, "/Patch")
+    small.stage.DefinePrim("/Cloud", "Volume")
     told = json.loads(json.dumps(small.open().describe()))
     assert told["meshes"] == [
         {"path": "/World/Wave", "triangles": 2, "instances": 1, "moves": True, "interactions": ["dielectric"]},

@@ -256,3 +256,54 @@ def test_animated_coordinates_are_those_of_the_frame(small):
     for time in (1, 3):
         mesh = mesh_named(scene.at(Shutter.still(time)), "/Mesh")
         np.testing.assert_allclose(at_corners(mesh), [(s + time, t) for s, t in CORNERS])
+
+
+@pytest.mark.parametrize(("metallic", "words"), [(0.0, 0), (1.0, 1)])
+def test_a_texture_of_what_does_not_show_is_not_mentioned(small, metallic, words):
+    write(small, np.full((2, 2, 1), 0.25, np.float32))
+    surface = small.preview("/Material", metallic=metallic)
+    link(surface, "roughness", shader(small, "Texture", "UsdUVTexture", file="./texture.exr"), "r", TYPES.Float)
+    small.bind(small.mesh(), "/Material")
+    source = small.open()
+    source.at(Shutter.still(1))
+    said = [message for message in source.warnings.messages if "/Material/" in message]
+    assert len(said) == words and all("inputs:roughness: is a texture" in message for message in said)
+
+
+@pytest.mark.parametrize("dialect", ["preview", "MaterialX"])
+def test_a_normal_map_is_read_as_what_it_stands_for(small, dialect):
+    pixels = RANDOM.uniform(0.0, 1.0, (2, 2, 3)).astype(np.float32)
+    write(small, pixels)
+    if dialect == "preview":
+        surface = small.preview("/Material")
+        texture = shader(
+            small, "Texture", "UsdUVTexture", file="./texture.exr", scale=(2.0,) * 4, bias=(-1.0,) * 4
+        )
+        link(surface, "normal", texture, "rgb", TYPES.Normal3f)
+        lean = 1.0
+    else:
+        material = UsdShade.Material.Define(small.stage, "/Material")
+        surface = shader(small, "Surface", "ND_standard_surface_surfaceshader")
+        bent = shader(small, "Bent", "ND_normalmap", scale=0.5)
+        link(bent, "in", shader(small, "Texture", "ND_image_vector3", file="./texture.exr"), "out", TYPES.Float3)
+        link(surface, "normal", bent, "out", TYPES.Float3)
+        material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+        lean = 0.5
+    mesh = small.mesh()
+    coordinates = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", TYPES.TexCoord2fArray, "vertex")
+    coordinates.Set([Gf.Vec2f(*corner) for corner in CORNERS])
+    small.bind(mesh, "/Material")
+    found = read(small)
+    (tile,) = found.materials[0].normal_map.tiles.values()
+    np.testing.assert_allclose(tile, (2 * pixels - 1) * (lean, lean, 1), atol=4 * HALF)
+    assert found.coordinates is not None
+
+
+def test_a_normal_map_on_glass_is_said(small):
+    write(small, np.full((2, 2, 3), 0.5, np.float32))
+    surface = small.preview("/Material", opacity=0.0)
+    link(surface, "normal", shader(small, "Texture", "UsdUVTexture", file="./texture.exr"), "rgb", TYPES.Normal3f)
+    small.bind(small.mesh(), "/Material")
+    source = small.open()
+    source.at(Shutter.still(1))
+    assert any("inputs:normal: a normal map of what reflects" in message for message in source.warnings.messages)

@@ -27,18 +27,19 @@ STEEPEST = wp.constant(1.0e-3)
 class TextureArrays:
     """Texture coordinates of triangles, and the textures of materials.
 
-    ``texture_of`` and ``cutout_of`` are −1 for a material without one; ``presences``, ``thresholds``,
-    ``diffuse_shares``, ``transmittances``, ``absorptions`` (by the tracer's unit of length) and ``emissions`` (in its
-    unit of radiance) are as in :class:`tpdwarp.scene.description.Material`, and so are ``thin_walls`` (1 for a sheet)
-    and ``roughnesses``; ``medium_absorptions`` are those of nested media. A texture has a grid of tiles (its
-    columns, rows and first tile), a tile its levels (the first of them and their number; none where it is missing), a
-    level its width, height and first texel. Rows of texels go from t = 1 down.
+    ``texture_of``, ``cutout_of`` and ``normal_map_of`` are −1 for a material without one; ``presences``,
+    ``thresholds``, ``diffuse_shares``, ``transmittances``, ``absorptions`` (by the tracer's unit of length) and
+    ``emissions`` (in its unit of radiance) are as in :class:`tpdwarp.scene.description.Material`, and so are
+    ``thin_walls`` (1 for a sheet) and ``roughnesses``; ``medium_absorptions`` are those of nested media. A texture has
+    a grid of tiles (its columns, rows and first tile), a tile its levels (the first of them and their number; none
+    where it is missing), a level its width, height and first texel. Rows of texels go from t = 1 down.
     """
 
     coordinates: wp.array(dtype=wp.vec2)
     coordinate_indices: wp.array(dtype=wp.vec3i)
     texture_of: wp.array(dtype=wp.int32)
     cutout_of: wp.array(dtype=wp.int32)
+    normal_map_of: wp.array(dtype=wp.int32)
     presences: wp.array(dtype=wp.float32)
     thresholds: wp.array(dtype=wp.float32)
     diffuse_shares: wp.array(dtype=wp.float32)
@@ -82,7 +83,7 @@ class TextureStore:
             media: What nested media are made of.
         """
         launcher = self._launcher
-        used = [texture for m in materials for texture in (m.texture, m.cutout) if texture is not None]
+        used = [texture for m in materials for texture in (m.texture, m.cutout, m.normal_map) if texture is not None]
         numbers = {texture: k for k, texture in enumerate(dict.fromkeys(used))}
         if tuple(numbers) != self._textures:
             self._arrays = packed_textures(tuple(numbers), launcher)
@@ -102,6 +103,7 @@ class TextureStore:
         for name, textures in (
             ("texture_of", [material.texture for material in materials]),
             ("cutout_of", [material.cutout for material in materials]),
+            ("normal_map_of", [material.normal_map for material in materials]),
         ):
             of = np.array([-1 if texture is None else numbers[texture] for texture in textures], np.int32)
             setattr(arrays, name, launcher.array(of, wp.int32))
@@ -247,6 +249,20 @@ def filtered(textures: TextureArrays, texture: int, st: wp.vec2, across: wp.vec2
 
 
 @wp.func
+def looked_up(
+    textures: TextureArrays, texture: int, index: wp.vec3i, hit: Hit, across: wp.vec3, down: wp.vec3
+) -> wp.vec3:
+    """A texture over the parallelogram of ``across`` and ``down`` about ``hit``, whose coordinates are ``index``."""
+    st0 = textures.coordinates[index[0]]
+    along1 = textures.coordinates[index[1]] - st0
+    along2 = textures.coordinates[index[2]] - st0
+    st = st0 + hit.beta[1] * along1 + hit.beta[2] * along2
+    d_across = along1 * wp.dot(hit.g1, across) + along2 * wp.dot(hit.g2, across)
+    d_down = along1 * wp.dot(hit.g1, down) + along2 * wp.dot(hit.g2, down)
+    return filtered(textures, texture, st, d_across, d_down)
+
+
+@wp.func
 def textured_color(
     textures: TextureArrays, material: int, hit: Hit, color: wp.vec3, across: wp.vec3, down: wp.vec3
 ) -> wp.vec3:
@@ -255,13 +271,36 @@ def textured_color(
     index = textures.coordinate_indices[hit.triangle]
     if texture < 0 or index[0] < 0:
         return color
-    st0 = textures.coordinates[index[0]]
-    along1 = textures.coordinates[index[1]] - st0
-    along2 = textures.coordinates[index[2]] - st0
-    st = st0 + hit.beta[1] * along1 + hit.beta[2] * along2
-    d_across = along1 * wp.dot(hit.g1, across) + along2 * wp.dot(hit.g2, across)
-    d_down = along1 * wp.dot(hit.g1, down) + along2 * wp.dot(hit.g2, down)
-    return wp.max(filtered(textures, texture, st, d_across, d_down), wp.vec3(0.0, 0.0, 0.0))
+    return wp.max(looked_up(textures, texture, index, hit, across, down), wp.vec3(0.0, 0.0, 0.0))
+
+
+@wp.func
+def mapped_normal(
+    textures: TextureArrays, material: int, hit: Hit, n: wp.vec3, across: wp.vec3, down: wp.vec3
+) -> wp.vec3:
+    """The normal that the material's normal map makes of ``n``, over the same part of it; ``n`` without one.
+
+    Its frame is n and, across n, the directions in which s and t grow while the other stays.
+    """
+    texture = textures.normal_map_of[material]
+    index = textures.coordinate_indices[hit.triangle]
+    if texture < 0 or index[0] < 0:
+        return n
+    along1 = textures.coordinates[index[1]] - textures.coordinates[index[0]]
+    along2 = textures.coordinates[index[2]] - textures.coordinates[index[0]]
+    ds = along1[0] * hit.g1 + along2[0] * hit.g2
+    dt = along1[1] * hit.g1 + along2[1] * hit.g2
+    side = wp.sign(wp.dot(ds, wp.cross(dt, hit.n_g)))
+    along_s = side * wp.cross(dt, hit.n_g)
+    along_t = side * wp.cross(hit.n_g, ds)
+    along_s = along_s - n * wp.dot(n, along_s)
+    along_t = along_t - n * wp.dot(n, along_t)
+    # Coordinates of no extent have no frame.
+    if wp.min(wp.length_sq(along_s), wp.length_sq(along_t)) == 0.0:
+        return n
+    map = looked_up(textures, texture, index, hit, across, down)
+    found = map[0] * wp.normalize(along_s) + map[1] * wp.normalize(along_t) + map[2] * n
+    return wp.where(wp.length_sq(found) > 0.0, wp.normalize(found), n)
 
 
 @wp.func

@@ -13,6 +13,7 @@ from pxr import Usd, UsdGeom
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.read.normals import unit
+from tpdwarp.usd.read.nurbs import fitting_knots, rational, spans
 from tpdwarp.usd.read.primvars import require_finite
 from tpdwarp.usd.read.samples import SampledArray, sample_times
 from tpdwarp.usd.read.shapes import ShapeAtShutter
@@ -33,17 +34,38 @@ BASES = {
     "bspline": (np.array([[-1, 3, -3, 1], [3, -6, 3, 0], [-3, 0, 3, 0], [1, 4, 1, 0]], dtype=float) / 6.0, 1),
     "catmullRom": (np.array([[-1, 3, -3, 1], [2, -5, 4, -1], [-1, 0, 1, 0], [0, 2, 0, 0]], dtype=float) / 2.0, 1),
 }
-KINDS = (UsdGeom.Points, UsdGeom.BasisCurves, UsdGeom.HermiteCurves)
+KINDS = (
+    UsdGeom.Points,
+    UsdGeom.BasisCurves,
+    UsdGeom.HermiteCurves,
+    UsdGeom.NurbsCurves,
+    UsdGeom.NurbsPatch,
+    UsdGeom.TetMesh,
+)
+# What of them changes with time, beside transforms.
+VARYING = (
+    "points",
+    "widths",
+    "curveVertexCounts",
+    "velocities",
+    "tangents",
+    "pointWeights",
+    "tetVertexIndices",
+    "surfaceFaceVertexIndices",
+)
+# The order of NURBS curves that do not say theirs.
+CUBIC = 4
+KNOTS = "does not fit the control vertices: evenly spread knots take its place"
 
 
 def is_blob(prim: Usd.Prim) -> bool:
-    """Whether a prim is rendered as spheres or tubes."""
+    """Whether a prim is rendered by a mesh that is made anew for each frame: spheres, tubes, a patch, a solid."""
     return any(prim.IsA(kind) for kind in KINDS)
 
 
 @dataclass(frozen=True, eq=False)
 class BlobTopology(Topology):
-    """Triangles of spheres and tubes; primvars are those of what they stand for.
+    """Triangles of spheres, tubes and patches; primvars are those of what they stand for.
 
     Attributes:
         owners: Size of a primvar, and its element at each triangle corner [m, 3], by interpolation.
@@ -74,7 +96,7 @@ class Blobs:
     """Points or curves over time, as :class:`tpdwarp.usd.read.shapes.Shape`; they move as USD says points do.
 
     Args:
-        prim: A Points, BasisCurves or HermiteCurves prim.
+        prim: A Points, BasisCurves, HermiteCurves or NurbsCurves prim.
         warnings: Takes what is left out, and names the file in errors.
         deformation: The skeleton and blend shapes that deform it; its velocities are not read then.
     """
@@ -88,7 +110,7 @@ class Blobs:
         moving = self._base.GetVelocitiesAttr().HasAuthoredValue()
         if self.deformed_at:
             self.span = self.deformed_at[0], self.deformed_at[-1]
-        for name in ("points", "widths", "curveVertexCounts", "velocities", "tangents"):
+        for name in VARYING:
             attribute = prim.GetAttribute(name)
             times = sample_times(attribute) if attribute else []
             if len(times) > 1 or (times and moving):
@@ -119,6 +141,10 @@ class Blobs:
             found = self._points(time, frame)
             return found if len(found) == len(first) else first
 
+        return self._made(points, first, frame)
+
+    def _made(self, points: Callable[[float], np.ndarray], first: np.ndarray, frame: float) -> ShapeAtShutter | None:
+        """The shape for points at a time code, those of the frame ``first``; None where there is none."""
         if self._prim.IsA(UsdGeom.Points):
             return _spheres(points, self._widths(frame, len(first), {"vertex": None, "varying": None}), len(first))
         return self._tubes(points, first, frame)
@@ -173,51 +199,29 @@ class Blobs:
         return np.zeros((count, 3))
 
     def _tubes(self, points: Callable[[float], np.ndarray], first: np.ndarray, frame: float) -> ShapeAtShutter | None:
-        curves = UsdGeom.BasisCurves(self._prim)
-        counts = indices_at(curves.GetCurveVertexCountsAttr(), frame)
+        counts = indices_at(UsdGeom.Curves(self._prim).GetCurveVertexCountsAttr(), frame)
         if (len(counts) and counts.min() < 0) or counts.sum() != len(first):
             raise InputError(
                 f"counts {counts.sum()} vertices where there are {len(first)} points (correct the counts)",
                 self._warnings.file,
                 f"{self.path}.curveVertexCounts",
             )
-        hermite = self._prim.IsA(UsdGeom.HermiteCurves)
-        cubic = hermite or text_at(curves.GetTypeAttr()) != UsdGeom.Tokens.linear
-        basis, wrap = text_at(curves.GetBasisAttr()), text_at(curves.GetWrapAttr())
-        if hermite:
-            # By points and tangents; their Bezier control vertices follow from these.
-            basis, wrap = "bezier", UsdGeom.Tokens.nonperiodic
-            leaving = self._tangents(frame, len(first))
-        if cubic and basis not in BASES:
-            self._warnings(self.path, f"curves of basis {basis} are rendered as straight pieces")
-            cubic = False
-        segments, of_curve = _segments(counts, "" if hermite or not cubic else basis, wrap)
-        if not len(segments):
+        nurbs = self._prim.IsA(UsdGeom.NurbsCurves)
+        found = (self._nurbs_centres if nurbs else self._centres)(points, counts, frame)
+        if found is None:
             self._warnings(self.path, "has no curve of enough vertices and is left out")
             return None
-        fewest = MOST_TRIANGLES / len(segments)
-        sides = int(np.clip(fewest / (4 if cubic else 2), 3, SIDES))
-        pieces = int(np.clip(fewest / (2 * sides), 1, PIECES)) if cubic else 1
-        weights, slopes = _weights(basis if cubic else "", pieces)
-        rings = np.arange(len(segments) * (pieces + 1)).reshape(len(segments), pieces + 1)
-        strongest = np.argmax(weights, axis=1)
-        nearest = segments[:, strongest // 2 if hermite else strongest]
-        widths = self._widths(
-            frame,
-            rings.size,
-            {"vertex": nearest.ravel(), "varying": nearest.ravel(), "uniform": np.repeat(of_curve, pieces + 1)},
-        )
+        rings = np.arange(found.nearest.size).reshape(found.nearest.shape)
+        pieces, sides = rings.shape[1] - 1, found.sides
+        nearest, of_curve = found.nearest.ravel(), np.repeat(found.of_curve, pieces + 1)
+        widths = self._widths(frame, rings.size, {"vertex": nearest, "varying": nearest, "uniform": of_curve})
 
         def frames(time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            placed = points(time)[segments]
-            if hermite:
-                third = leaving[segments] / 3.0
-                (start, end), (leaves, arrives) = placed.swapaxes(0, 1), third.swapaxes(0, 1)
-                placed = np.stack([start, start + leaves, end - arrives, end], axis=1)
-            centres = np.einsum("pk,skx->spx", weights, placed).reshape(-1, 3)
-            tangents = unit(np.einsum("pk,skx->spx", slopes, placed).reshape(-1, 3))
+            vertices = found.vertices(time)
+            centres = (found.weights @ vertices).reshape(-1, 3)
+            tangents = unit((found.slopes @ vertices).reshape(-1, 3))
             # Any direction across will do that changes little along a segment: that of the axis most across its chord.
-            chords = unit(placed[:, -1] - placed[:, 0])
+            chords = unit(vertices[:, -1] - vertices[:, 0])
             axes = np.repeat(np.eye(3)[np.argmin(abs(chords), axis=1)], pieces + 1, axis=0)
             u = unit(np.cross(tangents, axes))
             return centres, u, np.cross(tangents, u)
@@ -235,13 +239,121 @@ class Blobs:
             return (centres[:, None] + 0.5 * widths[:, None, None] * round_it).reshape(-1, 3)
 
         triangles, ring_of = _tube_triangles(rings, sides)
-        vertex_of, curve_of = nearest.ravel()[ring_of], np.repeat(of_curve, pieces + 1)[ring_of]
+        vertex_of = nearest[ring_of]
         owners = {
             "vertex": (len(first), vertex_of),
             "varying": (len(first), vertex_of),
-            "uniform": (len(counts), curve_of),
+            "uniform": (len(counts), of_curve[ring_of]),
         }
-        return ShapeAtShutter(_topology(triangles, owners), len(first), surface, normals, lambda faces: faces.triangles)
+        topology = blob_topology(triangles, owners)
+        return ShapeAtShutter(topology, len(first), surface, normals, lambda faces: faces.triangles)
+
+    def _centres(self, points: Callable[[float], np.ndarray], counts: np.ndarray, frame: float) -> _Centres | None:
+        """The middle lines of basis and Hermite curves."""
+        curves, hermite = UsdGeom.BasisCurves(self._prim), self._prim.IsA(UsdGeom.HermiteCurves)
+        cubic = hermite or text_at(curves.GetTypeAttr()) != UsdGeom.Tokens.linear
+        basis, wrap = text_at(curves.GetBasisAttr()), text_at(curves.GetWrapAttr())
+        if hermite:
+            # By points and tangents; their Bezier control vertices follow from these.
+            basis, wrap = "bezier", UsdGeom.Tokens.nonperiodic
+            leaving = self._tangents(frame, int(counts.sum()))
+        if cubic and basis not in BASES:
+            self._warnings(self.path, f"curves of basis {basis} are rendered as straight pieces")
+            cubic = False
+        segments, of_curve = _segments(counts, "" if hermite or not cubic else basis, wrap)
+        if not len(segments):
+            return None
+        fewest = MOST_TRIANGLES / len(segments)
+        sides = int(np.clip(fewest / (4 if cubic else 2), 3, SIDES))
+        pieces = int(np.clip(fewest / (2 * sides), 1, PIECES)) if cubic else 1
+        weights, slopes = _weights(basis if cubic else "", pieces)
+        strongest = np.argmax(weights, axis=1)
+
+        def vertices(time: float) -> np.ndarray:
+            placed = points(time)[segments]
+            if not hermite:
+                return placed
+            third = leaving[segments] / 3.0
+            (start, end), (leaves, arrives) = placed.swapaxes(0, 1), third.swapaxes(0, 1)
+            return np.stack([start, start + leaves, end - arrives, end], axis=1)
+
+        nearest = segments[:, strongest // 2 if hermite else strongest]
+        return _Centres(vertices, weights[None], slopes[None], nearest, of_curve, sides)
+
+    def _nurbs_centres(
+        self, points: Callable[[float], np.ndarray], counts: np.ndarray, frame: float
+    ) -> _Centres | None:
+        """The middle lines of NURBS curves."""
+        curves = UsdGeom.NurbsCurves(self._prim)
+        knots, given = self.numbers(curves.GetKnotsAttr(), frame), indices_at(curves.GetOrderAttr(), frame)
+        orders = np.full(len(counts), CUBIC)
+        orders[: len(given)] = given[: len(counts)]
+        ranges = self.numbers(curves.GetRangesAttr(), frame).reshape(-1)
+        own = self.own_weights(frame, int(counts.sum()))
+        pieces = int(np.clip(MOST_TRIANGLES / (6 * max(int(counts.sum()), 1)), 1, PIECES))
+        segments, weights, slopes, of_curve = [], [], [], []
+        start = at = 0
+        most = max(int(orders.max(initial=2)), 2)
+        for curve, (count, order) in enumerate(zip(counts.tolist(), orders.tolist(), strict=True)):
+            own_knots = knots[at : at + count + order]
+            start, at = start + count, at + count + order
+            if not 2 <= order <= count:
+                continue
+            along, limits, fits = fitting_knots(order, count, own_knots, ranges[2 * curve : 2 * curve + 2])
+            if not fits:
+                self._warnings(f"{self.path}.knots", KNOTS)
+            for span in spans(order, along, limits, pieces):
+                held = np.minimum(np.arange(most), order - 1) + (start - count + span.first)
+                values, near, changes = (
+                    np.pad(rows, ((0, 0), (0, most - order))) for rows in (span.values, span.near, span.slopes)
+                )
+                segments.append(held)
+                weights.append(rational(values, changes, own[held])[0])
+                slopes.append(rational(near, changes, own[held])[1])
+                of_curve.append(curve)
+        if not segments:
+            return None
+        held, values = np.array(segments), np.array(weights)
+        nearest = np.take_along_axis(held, np.argmax(values, axis=2), axis=1)
+        sides = int(np.clip(MOST_TRIANGLES / (2 * pieces * len(held)), 3, SIDES))
+        of_each = np.array(of_curve)
+        return _Centres(lambda time: points(time)[held], values, np.array(slopes), nearest, of_each, sides)
+
+    def own_weights(self, frame: float, count: int) -> np.ndarray:
+        """Weights of the control vertices of NURBS, shape [n]; 1 where there are none that fit."""
+        attribute = self._prim.GetAttribute("pointWeights")
+        weights = self.numbers(attribute, frame)
+        if len(weights) == count and np.isfinite(weights).all():
+            return weights
+        if len(weights):
+            self._warnings(str(attribute.GetPath()), "does not fit the points and is ignored")
+        return np.ones(count)
+
+    def numbers(self, attribute: Usd.Attribute, frame: float) -> np.ndarray:
+        """The numbers that an attribute holds; none where it holds nothing."""
+        value = raw_at(attribute, frame) if attribute else None
+        return np.zeros(0) if value is None else np.array(value, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Centres:
+    """Middle lines of tubes, in segments [s] with places [p] of which each depends on some vertices [k].
+
+    Attributes:
+        vertices: Their vertices at a time code, shape [s, k, 3].
+        weights: What each vertex weighs at each place, shape [s or 1, p, k].
+        slopes: Change of these along the segment, likewise.
+        nearest: The point that weighs most at each place, shape [s, p].
+        of_curve: The curve of each segment, shape [s].
+        sides: Sides of a tube.
+    """
+
+    vertices: Callable[[float], np.ndarray]
+    weights: np.ndarray
+    slopes: np.ndarray
+    nearest: np.ndarray
+    of_curve: np.ndarray
+    sides: int
 
 
 def _spheres(points: Callable[[float], np.ndarray], widths: np.ndarray, count: int) -> ShapeAtShutter:
@@ -249,7 +361,7 @@ def _spheres(points: Callable[[float], np.ndarray], widths: np.ndarray, count: i
     directions, faces = _icosphere(splits)
     triangles = (faces + len(directions) * np.arange(count)[:, None, None]).reshape(-1, 3)
     owners = np.repeat(np.arange(count), len(faces))[:, None].repeat(3, axis=1)
-    topology = _topology(triangles, {name: (count, owners) for name in ("vertex", "varying", "uniform")})
+    topology = blob_topology(triangles, {name: (count, owners) for name in ("vertex", "varying", "uniform")})
     offsets = 0.5 * widths[:, None, None] * directions
     normals = np.tile(directions, (count, 1))
     return ShapeAtShutter(
@@ -261,7 +373,7 @@ def _spheres(points: Callable[[float], np.ndarray], widths: np.ndarray, count: i
     )
 
 
-def _topology(triangles: np.ndarray, owners: dict[str, tuple[int, np.ndarray]]) -> BlobTopology:
+def blob_topology(triangles: np.ndarray, owners: dict[str, tuple[int, np.ndarray]]) -> BlobTopology:
     corners = np.arange(triangles.size, dtype=np.int32).reshape(-1, 3)
     faces = np.arange(len(triangles), dtype=np.int32)
     return BlobTopology(triangles.astype(np.int32), corners, faces, len(triangles), triangles.size, owners)

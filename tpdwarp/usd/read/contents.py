@@ -15,6 +15,7 @@ from tpdwarp.usd.read.lights import is_light
 from tpdwarp.usd.read.mesh_lights import is_mesh_light
 from tpdwarp.usd.read.primitives import is_primitive
 from tpdwarp.usd.read.transforms import Transforms
+from tpdwarp.usd.read.visibilities import may_be_visible
 
 # Prototypes are often abstract (class prims), which an ordinary traversal passes over.
 PROTOTYPE_PRIMS = Usd.PrimIsActive & Usd.PrimIsDefined & Usd.PrimIsLoaded
@@ -39,6 +40,12 @@ class Contents:
     lights: list[Usd.Prim] = field(default_factory=list)
     cameras: list[Usd.Prim] = field(default_factory=list)
     domes: list[Usd.Prim] = field(default_factory=list)
+
+    @property
+    def shows_anything(self) -> bool:
+        """Whether anything is drawn that is visible at some time."""
+        prims = [*self.meshes, *(of.instancer.GetPrim() for of in self.instancers if of.holds_meshes)]
+        return any(map(may_be_visible, prims))
 
 
 class Walker:
@@ -106,13 +113,14 @@ class Walker:
         prototype = self._prototypes[key] = Prototype(root)
         self._walking.add(key)
         for prim in self._prims(root, PROTOTYPE_PRIMS):
+            if is_light(prim):
+                prototype.lights.append(prim)
+                continue
             if prim.HasAPI(UsdLux.LightAPI) and not is_drawn(prim):
-                self._warnings(str(prim.GetPath()), "a light in a prototype is left out")
+                self._warnings(str(prim.GetPath()), f"a {prim.GetTypeName()} in a prototype is left out")
                 continue
             if not self._included(prim):
                 continue
-            if is_mesh_light(prim):
-                self._warnings(str(prim.GetPath()), "the mesh is rendered, but not the light it emits in a prototype")
             if is_drawn(prim):
                 prototype.meshes.append(prim)
             elif prim.IsA(UsdGeom.PointInstancer):
@@ -140,19 +148,3 @@ class Walker:
 def is_drawn(prim: Usd.Prim) -> bool:
     """Whether a prim has a shape that is rendered."""
     return prim.IsA(UsdGeom.Mesh) or is_primitive(prim) or is_blob(prim)
-
-
-def visibility_varies(prim: Usd.Prim) -> bool:
-    """Whether a prim may appear or vanish over time, by itself or with an ancestor."""
-    while prim and not prim.IsPseudoRoot():
-        attribute = UsdGeom.Imageable(prim).GetVisibilityAttr() if prim.IsA(UsdGeom.Imageable) else None
-        if attribute and attribute.ValueMightBeTimeVarying():
-            return True
-        prim = prim.GetParent()
-    return False
-
-
-def may_be_visible(prim: Usd.Prim) -> bool:
-    """Whether a prim is visible at some time."""
-    visible = UsdGeom.Imageable(prim).ComputeVisibility(Usd.TimeCode.EarliestTime()) != UsdGeom.Tokens.invisible
-    return visible or visibility_varies(prim)

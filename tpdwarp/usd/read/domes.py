@@ -37,7 +37,7 @@ class Dome(Light):
         self._last_of: tuple[object, ...] = ()
         if self.links.limited:
             self._warnings(self.path, "light linking of a dome is ignored: it shines on everything")
-        if self.prim.GetRelationship("portals").HasAuthoredTargets():
+        if self.prim.GetRelationship("portals").GetTargets():
             self._warnings(self.path, "the portals of a dome are not used: it is sampled as a whole")
 
     @property

@@ -27,10 +27,11 @@ WORLDS_KEPT = 6
 
 @dataclass
 class Prototype:
-    """What lies below a prototype's root: its meshes, and instancers nested in it."""
+    """What lies below a prototype's root: its meshes, lights, and instancers nested in it."""
 
     root: Usd.Prim
     meshes: list[Usd.Prim] = field(default_factory=list)
+    lights: list[Usd.Prim] = field(default_factory=list)
     instancers: list[Instancer] = field(default_factory=list)
 
 
@@ -68,10 +69,32 @@ class Instancer:
     @property
     def holds_meshes(self) -> bool:
         """Whether any prototype has a mesh, at any depth."""
+        return self.holds(lambda mesh: True)
+
+    def holds(self, wanted: Callable[[Usd.Prim], bool]) -> bool:
+        """Whether any prototype has a mesh that is ``wanted``, at any depth."""
         return any(
-            prototype.meshes or any(nested.holds_meshes for nested in prototype.instancers)
+            any(map(wanted, prototype.meshes)) or any(nested.holds(wanted) for nested in prototype.instancers)
             for prototype in self.prototypes
         )
+
+    @property
+    def holds_lights(self) -> bool:
+        """Whether any prototype has a light, at any depth."""
+        return any(
+            prototype.lights or any(nested.holds_lights for nested in prototype.instancers)
+            for prototype in self.prototypes
+        )
+
+    def placed_lights(self, frame: float) -> int:
+        """How many lights it places at a time code, those of instancers in its prototypes included."""
+        _, chosen = self.instances(frame)
+        times = np.bincount(chosen, minlength=len(self.prototypes))
+        total = 0
+        for count, prototype in zip(times.tolist(), self.prototypes, strict=True):
+            nested = sum(of.placed_lights(frame) for of in prototype.instancers) if count else 0
+            total += count * (len(prototype.lights) + nested)
+        return total
 
     def placed_meshes(self, frame: float) -> int:
         """How many meshes it places at a time code, those of instancers in its prototypes included."""
@@ -386,7 +409,7 @@ class InstancedMeshes:
         """What the instances of each prototype have in common: meshes, and instancers, with names and places."""
 
         def of(prim: Usd.Prim, root: Usd.Prim) -> tuple[str, Below]:
-            return _name_below(prim, root), Below(prim, root, instancer, placement, self._transforms)
+            return name_below(prim, root), Below(prim, root, instancer, placement, self._transforms)
 
         key = label, id(instancer)
         if key not in self._common:
@@ -411,5 +434,6 @@ def _is_shown(prim: Usd.Prim, root: Usd.Prim, frame: float) -> bool:
     return True
 
 
-def _name_below(prim: Usd.Prim, root: Usd.Prim) -> str:
+def name_below(prim: Usd.Prim, root: Usd.Prim) -> str:
+    """What a prim below a prototype is called after its instance, from the prototype's own name on."""
     return str(prim.GetPath())[len(str(root.GetPath().GetParentPath()).rstrip("/")) :]

@@ -27,6 +27,7 @@ from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
 from tpdwarp.usd.read.values import number_at, text_at, value_at
+from tpdwarp.usd.read.visibilities import may_be_visible
 
 # Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
 AREAS: dict[type, tuple[tuple[str, ...], Callable[..., float]]] = {
@@ -83,9 +84,14 @@ class Light:
     """
 
     def __init__(
-        self, prim: Usd.Prim, transforms: Transforms, animation: tuple[float, float], warnings: WarnOnce
+        self,
+        prim: Usd.Prim,
+        transforms: Transforms,
+        animation: tuple[float, float],
+        warnings: WarnOnce,
+        path: str = "",
     ) -> None:
-        self.prim, self.path = prim, str(prim.GetPath())
+        self.prim, self.path = prim, path or str(prim.GetPath())
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
         self._api = UsdLux.LightAPI(prim)
         self.links = LightLinks(self._api)
@@ -97,7 +103,7 @@ class Light:
             a for a in prim.GetAttributes() if a.GetName().startswith("inputs:") or a.GetName() == "treatAsPoint"
         ]
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
-        self._visibilities = _visibilities(prim)
+        self._visibilities = changing_visibilities(prim)
         self._pictures: dict[str, np.ndarray | None] = {}
         self._warn_unsupported()
 
@@ -124,6 +130,11 @@ class Light:
         names, _ = AREAS[self._shape]
         given = ", ".join(f"{name} {size:g}" for name, size in zip(names, sizes, strict=True))
         return f"a {self.prim.GetTypeName().removesuffix('Light').lower()} of {given}"
+
+    @property
+    def ever_visible(self) -> bool:
+        """Whether it is visible at some time."""
+        return may_be_visible(self.prim)
 
     def visible(self, frame: float) -> bool:
         return UsdGeom.Imageable(self.prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
@@ -332,7 +343,7 @@ class Light:
             self._warnings(self.path, "the light's IES profile is not rendered")
         if _authored(self._api.GetSpecularAttr(), 1.0):
             self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
-        if self._api.GetFiltersRel().HasAuthoredTargets():
+        if self._api.GetFiltersRel().GetTargets():
             self._warnings(self.path, "light filters are not rendered")
         distance = shadow.GetShadowDistanceAttr()
         if distance and distance.HasAuthoredValue() and number_at(distance, EARLIEST) >= 0:
@@ -347,7 +358,7 @@ def is_light(prim: Usd.Prim) -> bool:
     return prim.IsA(UsdLux.DistantLight) or any(prim.IsA(kind) for kind in AREAS)
 
 
-def _visibilities(prim: Usd.Prim) -> list[Usd.Attribute]:
+def changing_visibilities(prim: Usd.Prim) -> list[Usd.Attribute]:
     """The visibility attributes of a prim and of what it lies below that change with time."""
     found = []
     while prim and not prim.IsPseudoRoot():

@@ -21,12 +21,14 @@ from tpdwarp.usd.read.appearances import Appearances
 from tpdwarp.usd.read.blobs import Blobs, is_blob
 from tpdwarp.usd.read.cameras import Camera
 from tpdwarp.usd.read.composed_prims import composed_prims
-from tpdwarp.usd.read.contents import Walker, may_be_visible, visibility_varies
+from tpdwarp.usd.read.contents import Contents, Walker
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
 from tpdwarp.usd.read.domes import Dome
+from tpdwarp.usd.read.emptiness import why_empty
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
 from tpdwarp.usd.read.instance_limits import check_native_instances, refuse_too_many_prims
+from tpdwarp.usd.read.instanced_lights import InstancedLights, InstancedMeshLight
 from tpdwarp.usd.read.instances import InstancedMeshes
 from tpdwarp.usd.read.layer_limits import checked_layers
 from tpdwarp.usd.read.lights import Light
@@ -35,22 +37,28 @@ from tpdwarp.usd.read.materialx_files import bring_in, references_materialx
 from tpdwarp.usd.read.mesh_lights import MeshLight, is_mesh_light
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
+from tpdwarp.usd.read.patches import Patch
 from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.skinning import Deformation, Skeletons
+from tpdwarp.usd.read.solids import Solid
 from tpdwarp.usd.read.subdivision.surface import SCHEMES, levels_for
 from tpdwarp.usd.read.transforms import Transforms, union
 from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
 from tpdwarp.usd.read.uv import CornerCoordinates
 from tpdwarp.usd.read.values import text_at
+from tpdwarp.usd.read.visibilities import visibility_varies
 
 DEFAULT_WIDTH = 960
 MOST_PIXELS = 2**30
 HIGHEST_RATE = 1e6
 LONGEST_SHUTTER = 1e6
 REFERENCE_COUNT = 9
+# What is made anew for each frame and is no points or curves.
+SURFACES: dict[type, type[Blobs]] = {UsdGeom.NurbsPatch: Patch, UsdGeom.TetMesh: Solid}
+DEFAULT_PURPOSES = StageSettings().purposes
 # Of the power of each kind of light: irradiance at normal incidence, radiant intensity, radiance (times a picture's).
 UNITS = {"distant": "W/m2", "point": "W/sr", "dome": "W/(m2 sr)", "mesh": "W/(m2 sr)"}
 
@@ -98,6 +106,10 @@ class StageScene:
         self._shapes: dict[str, Shape | Primitive | Blobs] = {}
         purposes = _purposes(settings, self._request)
         contents = Walker(purposes, self._transforms, warnings).walk(stage)
+        if not contents.shows_anything and self._request.purposes is None and settings.purposes == DEFAULT_PURPOSES:
+            purposes, contents = self._with_proxies(purposes, contents)
+        if not contents.shows_anything:
+            raise InputError(why_empty(stage, purposes), file)
         self._meshes = [
             self._place(str(prim.GetPath()), prim, OnStage(prim, self._transforms)) for prim in contents.meshes
         ]
@@ -106,16 +118,29 @@ class StageScene:
                 instancer,
                 OnStage(instancer.instancer.GetPrim(), self._transforms),
                 self._place,
-                self._materials.may_be_specular,
+                self._stays_apart,
                 self._transforms,
             )
             for instancer in contents.instancers
+        ]
+        self._instanced_lights = [
+            InstancedLights(
+                instancer,
+                OnStage(instancer.instancer.GetPrim(), self._transforms),
+                self._transforms,
+                self._animation,
+                warnings,
+            )
+            for instancer in contents.instancers
+            if instancer.holds_lights
         ]
         self._mesh_lights = {
             str(prim.GetPath()): MeshLight(prim, self._transforms, self._animation, warnings)
             for prim in contents.meshes
             if is_mesh_light(prim)
         }
+        self._prototypes_shine = any(of.holds(is_mesh_light) for of in contents.instancers)
+        self._instanced_mesh_lights: dict[str, MeshLight] = {}
         self._lights = [Light(prim, self._transforms, self._animation, warnings) for prim in contents.lights]
         self._domes = [Dome(prim, self._transforms, self._animation, warnings) for prim in contents.domes]
         self._cameras = [str(prim.GetPath()) for prim in contents.cameras]
@@ -125,7 +150,6 @@ class StageScene:
             self._camera = FreeCamera(stage, self.up_axis, purposes, self._points_at)
         else:
             self._camera = Camera(stage.GetPrimAtPath(self.camera_path), self._transforms, self._animation, warnings)
-        self._require_meshes()
         self._camera_light = not self._lit()
         if self._camera_light:
             warnings("", "no light shines: a light at the camera stands in (add a UsdLux light)")
@@ -181,11 +205,11 @@ class StageScene:
         with usd_diagnostics(self.warnings):
             self._warn_outside(shutter)
             meshes = self._meshes_over(shutter)
-            lights = tuple(found for light in self._lights for found in light.all_over(shutter))
+            lights = tuple(found for light in self._lights_at(shutter.frame) for found in light.all_over(shutter))
             width, height = self._resolution()
             aspect = width * self._request.pixel_aspect / height
             camera = self._camera.over(shutter, aspect, self._request.policy)
-            if self._mesh_lights:
+            if self._mesh_lights_at(shutter.frame):
                 meshes, more = self._shining(meshes, shutter)
                 lights += more
             lights = self._linked(lights, shutter)
@@ -202,8 +226,9 @@ class StageScene:
         """The meshes, those that shine as they are seen, and the lights that these are."""
         seen: list[MeshAtShutter] = []
         lights: list[LightAtShutter] = []
+        shining = self._mesh_lights_at(shutter.frame)
         for mesh in meshes:
-            light = self._mesh_lights.get(mesh.path)
+            light = shining.get(mesh.path)
             parts = [] if light is None else light.parts(mesh, shutter)
             own = frozenset((mesh.path,))
             lights += [replace(part, unlit=own, passed=own) for part in parts]
@@ -212,7 +237,8 @@ class StageScene:
 
     def _linked(self, lights: tuple[LightAtShutter, ...], shutter: Shutter) -> tuple[LightAtShutter, ...]:
         """The lights with what their collections say of meshes."""
-        links = {light.path: light.links for light in (*self._lights, *self._mesh_lights.values())}
+        sources = (*self._lights_at(shutter.frame), *self._mesh_lights_at(shutter.frame).values())
+        links = {light.path: light.links for light in sources}
         limited = {path: found for path, found in links.items() if found.limited}
         if not limited:
             return lights
@@ -322,7 +348,7 @@ class StageScene:
         with usd_diagnostics(self.warnings):
             prims = [mesh.prim for mesh in self._placed(shutter.frame)]
             prims += [of.instancer.instancer.GetPrim() for of in self._instancers]
-            prims += [light.prim for light in self._lights]
+            prims += [light.prim for light in self._lights_at(shutter.frame)]
             deformed = (shape for shape in self._shapes.values() if not isinstance(shape, Primitive))
             skinned = {t for shape in deformed for t in shape.deformed_at}
             found = motion_breaks_of(prims, shutter.open, shutter.close)
@@ -332,13 +358,14 @@ class StageScene:
         """The group that each light but domes names itself, by its path; empty where it names none."""
         if self._camera_light:
             return {CAMERA_LIGHT: ""}
-        own = {light.path: light.group for light in self._lights}
-        if self._mesh_lights:
+        own = {light.path: light.group for light in self._lights_at(self.start)}
+        shining = self._mesh_lights_at(self.start)
+        if shining:
             parts = self.at(Shutter.still(self.start)).lights
             own |= {
-                part.path: self._mesh_lights[whole].group or whole.rpartition("/")[2]
+                part.path: shining[whole].group or whole.rpartition("/")[2]
                 for part in parts
-                if (whole := part.path.rpartition("/light")[0]) in self._mesh_lights
+                if (whole := part.path.rpartition("/light")[0]) in shining
             }
         return own
 
@@ -499,7 +526,7 @@ class StageScene:
         return cameras if self.camera_path is not None else [{"path": FREE_CAMERA, "used": True}]
 
     def _described_lights(self) -> list[dict[str, Any]]:
-        lights = [self._described_light(light) for light in (*self._lights, *self._domes, *self._mesh_lights.values())]
+        lights = [self._described_light(light) for light in self._sources_at(self.start)]
         if self._camera_light:
             power = [CAMERA_LIGHT_IRRADIANCE] * 3
             unit = UNITS["distant"]
@@ -541,7 +568,8 @@ class StageScene:
         if is_primitive(prim):
             return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
         if is_blob(prim):
-            return Blobs(prim, self.warnings, deformation)
+            kind = next((kind for schema, kind in SURFACES.items() if prim.IsA(schema)), Blobs)
+            return kind(prim, self.warnings, deformation)
         return Shape(
             UsdGeom.Mesh(prim),
             self.time_codes_per_second,
@@ -573,6 +601,31 @@ class StageScene:
         for instancer in self._instancers:
             yield from instancer.meshes(frame)
 
+    def _stays_apart(self, prim: Usd.Prim, frame: float) -> bool:
+        """Whether instances of a mesh are not read together: they may be specular, or shine."""
+        return is_mesh_light(prim) or self._materials.may_be_specular(prim, frame)
+
+    def _lights_at(self, frame: float) -> Iterator[Light]:
+        """The lights but meshes and domes, those of instances at a time code included."""
+        yield from self._lights
+        for of in self._instanced_lights:
+            yield from of.at(frame)
+
+    def _mesh_lights_at(self, frame: float) -> dict[str, MeshLight]:
+        """The meshes that shine by their paths, those of instances at a time code included."""
+        if not self._prototypes_shine:
+            return self._mesh_lights
+        placed = (one for of in self._instancers for one in of.meshes(frame) if is_mesh_light(one.prim))
+        for one in placed:
+            if one.label not in self._instanced_mesh_lights:
+                arguments = one.prim, self._transforms, self._animation, self.warnings, one.label
+                self._instanced_mesh_lights[one.label] = InstancedMeshLight(*arguments)
+        return self._mesh_lights | self._instanced_mesh_lights
+
+    def _sources_at(self, frame: float) -> list[Light | Dome]:
+        """All that may shine at a time code."""
+        return [*self._lights_at(frame), *self._domes, *self._mesh_lights_at(frame).values()]
+
     @cached_property
     def _changes(self) -> bool:
         """Whether any mesh or light (or the camera, whose light stands in for one) ever moves, appears or changes."""
@@ -583,7 +636,7 @@ class StageScene:
         for instancer in self._instancers:
             if instancer.instancer.span is not None or visibility_varies(instancer.instancer.instancer.GetPrim()):
                 return True
-        lights = (*self._lights, *self._domes, *self._mesh_lights.values())
+        lights = self._sources_at(self.start)
         return any(light.varies or light.power_varies or visibility_varies(light.prim) for light in lights)
 
     def _any_attribute_varies(self) -> bool:
@@ -629,17 +682,20 @@ class StageScene:
             )
         return self._cameras[0] if self._cameras else None
 
-    def _require_meshes(self) -> None:
-        prims = [mesh.prim for mesh in self._meshes]
-        prims += [of.instancer.instancer.GetPrim() for of in self._instancers if of.instancer.holds_meshes]
-        if not any(may_be_visible(prim) for prim in prims):
-            raise InputError("no visible mesh of an included purpose (add one, or see --purposes)", self.file)
+    def _with_proxies(self, purposes: frozenset[str], contents: Contents) -> tuple[frozenset[str], Contents]:
+        """The purposes and contents of a stage that shows nothing for ``purposes``: its proxies, if it has any."""
+        more = purposes | {str(UsdGeom.Tokens.proxy)}
+        found = Walker(more, self._transforms, WarnOnce(self.file, silent=True)).walk(self._stage)
+        if not found.shows_anything:
+            return purposes, contents
+        self.warnings("", "nothing is of purpose default or render: what is of purpose proxy is rendered")
+        return more, Walker(more, self._transforms, self.warnings).walk(self._stage)
 
     def _lit(self) -> bool:
         """Whether any light shines at any time."""
         return any(
-            may_be_visible(light.prim) and (light.power_varies or any(light.power(self.start)))
-            for light in (*self._lights, *self._domes, *self._mesh_lights.values())
+            light.ever_visible and (light.power_varies or any(light.power(self.start)))
+            for light in self._sources_at(self.start)
         )
 
 
@@ -704,6 +760,6 @@ def _time_range(stage: Usd.Stage) -> tuple[float, float]:
 
 def _purposes(settings: StageSettings, request: RenderRequest) -> frozenset[str]:
     """The purposes rendered: those of the render settings unless the user asked for others."""
-    if request.purposes is not None and settings.purposes == StageSettings().purposes:
+    if request.purposes is not None and settings.purposes == DEFAULT_PURPOSES:
         return frozenset(request.purposes)
     return frozenset({"default", *settings.purposes})

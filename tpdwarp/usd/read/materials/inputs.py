@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +46,17 @@ class Value:
         return self.numbers if self.image is None else self.image
 
 
+class _Held(WarnOnce):
+    """Warnings that may turn out to be about nothing."""
+
+    def __init__(self, file: str, held: list[tuple[str, str]]) -> None:
+        super().__init__(file, silent=True)
+        self._held_back = held
+
+    def __call__(self, prim: str, message: str, kind: str = "") -> None:
+        self._held_back.append((prim, message))
+
+
 class Inputs:
     """Reads the inputs of one shader.
 
@@ -58,6 +71,19 @@ class Inputs:
         self.shader, self.frame, self.textures, self.warnings = shader, frame, textures, warnings
         self.varies = False
         self._as_images = False
+
+    @contextmanager
+    def warnings_held(self, held: list[tuple[str, str]] | None) -> Iterator[None]:
+        """While entered, warnings are added to ``held``, by what they are about; None says them as ever."""
+        if held is None:
+            yield
+            return
+        said = self.warnings
+        self.warnings = _Held(said.file, held)
+        try:
+            yield
+        finally:
+            self.warnings = said
 
     @property
     def path(self) -> str:
@@ -93,6 +119,10 @@ class Inputs:
             return self._arriving(found, 0).image
         finally:
             self._as_images = False
+
+    def output(self) -> Value:
+        """What the shader itself computes, where it is a node that computes a value."""
+        return self._computed(self.shader, "out", self.path, 0)
 
     def number(self, names: tuple[str, ...], default: float) -> float:
         """A number at the first of these inputs that is authored; the mean of a colour.
@@ -132,9 +162,9 @@ class Inputs:
         attributes = [] if found is None else found.GetValueProducingAttributes()
         return text_at(attributes[0], self.frame) if attributes else ""
 
-    def node(self, name: str) -> UsdShade.Shader | None:
-        """The shading node an input is connected to."""
-        found = self.find(name)
+    def node(self, *names: str) -> UsdShade.Shader | None:
+        """The shading node that the first of these inputs which is authored is connected to."""
+        found = self.find(*names)
         return None if found is None else _node(found)[0]
 
     def coordinates(self, depth: int = 0) -> Coordinates:

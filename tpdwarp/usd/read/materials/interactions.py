@@ -41,8 +41,8 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
     def warn(name: str, message: str) -> None:
         warnings(physical.sources.get(name, path), message)
 
-    if max(physical.emission) > 0:
-        warn("emission", "light that a surface gives off is seen, but lights nothing")
+    if max(physical.emission) > 0 and not physical.unlit:
+        warn("emission", "light that a surface gives off is seen, but lights nothing (MeshLightAPI makes it a light)")
     if physical.presence < NEARLY:
         return None
     there = replace(_present(physical, path, warn, warnings), presence=physical.presence)
@@ -67,15 +67,22 @@ def _present(physical: Physical, path: str, warn: Callable[[str, str], None], wa
         return replace(mirror, diffuse_share=share, texture=_texture(physical)) if share > NEARLY else mirror
     if physical.metalness > NEARLY:
         warn("metalness", "metal that is rough, or hardly any, is rendered as diffuse")
-    texture, emission = _texture(physical), physical.emission
-    return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, texture, emission=emission)
+    normal_map = None if physical.normal_image is None else physical.normal_image.texture()
+    shown = {"emission": physical.emission, "normal_map": normal_map}
+    return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, _texture(physical), **shown)
 
 
 def _texture(physical: Physical) -> Texture | None:
     return None if physical.base_image is None else physical.base_image.texture()
 
 
+def _warn_normal_map(physical: Physical, warn: Callable[[str, str], None]) -> None:
+    if physical.normal_image is not None:
+        warn("normal_image", "a normal map of what reflects or refracts is not rendered")
+
+
 def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None], warnings: WarnOnce) -> Material:
+    _warn_normal_map(physical, warn)
     ior = physical.ior
     if not (math.isfinite(ior) and ior > 0):
         raise InputError(
@@ -100,6 +107,7 @@ def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None],
 
 
 def _mirror(physical: Physical, path: str, warn: Callable[[str, str], None]) -> Material:
+    _warn_normal_map(physical, warn)
     color = physical.base_color
     if physical.base_image is not None:
         warn("base_color", "is a texture on metal, of which the mean colour is rendered")

@@ -1,4 +1,4 @@
-"""MaterialX's nodes that compute a value from values, for simple shading networks.
+"""Nodes of MaterialX and Arnold that compute a value from values, for simple shading networks.
 
 Values have their channels along the last axis, so that nodes compute pictures [h, w, c] as they compute numbers [c].
 """
@@ -41,6 +41,8 @@ class Operation:
 
 def operation_of(kind: str) -> Operation | None:
     """What a node of this identifier computes; None for textures, primvars and all that is not known."""
+    if kind.startswith("arnold:"):
+        return ARNOLD.get(kind.removeprefix("arnold:"))
     found = re.match(r"ND_([A-Za-z]+[0-9]?)", kind)
     return OPERATIONS.get(found.group(1)) if found else None
 
@@ -70,6 +72,13 @@ def _luminance(value: np.ndarray) -> np.ndarray:
 def _saturate(value: np.ndarray, amount: np.ndarray) -> np.ndarray:
     grey = _luminance(value)[..., : value.shape[-1]]
     return grey + amount * (value - grey)
+
+
+def _signed(value: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """A normal from the colour that it is stored as, leaning more by ``scale``."""
+    lean = np.ones(3)
+    lean[:2] = scale[:2]
+    return (2.0 * value[..., :3] - 1.0) * lean
 
 
 def _separate(numbers: Numbers, output: str, words: Words) -> np.ndarray:
@@ -136,6 +145,8 @@ OPERATIONS: dict[str, Operation] = {
     ),
     "remap": _of(_remap, ("in", 0.0), ("inlow", 0.0), ("inhigh", 1.0), ("outlow", 0.0), ("outhigh", 1.0)),
     "range": _of(_remap, ("in", 0.0), ("inlow", 0.0), ("inhigh", 1.0), ("outlow", 0.0), ("outhigh", 1.0)),
+    # Up, where nothing is connected. How much it leans may be told along s and t apart.
+    "normalmap": Operation((("in", None), ("scale", 1.0)), lambda numbers, output, words: _signed(*numbers)),
     "mix": _of(lambda bg, fg, mix: bg + (fg - bg) * mix, ("bg", 0.0), ("fg", 0.0), ("mix", 0.0)),
     "combine2": _of(_combine, *_INS[:2]),
     "combine3": _of(_combine, *_INS[:3]),
@@ -149,4 +160,38 @@ OPERATIONS: dict[str, Operation] = {
     "ifgreatereq": _choose(lambda a, b: a >= b),
     "ifequal": _choose(lambda a, b: a == b),
     "switch": _of(lambda *v: v[int(v[-1].flat[0])], *_INS, ("which", 0.0)),
+}
+
+
+def _arnold_pair(compute: Callable[..., np.ndarray], neutral: float) -> Operation:
+    return _of(compute, ("input1", neutral), ("input2", neutral))
+
+
+def _arnold(compute: Callable[..., np.ndarray]) -> Operation:
+    return _of(compute, ("input", 0.0))
+
+
+_RANGE = (("input_min", 0.0), ("input_max", 1.0), ("output_min", 0.0), ("output_max", 1.0))
+_MIX = _of(lambda first, second, mix: first + (second - first) * mix, ("input1", 0.0), ("input2", 1.0), ("mix", 0.5))
+
+ARNOLD: dict[str, Operation] = {
+    "add": _arnold_pair(lambda a, b: a + b, 0.0),
+    "subtract": _arnold_pair(lambda a, b: a - b, 0.0),
+    "multiply": _arnold_pair(lambda a, b: a * b, 1.0),
+    "divide": _arnold_pair(lambda a, b: a / b, 1.0),
+    "min": _arnold_pair(np.minimum, 0.0),
+    "max": _arnold_pair(np.maximum, 0.0),
+    "pow": _of(lambda value, exponent: value**exponent, ("base", 0.0), ("exponent", 1.0)),
+    "abs": _arnold(np.abs),
+    "negate": _arnold(np.negative),
+    "complement": _arnold(lambda value: 1.0 - value),
+    "reciprocal": _arnold(lambda value: 1.0 / value),
+    "sqrt": _arnold(np.sqrt),
+    "exp": _arnold(np.exp),
+    "mix_rgb": _MIX,
+    "mix_rgba": _MIX,
+    "range": _of(_remap, ("input", 0.0), *_RANGE),
+    "normal_map": Operation((("input", None), ("strength", 1.0)), lambda numbers, output, words: _signed(*numbers)),
+    "float_to_rgb": _of(_combine, ("r", 0.0), ("g", 0.0), ("b", 0.0)),
+    "float_to_rgba": _of(_combine, ("r", 0.0), ("g", 0.0), ("b", 0.0), ("a", 1.0)),
 }

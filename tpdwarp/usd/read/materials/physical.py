@@ -31,6 +31,8 @@ class Physical:
         cutout: Presence over the surface; None where it is the same everywhere.
         threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
         emission: Radiance that it gives off.
+        unlit: Whether that is all that it shows, as light has no part in it.
+        normal_image: Normals over the surface in the frame of its texture coordinates; None for the mesh's own.
         sources: Path of the attribute that each of these comes from, by name; none where nothing is authored.
     """
 
@@ -49,4 +51,6 @@ class Physical:
     cutout: Image | None = None
     threshold: float = 0.0
     emission: Color = BLACK
+    unlit: bool = False
+    normal_image: Image | None = None
     sources: dict[str, str] = field(default_factory=dict, compare=False)

@@ -24,8 +24,18 @@ CONTEXTS = ("tpdwarp", "mtlx", UsdShade.Tokens.universalRenderContext)
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 DISPLAY_COLOR = "displayColor"
-# Terminals of MaterialX that hand on another shader, by the input that it is connected to.
-HANDED_ON = {"ND_surfacematerial": "surfaceshader", "ND_mix_surfaceshader": "fg"}
+# Terminals that hand on another shader, by the input that it is connected to: where rays that do not come from the
+# camera have another, or backs, that of the camera and of the front is rendered.
+HANDED_ON = {
+    "ND_surfacematerial": "surfaceshader",
+    "arnold:two_sided": "front",
+    "arnold:ray_switch_shader": "camera",
+    "arnold:ray_switch_rgba": "camera",
+    "arnold:matte": "passthrough",
+    "arnold:passthrough": "passthrough",
+}
+# Mixtures of two shaders, by the inputs of what is there at a share of 0 and of 1, and the share that is not authored.
+MIXED = {"ND_mix_surfaceshader": ("bg", "fg", 0.0), "arnold:mix_shader": ("shader1", "shader2", 0.5)}
 
 
 @dataclass(frozen=True)
@@ -115,10 +125,14 @@ class Materials:
         displacement = material.ComputeDisplacementSource()[0]
         if displacement and displacement.GetPrim() != shader.GetPrim():
             self.warnings(path, "displacement is not rendered")
-        images = [] if found is None else [physical.base_image if found.texture else None, physical.cutout]
+        images = [] if found is None else [
+            physical.base_image if found.texture else None,
+            physical.cutout,
+            physical.normal_image if found.normal_map else None,
+        ]
         lie = [image.coordinates for image in images if image is not None]
         if len(set(lie)) > 1:
-            self.warnings(path, "its textures lie differently: those that cut out lie as those that colour")
+            self.warnings(path, "its textures lie differently: all lie as the first that colours, cuts out or bends")
         return Surface(
             found or Material(path=path),
             physical.color_primvar,
@@ -132,13 +146,14 @@ class Materials:
 def _handed_on(shader: UsdShade.Shader, warnings: WarnOnce) -> UsdShade.Shader:
     """The shader that a terminal hands on; of a mixture the larger part, which is said."""
     seen: set[str] = set()
-    while shader and (kind := name_of(shader)) in HANDED_ON and str(shader.GetPath()) not in seen:
+    while shader and (kind := name_of(shader)) in (*HANDED_ON, *MIXED) and str(shader.GetPath()) not in seen:
         seen.add(str(shader.GetPath()))
-        name = HANDED_ON[kind]
-        if kind == "ND_mix_surfaceshader":
-            attribute = shader.GetInput("mix").GetAttr() if shader.GetInput("mix") else None
-            share = number_at(attribute, EARLIEST) if attribute else 0.0
-            name = "fg" if share >= 0.5 else "bg"
+        name = HANDED_ON.get(kind, "")
+        if kind in MIXED:
+            none, all_of_it, share = MIXED[kind]
+            if shader.GetInput("mix"):
+                share = number_at(shader.GetInput("mix").GetAttr(), EARLIEST, share)
+            name = all_of_it if share >= 0.5 else none
             if 0 < share < 1:
                 warnings(str(shader.GetPath()), "a mixture of surfaces is rendered as the larger part of it")
         sources = shader.GetInput(name).GetConnectedSources()[0] if shader.GetInput(name) else []

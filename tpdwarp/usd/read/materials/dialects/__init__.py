@@ -21,12 +21,14 @@ from tpdwarp.usd.read.materials.dialects import (
     unlit,
 )
 from tpdwarp.usd.read.materials.inputs import Inputs
+from tpdwarp.usd.read.materials.nodes import operation_of
 from tpdwarp.usd.read.materials.physical import Physical
 from tpdwarp.usd.read.values import text_at
 
 TABLES = (
     preview_surface.DIALECT,
     standard_surface.DIALECT,
+    standard_surface.STANDARD,
     open_pbr.DIALECT,
     gltf_pbr.DIALECT,
     renderman.SURFACE,
@@ -58,5 +60,7 @@ def reader_of(shader: UsdShade.Shader) -> Callable[[Inputs], Physical] | None:
     name = re.sub(r"^(ND_|arnold:)|_surfaceshader(_\d+)?$", "", name_of(shader))
     if name in READERS:
         return READERS[name]
+    if name_of(shader).startswith("arnold:") and (name == "image" or operation_of(name_of(shader)) is not None):
+        return unlit.color
     telling = any((found := shader.GetInput(name)) and found.GetAttr().IsAuthored() for name in plain.TELLING)
     return plain.DIALECT.read if telling else None

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tpdwarp.usd.read.materials.dialects.table import BRIGHTEST
 from tpdwarp.usd.read.materials.inputs import Inputs
 from tpdwarp.usd.read.materials.physical import BLACK, WHITE, Color, Physical
 
@@ -19,11 +20,25 @@ DEEPEST = 32
 def read(inputs: Inputs) -> Physical:
     """The surface whose BSDF is connected to a ``surface`` node."""
     found = _bsdf(inputs, "bsdf", 0)
-    if inputs.node("edf"):
-        inputs.warn("edf", "is not rendered")
+    if emission := _emission(inputs):
+        found = replace(found, emission=emission)
     presence = inputs.number(("opacity",), 1.0)
-    sources = {**found.sources, "presence": inputs.source("opacity")}
+    sources = {**found.sources, "presence": inputs.source("opacity"), "emission": inputs.source("edf")}
     return replace(found, presence=presence, thin_walled=inputs.flag("thin_walled"), sources=sources)
+
+
+def _emission(inputs: Inputs) -> Color | None:
+    """What an EDF gives off in all directions alike; None where there is none."""
+    node = inputs.node("edf")
+    if not node:
+        return None
+    if not str(node.GetShaderId() or "").startswith("ND_uniform_edf"):
+        inputs.warn("edf", "is not rendered")
+        return None
+    below = inputs.of(node)
+    color = below.color(("color",), WHITE)
+    inputs.varies |= below.varies
+    return tuple(min(max(channel, 0.0), BRIGHTEST) for channel in color)
 
 
 def _bsdf(inputs: Inputs, name: str, depth: int) -> Physical:

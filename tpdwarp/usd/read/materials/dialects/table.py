@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tpdwarp.usd.read.materials.inputs import Inputs
+from tpdwarp.usd.read.materials.interactions import LEAST_METAL, NEARLY
 from tpdwarp.usd.read.materials.physical import Color, Physical
 from tpdwarp.usd.read.materials.textures import Image
 
@@ -16,8 +17,10 @@ from tpdwarp.usd.read.materials.textures import Image
 BRIGHTEST = 1e6
 # Properties that say how much of a surface is there; textures of them cut out shapes.
 PRESENCES = ("presence", "opacity", "alpha")
-# Connected, these change the look of what is rendered without having a value that would show how.
-CONNECTED_ONLY = ("normal", "geometry_normal", "normalCamera", "occlusion")
+# What dialects call the normal: a map of it counts, and no value.
+NORMALS = ("normal", "geometry_normal", "normalCamera")
+# Properties that do not show on what neither transmits nor is metal.
+OF_SPECULAR = ("roughness", "ior", "tint", "absorption_depth", "abbe", "metalness")
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class Dialect:
         values: dict[str, Any] = {}
         sources: dict[str, str] = {}
         shown = ""
+        held: list[tuple[str, str]] = []
         for name, where in self.fields.items():
             sources[name] = inputs.source(*where.names)
             image = _base_image(inputs, where) if name == "base_color" else None
@@ -74,18 +78,27 @@ class Dialect:
                 values["cutout"] = image.mapped(lambda pixels: pixels.mean(axis=-1, keepdims=True))
                 values[name] = 1.0
                 continue
-            values[name] = _value(inputs, name, where)
-            if name == "base_color":
+            with inputs.warnings_held(held if name in OF_SPECULAR else None):
+                values[name] = _value(inputs, name, where)
                 found = inputs.value(*where.names)
-                shown = "displayColor" if found is None else found.primvar
-            elif (found := inputs.value(*where.names)) is not None and found.primvar:
-                inputs.warn(where.names[0], "is a primvar, which is not spread; its fallback is used")
+                if name == "base_color":
+                    shown = "displayColor" if found is None else found.primvar
+                elif found is not None and found.primvar:
+                    inputs.warn(where.names[0], "is a primvar, which is not spread; its fallback is used")
+        if inputs.node(*NORMALS):
+            values["normal_image"] = inputs.image(*NORMALS)
+            sources["normal_image"] = inputs.source(*NORMALS)
+            if values["normal_image"] is None:
+                inputs.warnings(sources["normal_image"], "is not rendered")
         if self.adjust is not None:
             self.adjust(inputs, values)
         for name in PRESENCES:
             if name in sources:
                 sources.setdefault("presence", sources[name])
         self._warn(inputs, values)
+        if values.get("transmission", 0.0) > NEARLY or values.get("metalness", 0.0) >= LEAST_METAL:
+            for about, message in held:
+                inputs.warnings(about, message)
         known = {name: value for name, value in values.items() if name in Physical.__dataclass_fields__}
         return Physical(**{"color_primvar": shown, **known}, sources=sources)
 
@@ -93,9 +106,6 @@ class Dialect:
         for name, harmless in self.ignored.items():
             value = inputs.value(name)
             if value is not None and (value.numbers is None or np.any(value.numbers != harmless)):
-                inputs.warn(name, "is not rendered")
-        for name in CONNECTED_ONLY:
-            if inputs.node(name):
                 inputs.warn(name, "is not rendered")
         color = values.get("base_color")
         if self.untinted and values.get("transmission", 0.0) >= 0.5 and max(color) - min(color) > 0.05:

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from tpdwarp.usd.read.materials.dialects.table import Dialect, Field
+import numpy as np
+
+from tpdwarp.usd.read.materials.dialects.table import BRIGHTEST, Dialect, Field
 from tpdwarp.usd.read.materials.inputs import Inputs
-from tpdwarp.usd.read.materials.physical import BLACK, WHITE
+from tpdwarp.usd.read.materials.physical import BLACK, WHITE, Physical
 
 
 def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
-    values["base_color"] = BLACK
+    values["base_color"], values["unlit"] = BLACK, True
+
+
+def color(inputs: Inputs) -> Physical:
+    """A node that gives a colour in the place of a surface, which Arnold shows as it is."""
+    numbers = inputs.output().numbers
+    shown = BLACK if numbers is None else tuple(map(float, np.resize(numbers, 3)))
+    shown = tuple(min(max(channel, 0.0), BRIGHTEST) if np.isfinite(channel) else 0.0 for channel in shown)
+    return Physical(BLACK, emission=shown, unlit=True)
 
 
 MATERIALX = Dialect(

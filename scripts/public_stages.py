@@ -1,0 +1,211 @@
+#!/usr/bin/env python3
+"""Counts what tpdwarp makes of every USD stage below folders, for instance clones of public repositories.
+
+    .venv/bin/python scripts/public_stages.py usd-wg-assets OpenUSD arnold-usd --out stages.json
+    .venv/bin/python scripts/public_stages.py OpenUSD --render --out stages.json     # renders each, 64 pixels wide
+
+A stage is read at its first frame, in a process of its own with a limit of time. It counts as whole where nothing that
+it says of its picture is left out: where there is no warning, or only such as :data:`SOFT` lists. The table of warnings
+shows for each kind how many stages hold it, and how many would be whole without it. With ``--resume``, stages that
+``--out`` knows are not read again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+import re
+import resource
+import sys
+import time
+import traceback
+from collections import Counter
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+# What is no loss: stand-ins that a viewer adds too, choices, the stage's own faults (files that are not there, arrays
+# that do not fit), approximations that show nothing else than what is authored, and light of materials, which usdview
+# shows likewise.
+SOFT = tuple(
+    map(
+        re.compile,
+        (
+            r"no light shines",
+            r"the stage has no camera",
+            r"has no surface that reflects or refracts",
+            r"is used, the first of \d+ cameras",
+            r"frames outside the animation",
+            r"against the faces' winding",
+            r"rendered as its control polygons",
+            r"has no widths",
+            r"has no (points|faces|curve of enough vertices) and is left out|has a size of 0 or less",
+            r"has no prototypes and is left out|has no protoIndices|which does not exist",
+            r"faces of fewer than three corners",
+            r"is no whole number|holds no finite|which is clamped|which are clamped|are ignored|is ignored",
+            r"does not fit|do not fit|to something other than faces",
+            r"whose file cannot be read|cannot be read: ",
+            r"a lens that zooms",
+            r"no depth of field",
+            r"makes no caustics",
+            r"portals of a dome",
+            r"knows no '|holds no window|holds planes that are none",
+            r"does not fit its interpolation",
+            r"has no .*: projected along",
+            r"until then the mesh is left out",
+            r"light that a surface gives off",
+            r"is not there for textures",
+            r"to UsdUVTexture, which is not read",
+            r"what is of purpose proxy is rendered",
+            r"has faces of points that are not there",
+            r"change in number within a shutter",
+            # USD's own words, of what it could not compose.
+            r"Could not open asset|Could not load|Unresolved reference|deprecated version|Skipping xformOp|API schema",
+            r" -- found \[| -- no (positions|prototype indices)|MaterialBindingAPI is not applied",
+            r"Unable to open clip layer",
+            r"samples are not aligned|joint ?(influences|Indices)|element size|Boundable Extent",
+        ),
+    )
+)
+# What names no kind: prims, files, numbers, quotations.
+NAMES = re.compile(r"'[^']*'|@[^@]*@|(?<![\w/])/[\w./:\[\]{}=-]+|\b\d[\d.e+-]*\b| \S* … and \d+ more$| …$")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Counts what tpdwarp makes of every USD stage below folders.")
+    parser.add_argument("folders", nargs="+", type=Path)
+    parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="takes what was found, stage by stage")
+    parser.add_argument("--render", action="store_true", help="render each stage, 64 pixels wide")
+    parser.add_argument("--seconds", type=float, default=60.0, help="of processor time a stage may take [60]")
+    parser.add_argument("--resume", action="store_true", help="keep what --out holds")
+    options = parser.parse_args()
+    known = json.loads(options.out.read_text()) if options.resume and options.out.exists() else {}
+    stages = sorted(str(f) for d in options.folders for f in d.rglob("*") if f.suffix in SUFFIXES and f.is_file())
+    import_everything()
+    for done, stage in enumerate(stages):
+        if stage in known:
+            continue
+        known[stage] = apart(stage, options.render, options.seconds)
+        if done % 20 == 0:
+            options.out.write_text(json.dumps(known, indent=1))
+    options.out.write_text(json.dumps(known, indent=1))
+    report({stage: known[stage] for stage in stages})
+    return 0
+
+
+def import_everything() -> None:
+    """What every stage needs, once for all processes; kernels are loaded by each."""
+    import tpdwarp.jobs.opening
+    import tpdwarp.rendering.frame  # noqa: F401
+
+
+def apart(stage: str, render: bool, seconds: float) -> dict:
+    """What a process of its own found out about a stage."""
+    reading, writing = os.pipe()
+    process = os.fork()
+    if process == 0:
+        os.close(reading)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 1))
+        silent = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silent, 1)
+        os.dup2(silent, 2)
+        with os.fdopen(writing, "w") as pipe:
+            json.dump(looked_at(stage, render), pipe)
+        os._exit(0)
+    os.close(writing)
+    began = time.monotonic()
+    os.set_blocking(reading, False)
+    answer = b""
+    while time.monotonic() < began + 10 * seconds:
+        try:
+            part = os.read(reading, 1 << 20)
+        except BlockingIOError:
+            time.sleep(0.01)
+            continue
+        if not part:
+            break
+        answer += part
+    else:
+        os.kill(process, 9)
+    os.close(reading)
+    _, status = os.waitpid(process, 0)
+    found = json.loads(answer) if answer else {"result": f"ended by {os.waitstatus_to_exitcode(status)}"}
+    return {**found, "seconds": round(time.monotonic() - began, 2)}
+
+
+def looked_at(stage: str, render: bool) -> dict:
+    """Result, what is said in words, and with ``render`` the mean of the picture."""
+    from tpdwarp.errors import FrameError, InputError
+    from tpdwarp.jobs.opening import chosen_settings, open_scene, shutter_of
+    from tpdwarp.rendering.context import RenderContext
+    from tpdwarp.rendering.frame import render_frame
+
+    logging.disable()
+    settings = chosen_settings({"photons": 1024, "samples": 1, "image_width": 64, "threads": 1})
+    found: dict = {"result": "read"}
+    source = None
+    try:
+        source = open_scene(stage, settings, default_time=False)
+        shutter = shutter_of(source, source.start, settings)
+        source.region()
+        scene = source.at(shutter)
+        found["triangles"] = sum(len(mesh.triangles) for mesh in scene.meshes)
+        if render:
+            frame = render_frame(RenderContext(source, settings), shutter, *source.resolution())
+            found["mean"] = float(sum(frame.channels[name].mean() for name in "RGB") / 3)
+            found["alpha"] = float(frame.channels["A"].mean())
+    except (InputError, FrameError) as error:
+        found = {"result": "refused", "error": str(error).removeprefix(stage)}
+    except Exception:
+        found = {"result": "traceback", "error": traceback.format_exc()[-2000:]}
+    if source is not None:
+        found["warnings"] = [message.removeprefix(stage) for message in source.warnings.messages]
+    return found
+
+
+def kind_of(message: str) -> str:
+    """A message without what it names."""
+    message = re.sub(r"^: (?=/)\S+( and \d+ more)?: ", "", message)
+    return NAMES.sub("…", message.removeprefix(": "))
+
+
+def losses(found: dict) -> set[str]:
+    """Kinds of what is lost in a picture."""
+    said = found.get("warnings", ())
+    return {kind_of(message) for message in said if not any(soft.search(message) for soft in SOFT)}
+
+
+def report(stages: dict[str, dict]) -> None:
+    """Prints the counts."""
+    results = Counter(found["result"] for found in stages.values())
+    print(f"{len(stages)} stages: " + ", ".join(f"{count} {name}" for name, count in results.most_common()))
+    for name in results:
+        if name in ("read", "refused"):
+            continue
+        for stage, found in stages.items():
+            if found["result"] == name:
+                print(f"  {stage}: {name} {found.get('error', '').strip().splitlines()[-1:]}")
+    print("refused:")
+    for kind, count in Counter(
+        kind_of(found["error"]) for found in stages.values() if found["result"] == "refused"
+    ).most_common():
+        first = next(s for s, f in stages.items() if f["result"] == "refused" and kind_of(f["error"]) == kind)
+        print(f"  {count:5d}  {kind}   [{first}]")
+    lost = {stage: losses(found) for stage, found in stages.items() if found["result"] == "read"}
+    print(f"nothing lost in {sum(not kinds for kinds in lost.values())} of {len(lost)} that are read; lost:")
+    alone = Counter(next(iter(kinds)) for kinds in lost.values() if len(kinds) == 1)
+    for kind, count in Counter(kind for kinds in lost.values() for kind in kinds).most_common():
+        first = next(stage for stage, kinds in lost.items() if kind in kinds)
+        print(f"  {count:5d} (alone in {alone[kind]})  {kind}   [{first}]")
+    dark = [stage for stage, found in stages.items() if "mean" in found and not found["mean"] > 0]
+    if any("mean" in found for found in stages.values()):
+        print(f"black or empty: {len(dark)}")
+        for stage in dark:
+            print(f"  {stage}: {stages[stage]}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,51 @@
+"""Into how many parts lights with extent are cut."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.footprints.photons import photon_map
+from tests.view.scenes import WATER, bumpy, floor, looking_down, steady
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.frame import render_frame
+from tpdwarp.scene.description import EmissionProfile, Extent, ExtentShape, LightAtShutter, LightKind, Shutter
+from tpdwarp.scene.light_places import pieces_of_disc
+from tpdwarp.settings import Settings
+from tpdwarp.trajectories.light_splits import LEFT_OUT, LEFT_OUT_POWER, _squares
+
+SPANS = np.array([[0.4, 0.0, 0.0], [0.0, 0.25, 0.0]])
+
+
+@pytest.mark.parametrize("count", [7, 19, 61, 217])
+def test_rectangles_leave_out_as_much_of_a_disc_as_is_counted(count):
+    """By the middles of a grid of 500 squares across, within a tenth: the law is fitted to all of these."""
+    middles = (np.arange(600) + 0.5) / 250 - 1.2
+    points = np.stack(np.meshgrid(middles, middles), axis=-1)
+    inside = np.linalg.norm(points, axis=-1) < 1
+    covered = np.zeros(inside.shape)
+    for number, (place, sides) in enumerate(pieces_of_disc(count)):
+        along = np.abs((points - place) @ np.linalg.inv(sides))
+        covered += along.max(axis=-1) < 1 if number else np.linalg.norm(along, axis=-1) < 1
+    left_out = 0.5 * np.abs(covered - inside).sum() / inside.sum()
+    assert left_out == pytest.approx(LEFT_OUT * count**LEFT_OUT_POWER, rel=0.1)
+
+
+def test_photons_count_by_the_irradiance_where_they_lie():
+    """Three photons in one cube and one in another: each of the three stands for three times as much."""
+    places = [(0.1, 0.1, 0.0), (0.2, 0.3, 0.0), (0.4, 0.4, 0.0), (5.2, 0.1, 0.0)]
+    photons = photon_map(places, (0.1, 0, 0), (0, 0.1, 0))
+    np.testing.assert_allclose(_squares(photons, 1.0), np.array([3, 3, 3, 1]) / 10, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("height", "least"), [(60.0, 1), (1.4, 7)])
+def test_a_light_near_the_water_is_split_and_one_far_off_is_not(height, least):
+    panel = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.3, 0.2, height]))
+    extent = Extent(ExtentShape.RECT, 0.0, SPANS)
+    light = replace(panel, profile=EmissionProfile.COSINE, extent=extent)
+    source = steady([floor(), bumpy("/water", WATER, 1.0, False)], (light,), looking_down(height=0.6))
+    context = RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1))
+    parts = render_frame(context, Shutter(0, 0, 0), 8, 8).energy.counts.get("parts of each light with extent", 1)
+    assert parts == 1 if least == 1 else parts >= least
