@@ -70,7 +70,7 @@ def averaged_bspline(x: Lanes, width: float) -> Lanes:
 
 
 @wp.func
-def _double_tail(x: Lanes) -> Lanes:
+def double_tail(x: Lanes) -> Lanes:
     """∫ of the tail from |x| on, plus |x|/2, which second differences do not see: even, convex (beyond the paper)."""
     distance = wp.abs(x)
     outer = wp.max(Lanes(1.5) - distance, Lanes(0.0))
@@ -88,8 +88,8 @@ def twice_averaged_bspline(x: Lanes, width: float, second: float) -> Lanes:
     """
     both = Lanes(0.5 * (width + second))
     apart = Lanes(0.5 * (width - second))
-    outer = _double_tail(x + both) + _double_tail(x - both)
-    inner = _double_tail(x + apart) + _double_tail(x - apart)
+    outer = double_tail(x + both) + double_tail(x - both)
+    inner = double_tail(x + apart) + double_tail(x - apart)
     return wp.max(outer - inner, Lanes(0.0)) / (width * second)
 
 
