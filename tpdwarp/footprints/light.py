@@ -24,6 +24,8 @@ from tpdwarp.trajectories.bends import within_reach
 # Footprints whose sizes lie within so many octaves are looked up together. Chosen: on the blob of
 # scripts/benchmarks/solids.py, 256 pixels wide, it takes half of what all of them at once take.
 OCTAVES = 2
+# More footprints than this are looked up as they are: parts of them are copies, which would fill memory twice.
+MOST_PARTED = 1 << 21
 
 
 class FootprintLight:
@@ -76,7 +78,7 @@ class FootprintLight:
 
         # ---- By how they are looked up
         self._wide = WideFootprints(np.arange(self._shaped.count))
-        if form.smooth:
+        if form.smooth and self._shaped.count <= MOST_PARTED:
             self._wide = wide_footprints(self._shaped, pixel, launcher)
         self._fine = self._maps_of(self._wide.others)
         self._smooth = [
@@ -93,6 +95,8 @@ class FootprintLight:
 
     def _maps_of(self, rows: np.ndarray) -> list[FootprintMap]:
         """Those of one size together, for a walk through a tree serves queries as far apart as footprints are large."""
+        if self._shaped.count > MOST_PARTED:
+            return [self._map_of(rows)]
         extents = self._shaped.arrays.half_extent.numpy()[rows, :2].max(axis=1)
         sizes = np.floor(np.log2(np.maximum(extents, np.finfo(np.float32).tiny)) / OCTAVES)
         return [self._map_of(rows[sizes == size]) for size in np.unique(sizes)]
