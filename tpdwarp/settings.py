@@ -199,7 +199,7 @@ class LightSettings(_Group):
             photons; ``auto`` chooses.
         bounces: Specular interactions followed along a path; None for as many as light takes (up to 64).
         branch_cutoff: Part of the emitted flux below which reflected branches of photons are given up, and counted.
-        target_error: Wanted relative RMSE of caustics; chooses photons and segments.
+        target_error: Wanted relative RMSE of caustics; chooses photons, segments and, where needed, more samples.
         estimator: ``tpd`` (temporal photon differentials), ``pd`` (photons of mid shutter, which stand still), ``tdpm``
             (nearest photons), ``accumulation`` (brute force), ``distribution`` (random times).
         kernel: Filter kernel of a footprint.

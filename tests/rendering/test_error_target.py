@@ -102,7 +102,7 @@ def test_the_frame_that_errs_most_decides_and_the_others_are_hardly_looked_at(wa
     choice = chosen(pictures, wanted, DOUBLED)
     assert 0.5 * wanted < frames[1].error(choice.photons, choice.segments) < 1.5 * wanted
     others = max(pictures.traced[0], pictures.traced[2])
-    assert others <= 2 * error_target.PHOTONS_OF_ALL_FRAMES < pictures.traced[1]
+    assert others <= 2 * sum(error_target.PHOTONS_OF_ALL_FRAMES) < pictures.traced[1]
 
 
 class Seen:
@@ -117,7 +117,7 @@ class Seen:
 
 
 @pytest.mark.parametrize(
-    ("error", "moves", "samples"), [(0.5, True, 64), (0.1, True, 16), (0.05, True, 4), (0.5, False, 4)]
+    ("error", "moves", "samples"), [(0.5, True, 64), (0.1, True, 16), (0.03, True, 4), (0.5, False, 4)]
 )
 def test_samples_are_raised_until_what_moves_past_pixels_adds_little(error, moves, samples):
     wanted = 0.05
@@ -141,7 +141,7 @@ def test_no_choice_takes_more_photons_than_there_may_be(wanted, monkeypatch):
 
 def test_no_light_needs_few_photons():
     choice = chosen(Dark(), 0.02, DOUBLED)
-    assert (choice.photons, choice.segments) == (error_target.FEWEST_PHOTONS, 1) and choice.error < 1e-9
+    assert (choice.photons, choice.segments) == (error_target.FIRST_PHOTONS, 1) and choice.error < 1e-9
 
 
 @pytest.mark.slow
@@ -156,12 +156,13 @@ def test_the_true_error_is_within_a_factor_of_two_of_what_was_asked(wave, exposu
     found = render_frame(RenderContext(source, resolved), shutter, 256, 32).channels["irradiance.R"].astype(float)
     error = np.sqrt(np.mean((found - truth) ** 2)) / truth.mean()
     assert 0.5 * wanted < error < 2 * wanted
-    assert target.expected <= wanted
+    # What is expected to err by more is warned about.
+    assert target.expected <= 1.05 * wanted
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scene", "exposure", "photons", "instants"), [("sea", 1.0, 1 << 16, 16), ("mirror", 0.0, 1 << 21, 1)]
+    ("scene", "exposure", "photons", "instants"), [("sea", 1.0, 1 << 17, 16), ("mirror", 0.0, 1 << 21, 1)]
 )
 def test_shipped_scenes_err_as_wanted_in_frames_that_the_pilot_does_not_see(scene, exposure, photons, instants):
     wanted, frame = 0.05, 9.0

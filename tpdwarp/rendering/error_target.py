@@ -35,10 +35,10 @@ from tpdwarp.trajectories.segments import most_breaks_inside, motion_breaks_with
 # Frames that are looked at. Chosen, not derived, as is all below that does not say otherwise; what they do together is
 # measured by ``scripts/benchmarks/run.py target_error``.
 MOST_STILLS = 3
-# Photons of the first picture, and the fewest that are chosen.
-FIRST_PHOTONS, FEWEST_PHOTONS = 256, 64
-# From so many photons on only the frame that errs most is looked at.
-PHOTONS_OF_ALL_FRAMES = 1024
+# Photons of the first picture.
+FIRST_PHOTONS = 64
+# Photons of the pictures that show which frame errs most; all others are of this one alone.
+PHOTONS_OF_ALL_FRAMES = (256, 1024)
 # No smaller error is believed before so many photons were seen.
 FEWEST_SEEN = 4096
 # What a frame may cost at most.
@@ -65,8 +65,8 @@ LEAST_LIGHT = 0.1
 # number to the power −¾, and independently of each other: the change to four times as many is the error to 6 %.
 MORE_SAMPLES, MOST_SAMPLES = 4, 64
 FALL_BY_SAMPLES = MORE_SAMPLES**-0.75
-# Camera samples may add this part to the error.
-LARGEST_BY_SAMPLES = 0.5
+# What camera samples may err by, as a part of what is wanted: together they stay within 1.05 of it, below the warning.
+LARGEST_BY_SAMPLES = 0.3
 # Keeps quotients and logarithms of errors finite.
 TINY = 1e-12
 
@@ -215,14 +215,15 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
         by_photons = float(np.clip(jump / max(coarse, TINY), *TIME_FALL_BY_PHOTONS))
         return _ErrorInTime(enough, error, by_photons)
 
-    def the_worst(segments: int) -> int:
+    def the_worst() -> int:
         """The frame that changes most with photons and segments together, as few of both show it."""
-        pairs = [(at(FIRST_PHOTONS, 1), at(PHOTONS_OF_ALL_FRAMES, 1))]
-        if segments in following:
-            pairs.append((at(FIRST_PHOTONS, 1), at(FIRST_PHOTONS, following[segments])))
+        few, more = PHOTONS_OF_ALL_FRAMES
+        pairs = [(at(few, 1), at(more, 1))]
+        if 1 in following:
+            pairs.append((at(few, 1), at(few, following[1])))
         return int(np.argmax(np.sum([_changes(a, b) ** 2 for a, b in pairs], axis=0)))
 
-    frame = the_worst(1)
+    frame = the_worst()
     picture.keep(frame)
     found = {key: pictures[frame : frame + 1] for key, pictures in found.items()}
     photons, segments = FIRST_PHOTONS, 1
@@ -233,11 +234,11 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
         if 4 * photons >= FEWEST_SEEN:
             most = min(4.0**LARGEST_EXTRAPOLATION * photons, MOST_PHOTONS / segments)
             if error(most) <= wanted:
-                fewest = _fewest(error, wanted, FEWEST_PHOTONS, most)
+                fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
                 if time.photons < min(fewest, 4 * photons) and 2.0 * time(fewest) > wanted:
                     # What few photons take for an error in time may go with more of them: more are looked at.
                     error = _both(space, in_time(photons, segments, space.fall, finest=True))
-                    fewest = _fewest(error, wanted, FEWEST_PHOTONS, most)
+                    fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
                 return Choice(fewest, segments, error(fewest))
             if 4 * photons * segments >= MOST_PHOTONS:
                 return Choice(4 * photons, segments, error(4 * photons))
@@ -273,12 +274,12 @@ class _ErrorInTime:
 
 @dataclass(frozen=True)
 class _ErrorInSpace:
-    """Error by the number of photons in each segment: a power law between those seen, and outside of them.
+    """Error by the number of photons in each segment: a power law between those seen, and beyond them.
 
     Attributes:
         counts: Numbers of photons, each four times the one before.
         errors: Of these.
-        fall: How errors fall from one to the next beyond the last, and before the first.
+        fall: How errors fall from one to the next beyond the last.
     """
 
     counts: Sequence[int]
@@ -301,9 +302,9 @@ class _ErrorInSpace:
 
     def __call__(self, photons: float) -> float:
         errors = np.maximum(self.errors, TINY)
-        beyond = max(0.0, math.log(photons / self.counts[-1])) + min(0.0, math.log(photons / self.counts[0]))
+        beyond = max(0.0, math.log(photons / self.counts[-1]) / math.log(4))
         between = np.interp(math.log(photons), np.log(self.counts), np.log(errors))
-        return math.exp(between) * self.fall ** (beyond / math.log(4))
+        return math.exp(between) * self.fall**beyond
 
 
 def _both(space: _ErrorInSpace, time: _ErrorInTime) -> Callable[[float], float]:
