@@ -94,7 +94,8 @@ def test_in_the_middle_a_straight_line_is_exact():
 
 
 SLOW = {
-    "slow": dict(velocity=(6, 4)),
+    "slow": dict(velocity=(3, 2)),
+    "a slow cell": dict(velocity=(12, 12), pixel=(3, 0, 0, 3)),
     "turning": dict(velocity=(50, 0), acceleration=(0, 80)),
     "a disc": dict(velocity=(90, 0), width=(2, 3, -1)),
 }  # fmt: skip

@@ -49,7 +49,7 @@ def quadratic_bspline(x: Lanes) -> Lanes:
 
 
 @wp.func
-def _bspline_tail(x: Lanes) -> Lanes:
+def bspline_tail(x: Lanes) -> Lanes:
     """∫ b from x ≥ 0 to the end of its support, for averages over a box (beyond the paper)."""
     outer = wp.max(Lanes(1.5) - x, Lanes(0.0))
     inner = wp.max(Lanes(0.5) - x, Lanes(0.0))
@@ -64,13 +64,13 @@ def averaged_bspline(x: Lanes, width: float) -> Lanes:
     """
     distance = wp.abs(x)
     half = Lanes(0.5 * width)
-    near = _bspline_tail(wp.abs(distance - half))
+    near = bspline_tail(wp.abs(distance - half))
     inside = not_negative(half - distance)
-    return (near + wp.cw_mul(inside, Lanes(1.0) - 2.0 * near) - _bspline_tail(distance + half)) / width
+    return (near + wp.cw_mul(inside, Lanes(1.0) - 2.0 * near) - bspline_tail(distance + half)) / width
 
 
 @wp.func
-def _double_tail(x: Lanes) -> Lanes:
+def double_tail(x: Lanes) -> Lanes:
     """∫ of the tail from |x| on, plus |x|/2, which second differences do not see: even, convex (beyond the paper)."""
     distance = wp.abs(x)
     outer = wp.max(Lanes(1.5) - distance, Lanes(0.0))
@@ -88,8 +88,8 @@ def twice_averaged_bspline(x: Lanes, width: float, second: float) -> Lanes:
     """
     both = Lanes(0.5 * (width + second))
     apart = Lanes(0.5 * (width - second))
-    outer = _double_tail(x + both) + _double_tail(x - both)
-    inner = _double_tail(x + apart) + _double_tail(x - apart)
+    outer = double_tail(x + both) + double_tail(x - both)
+    inner = double_tail(x + apart) + double_tail(x - apart)
     return wp.max(outer - inner, Lanes(0.0)) / (width * second)
 
 

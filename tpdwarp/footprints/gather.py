@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 
 import warp as wp
@@ -371,23 +372,26 @@ def gather(
     lookup: Lookup = PLAIN_LOOKUP,
 ) -> Irradiance:
     """Irradiance that ``footprints`` leave at ``queries`` over a part of the shutter: Eq. 8 without the BRDF."""
-    return irradiance_of(gathered(footprints, queries, form, launcher, lookup), lookup.with_motion)
+    return irradiance_of(gathered([footprints], queries, form, launcher, lookup), lookup.with_motion)
 
 
 def gathered(
-    footprints: FootprintMap, queries: QueryArrays, form: GatherForm, launcher: Launcher, lookup: Lookup
+    maps: Sequence[FootprintMap], queries: QueryArrays, form: GatherForm, launcher: Launcher, lookup: Lookup
 ) -> IrradianceArrays:
-    """The same, on the device."""
+    """The sum over several maps, on the device."""
     count = queries.position.shape[0]
     out = irradiance_arrays(count, lookup.with_motion, launcher)
-    if footprints.count:
+    maps = [footprints for footprints in maps if footprints.count]
+    if not maps:
+        return out
+    leaves = leaves_of(queries, count, lookup.query_moves, launcher)
+    group_size = GPU_GROUP if launcher.device.is_cuda else GROUP
+    for footprints in maps:
         moves = footprints.moves or lookup.query_moves
         shaded = footprints.shaded and has_shading_normals(queries)
         kernel = gather_kernel(form, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
-        leaves = leaves_of(queries, count, lookup.query_moves, launcher)
         sums = launcher.rows(LeafSums, leaves.middle.shape[0])
-        group_size = GPU_GROUP if launcher.device.is_cuda else GROUP
         inputs = [*photons, time_window(lookup), group_size, count, queries, leaves, sums, out]
         launcher(kernel, -(-count // group_size), inputs, smallest_chunk=1)
     return out

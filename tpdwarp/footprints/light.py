@@ -21,6 +21,12 @@ from tpdwarp.footprints.wide import WideFootprints, wide_footprints
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.bends import within_reach
 
+# Footprints whose sizes lie within so many octaves are looked up together. Chosen: on the blob of
+# scripts/benchmarks/solids.py, 256 pixels wide, it takes half of what all of them at once take.
+OCTAVES = 2
+# More footprints than this are looked up as they are: parts of them are copies, which would fill memory twice.
+MOST_PARTED = 1 << 21
+
 
 class FootprintLight:
     """The light of the photons of one or more (sub-)shutters.
@@ -72,9 +78,9 @@ class FootprintLight:
 
         # ---- By how they are looked up
         self._wide = WideFootprints(np.arange(self._shaped.count))
-        if form.smooth:
+        if form.smooth and self._shaped.count <= MOST_PARTED:
             self._wide = wide_footprints(self._shaped, pixel, launcher)
-        self._fine = self._map_of(self._wide.others)
+        self._fine = self._maps_of(self._wide.others)
         self._smooth = [
             Rasters(planes, levels, form, launcher)
             for planes, levels in ((split.planes, faint), (self._wide.planes, self._levels(self._wide.still)))
@@ -87,14 +93,22 @@ class FootprintLight:
         whole = len(rows) == self._shaped.count
         return FootprintMap.of(self._shaped if whole else self._shaped.rows(rows, self._launcher), self._launcher)
 
+    def _maps_of(self, rows: np.ndarray) -> list[FootprintMap]:
+        """Those of one size together, for a walk through a tree serves queries as far apart as footprints are large."""
+        if self._shaped.count > MOST_PARTED:
+            return [self._map_of(rows)]
+        extents = self._shaped.arrays.half_extent.numpy()[rows, :2].max(axis=1)
+        sizes = np.floor(np.log2(np.maximum(extents, np.finfo(np.float32).tiny)) / OCTAVES)
+        return [self._map_of(rows[sizes == size]) for size in np.unique(sizes)]
+
     def _levels(self, sides: dict[float, np.ndarray]) -> list[tuple[float, FootprintMap]]:
         return [(side, self._map_of(rows)) for side, rows in sorted(sides.items())]
 
     @cached_property
     def _all_that_moves(self) -> FootprintMap:
         """What queries look at that move, or see part of the shutter: wide footprints too, unless they stand still."""
-        if not self._sweeping:
-            return self._fine
+        if not self._sweeping and len(self._fine) == 1:
+            return self._fine[0]
         return self._map_of(np.sort(np.concatenate([self._wide.others, *self._wide.moving.values()])))
 
     @property
@@ -109,7 +123,7 @@ class FootprintLight:
 
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``, in pieces of their way where that is long."""
-        counts = piece_counts(queries, lookup, self.longest_way)
+        counts = piece_counts(queries, lookup, self.longest_way if lookup.query_moves else 0.0)
         if counts.max(initial=1) == 1:
             return self._at_once(queries, lookup)
         found = Irradiance(np.zeros((len(counts), 3), np.float32))
@@ -132,7 +146,7 @@ class FootprintLight:
 
     def _at_once(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         whole = lookup.window == PLAIN_LOOKUP.window and not lookup.query_moves
-        fine = self._fine if whole else self._all_that_moves
+        fine = self._fine if whole else [self._all_that_moves]
         sums = gathered(fine, queries, self._form, self._launcher, lookup)
         rasters = [*self._smooth, *(self._sweeping if whole else ())]
         off = [smooth.add_to(queries, lookup, sums.irradiance) for smooth in rasters]
@@ -150,7 +164,7 @@ class FootprintLight:
             return
         some = rows_of(queries, looked_at, self._launcher)
         for footprints in smooth.levels:
-            more = irradiance_of(gathered(footprints, some, self._form, self._launcher, lookup), lookup.with_motion)
+            more = irradiance_of(gathered([footprints], some, self._form, self._launcher, lookup), lookup.with_motion)
             found.irradiance[rows] += more.irradiance[np.searchsorted(looked_at, rows)]
             if lookup.with_motion:
                 found.motion += more.motion

@@ -14,14 +14,19 @@ Beyond the paper, whose swept footprints (Eq. 7) are lines as well, all along.
 
 from __future__ import annotations
 
+import math
+
 import warp as wp
 
-from tpdwarp.footprints.bspline import HALF_WIDTH, Trajectory, box_extent, twice_averaged_bspline
+from tpdwarp.footprints.bspline import HALF_WIDTH, Trajectory, box_extent, bspline_tail, double_tail
 from tpdwarp.footprints.lanes import LANES, Lanes, not_negative
 
-# A line goes at least so many pixels, or halves of what a B-spline reaches over: its ends, where the profile along it
-# is taken for a box, are less than a quarter of it. Chosen, not derived.
-SHORTEST_WAY = wp.constant(8.0)
+# A line goes at least so many pixels, or halves of what a B-spline reaches over. Chosen, not derived: at the ends of a
+# cell's line, an eighth of it, the profile along it is taken for a box; that of a B-spline is one, of which slower ones
+# pass few nodes anyway.
+SHORTEST_WAY_OF_CELL, SHORTEST_WAY_OF_BSPLINE = wp.constant(8.0), wp.constant(3.0)
+# A box has the variance of a B-spline so many times narrower.
+BOX_OF_BSPLINE = wp.constant(math.sqrt(3.0))
 # It turns by no more than a radian, so that it passes nothing twice, and leaves its tangent by no more than this part
 # of what it covers within that: half of the curvature.
 LARGEST_TURN = wp.constant(1.0)
@@ -57,7 +62,8 @@ def is_line(trajectory: Trajectory) -> bool:
     jerk = wp.length(measure * trajectory.jerk)
     slowest = wp.length(measure * trajectory.velocity) - 0.5 * acceleration - 0.125 * jerk
     turning = acceleration + 0.5 * jerk
-    far = slowest > SHORTEST_WAY and trajectory.filter_width[2] >= 0.0
+    shortest = wp.where(trajectory.is_cell == 1, SHORTEST_WAY_OF_CELL, SHORTEST_WAY_OF_BSPLINE)
+    far = slowest > shortest and trajectory.filter_width[2] >= 0.0
     return far and turning < LARGEST_TURN * slowest and turning < LARGEST_CURVATURE * slowest * slowest
 
 
@@ -103,109 +109,117 @@ def _time_of_passing(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
 
 
 @wp.func
-def _lengths_passed(trajectory: Trajectory, velocity: wp.vec2) -> float:
-    """How many of its own lengths the footprint goes within the shutter (beyond the paper).
-
-    Its length is that of a box of its variance along its way, beside a query that it passes aside of its middle.
-    """
-    measure = _measure(trajectory)
-    way = measure * velocity
-    ahead = wp.normalize(way)
-    along_u = wp.dot(ahead, wp.vec2(measure[0, 0], measure[1, 0]))
-    along_v = wp.dot(ahead, wp.vec2(measure[0, 1], measure[1, 1]))
-    square = along_u * along_u + along_v * along_v
-    if trajectory.is_cell == 1:
-        # The pixel has unit sides there.
-        square += 1.0
-    else:
-        width = trajectory.filter_width
-        square *= 3.0
-        square += along_u * along_u * width[0] * width[0]
-        square += along_v * along_v * (width[1] * width[1] + width[2] * width[2])
-    return wp.length(way) / wp.sqrt(square)
+def _length(x: Lanes, y: Lanes) -> Lanes:
+    """√(x² + y²), for profiles across lines (beyond the paper)."""
+    out = wp.cw_mul(x, x) + wp.cw_mul(y, y)
+    for lane in range(LANES):
+        out[lane] = wp.sqrt(out[lane])
+    return out
 
 
 @wp.func
-def four_boxes(x: Lanes, a: float, b: float, c: float, d: float) -> Lanes:
+def four_boxes(x: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes) -> Lanes:
     """Mean of a box over three others, with ∫ = 1 (beyond the paper); the narrowest two count as one.
 
     Of three boxes it is the third difference of x |x|/4.
     """
     wider = wp.min(wp.max(a, b), wp.max(c, d))
     narrower = wp.max(wp.min(a, b), wp.min(c, d))
-    least = wp.min(wp.min(a, b), wp.min(c, d))
     first = 0.5 * wp.max(wp.max(a, b), wp.max(c, d))
     floor = NARROWEST_PART * first
     second = wp.max(0.5 * wp.max(wider, narrower), floor)
-    third = wp.max(0.5 * wp.sqrt(wp.min(wider, narrower) * wp.min(wider, narrower) + least * least), floor)
+    third = wp.max(0.5 * _length(wp.min(wider, narrower), wp.min(wp.min(a, b), wp.min(c, d))), floor)
     total = Lanes(0.0)
     for corner in range(8):
-        sign = wp.vec3(
-            float(1 - 2 * (corner % 2)), float(1 - 2 * (corner // 2 % 2)), float(1 - 2 * (corner // 4))
-        )
-        at = x + Lanes(wp.dot(sign, wp.vec3(first, second, third)))
-        total += (sign[0] * sign[1] * sign[2]) * wp.cw_mul(at, wp.abs(at))
+        sign_a = float(1 - 2 * (corner % 2))
+        sign_b = float(1 - 2 * (corner // 2 % 2))
+        sign_c = float(1 - 2 * (corner // 4))
+        at = x + sign_a * first + sign_b * second + sign_c * third
+        total += (sign_a * sign_b * sign_c) * wp.cw_mul(at, wp.abs(at))
     # Beyond them differences are rounding.
-    within = not_negative(Lanes(first + second + third) - wp.abs(x))
-    return wp.cw_mul(within, wp.max(total, Lanes(0.0))) / (32.0 * first * second * third)
+    within = not_negative(first + second + third - wp.abs(x))
+    area = 32.0 * wp.cw_mul(wp.cw_mul(first, second), third)
+    return wp.cw_div(wp.cw_mul(within, wp.max(total, Lanes(0.0))), area)
+
+
+@wp.func
+def bspline_and_boxes(x: Lanes, cell: Lanes, first: Lanes, second: Lanes) -> Lanes:
+    """Mean of a B-spline with cells of a width over two boxes, with ∫ = 1 (beyond the paper)."""
+    one = wp.max(wp.cw_div(first, cell), Lanes(NARROWEST_BOX))
+    other = wp.max(wp.cw_div(second, cell), Lanes(NARROWEST_SECOND))
+    at = wp.cw_div(x, cell)
+    both = 0.5 * (one + other)
+    apart = 0.5 * (one - other)
+    total = double_tail(at + both) + double_tail(at - both) - double_tail(at + apart) - double_tail(at - apart)
+    return wp.cw_div(wp.max(total, Lanes(0.0)), wp.cw_mul(wp.cw_mul(one, other), cell))
 
 
 @wp.func
 def line_weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
-    """w(u, v, trajectory) of Eq. 8 of a footprint that :func:`is_line` (beyond the paper).
-
-    What axes grow by is that of the mean time at which it passes the queries.
-    """
+    """w(u, v, trajectory) of Eq. 8 of a footprint that :func:`is_line` (beyond the paper)."""
     s = _time_of_passing(u, v, trajectory)
     inside = wp.min(wp.max(s, Lanes(-0.5)), Lanes(0.5))
-    middle = wp.dot(inside, Lanes(1.0 / float(LANES)))
 
-    # ---- Where queries are beside the line, and how fast it goes, with the axes as they are then
-    inverse = wp.inverse(wp.identity(n=2, dtype=float) + middle * trajectory.jacobian_rate)
+    # ---- How fast it goes when it passes, and where queries are beside the line
     velocity = trajectory.velocity
     acceleration = trajectory.acceleration
     jerk = trajectory.jerk
-    apart_u = u - _place(s, velocity[0], acceleration[0], jerk[0])
-    apart_v = v - _place(s, velocity[1], acceleration[1], jerk[1])
     speed_u = _speed(s, velocity[0], acceleration[0], jerk[0])
     speed_v = _speed(s, velocity[1], acceleration[1], jerk[1])
-    along_u = inverse[0, 0] * speed_u + inverse[0, 1] * speed_v
-    along_v = inverse[1, 0] * speed_u + inverse[1, 1] * speed_v
-    z_u = inverse[0, 0] * apart_u + inverse[0, 1] * apart_v
-    z_v = inverse[1, 0] * apart_u + inverse[1, 1] * apart_v
-    slowness = wp.cw_mul(along_u, along_u) + wp.cw_mul(along_v, along_v)
-    for lane in range(LANES):
-        slowness[lane] = 1.0 / wp.sqrt(slowness[lane])
-    across = wp.cw_mul(wp.cw_mul(z_u, along_v) - wp.cw_mul(z_v, along_u), slowness)
+    slowness = wp.cw_div(Lanes(1.0), _length(speed_u, speed_v))
+    ahead_u = wp.cw_mul(speed_u, slowness)
+    ahead_v = wp.cw_mul(speed_v, slowness)
+    apart_u = u - _place(s, velocity[0], acceleration[0], jerk[0])
+    apart_v = v - _place(s, velocity[1], acceleration[1], jerk[1])
+    across = wp.cw_mul(apart_u, ahead_v) - wp.cw_mul(apart_v, ahead_u)
 
-    # ---- The profile across it
-    then = velocity + middle * (acceleration + (0.5 * middle) * jerk)
-    ahead = wp.normalize(inverse * then)
-    aside = wp.vec2(-ahead[1], ahead[0])
+    # ---- The sides of its cell as they are then: across the line, and along it by what the footprint covers
+    rate = trajectory.jacobian_rate
+    one_u = Lanes(1.0) + rate[0, 0] * inside
+    one_v = rate[1, 0] * inside
+    other_u = rate[0, 1] * inside
+    other_v = Lanes(1.0) + rate[1, 1] * inside
+    one_across = wp.abs(wp.cw_mul(one_u, ahead_v) - wp.cw_mul(one_v, ahead_u))
+    other_across = wp.abs(wp.cw_mul(other_u, ahead_v) - wp.cw_mul(other_v, ahead_u))
+    measure = _measure(trajectory)
+    way_u = measure[0, 0] * speed_u + measure[0, 1] * speed_v
+    way_v = measure[1, 0] * speed_u + measure[1, 1] * speed_v
+    way = _length(way_u, way_v)
+    one_along = wp.cw_mul(way_u, measure[0, 0] * one_u + measure[0, 1] * one_v)
+    one_along = wp.cw_div(one_along + wp.cw_mul(way_v, measure[1, 0] * one_u + measure[1, 1] * one_v), way)
+    other_along = wp.cw_mul(way_u, measure[0, 0] * other_u + measure[0, 1] * other_v)
+    other_along = wp.cw_div(other_along + wp.cw_mul(way_v, measure[1, 0] * other_u + measure[1, 1] * other_v), way)
+    length = _length(one_along, other_along)
+
+    # ---- Its profile across the line, and its length: that of a box of its variance
     profile = Lanes(0.0)
     if trajectory.is_cell == 1:
-        pixel = inverse * trajectory.pixel
-        p = wp.vec2(pixel[0, 0], pixel[1, 0])
-        q = wp.vec2(pixel[0, 1], pixel[1, 1])
-        profile = four_boxes(
-            across, wp.abs(aside[0]), wp.abs(aside[1]), wp.abs(wp.dot(aside, p)), wp.abs(wp.dot(aside, q))
-        )
+        pixel = trajectory.pixel
+        p = wp.abs(pixel[0, 0] * ahead_v - pixel[1, 0] * ahead_u)
+        q = wp.abs(pixel[0, 1] * ahead_v - pixel[1, 1] * ahead_u)
+        profile = four_boxes(across, one_across, other_across, p, q)
+        # The pixel has unit sides as it is measured.
+        length = _length(length, Lanes(1.0))
     else:
         width = trajectory.filter_width
-        box = inverse[0, 0] * width[0]
-        wide = inverse[1, 1] * wp.max(width[1], width[2])
-        narrow = inverse[1, 1] * wp.min(width[1], width[2])
-        first = wp.max(wp.abs(aside[0]) * box, wp.abs(aside[1]) * wide)
-        rest = wp.min(wp.abs(aside[0]) * box, wp.abs(aside[1]) * wide)
-        second = wp.sqrt(rest * rest + aside[1] * aside[1] * narrow * narrow)
-        profile = twice_averaged_bspline(across, wp.max(first, NARROWEST_BOX), wp.max(second, NARROWEST_SECOND))
+        box_u = width[0] * wp.abs(ahead_v)
+        box_v = wp.max(width[1], width[2]) * wp.abs(ahead_u)
+        rest = _length(wp.min(box_u, box_v), wp.min(width[1], width[2]) * ahead_u)
+        profile = bspline_and_boxes(across, _length(one_across, other_across), wp.max(box_u, box_v), rest)
+        boxes = _length(
+            (width[0] * measure[0, 0]) * wp.cw_div(way_u, way),
+            (wp.length(wp.vec2(width[1], width[2])) * measure[1, 1]) * wp.cw_div(way_v, way),
+        )
+        length = _length(BOX_OF_BSPLINE * length, boxes)
 
     # ---- What passes within the shutter, with the flux that it has then
-    rate = _lengths_passed(trajectory, then)
     part = Lanes(-1.0)
     for end in range(2):
-        left = Lanes(0.5) + rate * (Lanes(0.5) + float(1 - 2 * end) * s)
-        part += wp.min(wp.max(left, Lanes(0.0)), Lanes(1.0))
+        left = wp.cw_div(wp.cw_mul(way, Lanes(0.5) + float(1 - 2 * end) * s), length)
+        if trajectory.is_cell == 1:
+            part += wp.min(wp.max(Lanes(0.5) + left, Lanes(0.0)), Lanes(1.0))
+        else:
+            beyond = bspline_tail(BOX_OF_BSPLINE * wp.abs(left))
+            part += beyond + wp.cw_mul(not_negative(left), Lanes(1.0) - 2.0 * beyond)
     weight = wp.cw_mul(wp.cw_mul(profile, slowness), wp.max(part, Lanes(0.0)))
-    scale = wp.determinant(inverse)
-    return scale * wp.cw_mul(weight, Lanes(1.0) + trajectory.gain * inside)
+    return wp.cw_mul(weight, Lanes(1.0) + trajectory.gain * inside)

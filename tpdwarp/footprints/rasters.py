@@ -308,7 +308,7 @@ class Rasters:
             those = tiles[levels == level].astype(np.int32)
             self._slots[those] = sum(map(len, values)) // TILE_CORNERS + np.arange(len(those), dtype=np.int32)
             corners = self._corners(int(level), those)
-            found = gathered(self.levels[level], corners, self._form, self._launcher, PLAIN_LOOKUP)
+            found = gathered([self.levels[level]], corners, self._form, self._launcher, PLAIN_LOOKUP)
             values.append(found.irradiance.numpy())
         self._values = np.concatenate(values)
         self._hold()
