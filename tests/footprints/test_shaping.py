@@ -9,7 +9,7 @@ import pytest
 
 from tests.footprints.photons import ONE_THREAD, first_channel, grid, irradiance, photon_map, queries, shaped
 from tpdwarp.footprints import bspline, kernels
-from tpdwarp.footprints.footprint_map import shape_footprints
+from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
 from tpdwarp.footprints.shaping import LARGEST_ASPECT, LONGEST_AXIS, SHORTEST_AXIS, SHORTEST_AXIS_AT_ORIGIN, PixelSize
 from tpdwarp.footprints.weights import GatherForm
 from usd_scenes.oracle import footprint_weight, static_kernel
@@ -328,7 +328,7 @@ def test_what_is_smaller_than_a_pixel_is_shared_between_pixels_without_rest(turn
     area = abs(np.cross(*on_plane)[2])
     middle = 0.31 * on_plane[0] - 0.17 * on_plane[1]
     photon = photon_map([middle], 0.004 * along, 0.005 * across)
-    found = shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD)
+    found = FootprintMap.of(shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD), ONE_THREAD)
     index = np.stack(np.meshgrid(np.arange(-2, 3), np.arange(-2, 3)), axis=-1).reshape(-1, 2)
     light = first_channel(found, index @ np.array(on_plane)) * area
     assert light.sum() == pytest.approx(1, abs=1e-4)
@@ -343,7 +343,7 @@ def test_a_line_finer_than_a_pixel_is_shared_as_it_crosses_pixels():
     frame.orthographic, frame.back, frame.right, frame.up = 1, (0.0, 0.0, 1.0), (side, 0.0, 0.0), (0.0, side, 0.0)
     half = math.sqrt(0.5)
     photon = photon_map([(0, 0, 0)], (0.1 * long * half, 0.1 * long * half, 0), (-thin * half, thin * half, 0))
-    found = shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD)
+    found = FootprintMap.of(shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD), ONE_THREAD)
     offsets = np.linspace(-0.1, 0.1, 41)
     light = first_channel(found, np.stack([offsets, -offsets, 0 * offsets], axis=1)) * side**2
     # The pixel's middle lies √2 |offset| off the line; a square's chord there is 2 (side/√2 − √2 |offset|) long. Flux a

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cached_property
 
@@ -113,9 +114,9 @@ class FootprintLight:
 
     @property
     def longest_way(self) -> float:
-        """How far a query may move within its window and be looked up at once: through a run."""
+        """How far a query may move within its window and be looked up at once: through a run, or anywhere."""
         footprints = self._all_that_moves
-        return footprints.run_size / (1.0 + float(LARGEST_DEVIATION)) if footprints.count else 0.0
+        return footprints.run_size / (1.0 + float(LARGEST_DEVIATION)) if footprints.count else math.inf
 
     def of_photons(self, maps: list[PhotonMap]) -> FootprintLight:
         """The light of other photons, evaluated as this one is."""
