@@ -93,6 +93,14 @@ def test_in_the_middle_a_straight_line_is_exact():
     assert lines.max() == pytest.approx(1.0 / 3.0 / 60.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("velocity", [(5, 0), (0, 5), (3.9, 2.9)])
+def test_the_shortest_lines_are_dark_beyond_where_they_end(velocity):
+    """A B-spline that goes little farther than three times what it reaches over to one side."""
+    lines, nodes, chosen, area = weights(trajectory(velocity), 8.0)
+    assert chosen.all()
+    assert lines[nodes == 0].sum() * area < 2e-3
+
+
 SLOW = {
     "slow": dict(velocity=(3, 2)),
     "a slow cell": dict(velocity=(12, 12), pixel=(3, 0, 0, 3)),

@@ -33,8 +33,8 @@ LARGEST_TURN = wp.constant(1.0)
 LARGEST_CURVATURE = wp.constant(0.04)
 # Newton steps to where it passes a query: from a tenth of the shutter off, each squares what is missing.
 STEPS = wp.constant(3)
-# How far beyond the shutter that is looked for: beyond what the footprint covers at its ends, an eighth of it.
-LATEST = wp.constant(0.75)
+# How far from its middle that is looked for: beyond what the footprint covers at its ends, a third of its way at most.
+LATEST = wp.constant(0.85)
 # Boxes are no narrower than these, in cells, or than this part of the widest, so that differences stay exact in
 # float32: they add less than a hundredth to the variance of what falls on a pixel.
 NARROWEST_BOX, NARROWEST_SECOND = wp.constant(0.1), wp.constant(0.05)
