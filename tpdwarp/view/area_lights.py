@@ -18,9 +18,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import ExtentShape, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import occluded
-from tpdwarp.scene.device.links import UNLIT, linked_share
-from tpdwarp.scene.device.presence import share_that_passes
+from tpdwarp.scene.device.links import UNLIT
 from tpdwarp.scene.device.shaping import across_of, shaped
 from tpdwarp.scene.device.textures import TextureArrays
 from tpdwarp.scene.normalization import Normalization
@@ -381,8 +379,8 @@ def area_irradiance(share: wp.Function, linked: bool = False) -> wp.Function:
     """The function that sums what lights with extent send to a point.
 
     Args:
-        share: What part of the light from a place on a light is counted: share(surfaces, textures, links, row, x,
-            place, offset) with a :class:`PlaceOnLight`, and the light's row of ``links``.
+        share: What part of the light from a place on a light is counted, as in
+            :func:`tpdwarp.view.lights.point_irradiance`.
         linked: Whether lights are linked to some objects only.
     """
 
@@ -424,7 +422,7 @@ def area_irradiance(share: wp.Function, linked: bool = False) -> wp.Function:
                         break
                     whole += there.weight
                     if there.weight > 0.0 and wp.dot(n_g, there.w) > 0.0:
-                        part = share(surfaces, textures, lights.links, row, x, there, offset)
+                        part = share(surfaces, textures, lights.links, row, x, there.w, offset, there.distance)
                         if part > 0.0:
                             counted += there.weight * part * shaped(lights.shaping[k], light.facing, -there.w)
                 if counted > 0.0:
@@ -432,35 +430,3 @@ def area_irradiance(share: wp.Function, linked: bool = False) -> wp.Function:
         return total
 
     return irradiance
-
-
-@cache
-def share_that_arrives(linked: bool, partial: bool) -> wp.Function:
-    """The function that gives the share of the light from a place on a light which nothing hides.
-
-    Whatever is specular hides it too.
-
-    Args:
-        linked: Whether light passes some objects as if they were not there.
-        partial: Whether surfaces that are there in part let the rest of the light pass.
-    """
-    share_of_light = linked_share(partial)
-
-    @wp.func
-    def share(
-        surfaces: Surfaces,
-        textures: TextureArrays,
-        links: wp.array2d(dtype=wp.int32),
-        row: int,
-        x: wp.vec3,
-        there: PlaceOnLight,
-        offset: wp.vec3,
-    ) -> float:
-        if wp.static(linked):
-            return share_of_light(surfaces, textures, links, row, x, there.w, offset, there.distance)
-        elif wp.static(partial):
-            return share_that_passes(surfaces, textures, x, there.w, offset, there.distance)
-        else:
-            return wp.where(occluded(surfaces, x, there.w, offset, there.distance), 0.0, 1.0)
-
-    return share

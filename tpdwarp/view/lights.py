@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 import warp as wp
@@ -10,8 +11,11 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.links import links_of
+from tpdwarp.scene.device.intersection import occluded
+from tpdwarp.scene.device.links import UNLIT, linked_share, links_of
+from tpdwarp.scene.device.presence import share_that_passes
 from tpdwarp.scene.device.shaping import is_shaped, shaped, shaping_axis, shaping_values
+from tpdwarp.scene.device.textures import TextureArrays
 from tpdwarp.scene.normalization import Normalization
 
 # Distant lights are as far away as rays go, in the tracer's units, in which the scene is of unit size.
@@ -109,3 +113,77 @@ def lit_from(surfaces: Surfaces, lights: LightArrays, k: int, x: wp.vec3) -> Lit
             axis = wp.normalize(lights.axis[k] + surfaces.time * lights.axis_motion[k])
             out.power = out.power * shaped(lights.shaping[k], axis, -out.w)
     return out
+
+
+@cache
+def point_irradiance(share: wp.Function, linked: bool = False) -> wp.Function:
+    """The function that sums what lights without extent send to a point.
+
+    The cosine is that of the shading normal ``n``; what the surface itself hides, ``n_g`` decides.
+
+    Args:
+        share: What part of the light from x + distance·ω is counted: share(surfaces, textures, links, row, x, ω,
+            offset, distance), with the light's row of ``links``.
+        linked: Whether lights are linked to some objects only.
+    """
+
+    @wp.func
+    def irradiance(
+        surfaces: Surfaces,
+        textures: TextureArrays,
+        lights: LightArrays,
+        x: wp.vec3,
+        n: wp.vec3,
+        n_g: wp.vec3,
+        offset: wp.vec3,
+        object: int,
+    ) -> wp.vec3:
+        total = wp.vec3(0.0, 0.0, 0.0)
+        for k in range(lights.power.shape[0]):
+            row = int(0)
+            shines = bool(True)
+            if wp.static(linked):
+                row = lights.link_row[k]
+                shines = (lights.links[row, object] & UNLIT) == 0
+            if shines:
+                light = lit_from(surfaces, lights, k, x)
+                cosine = wp.dot(n, light.w)
+                if cosine > 0.0 and wp.dot(n_g, light.w) > 0.0:
+                    part = share(surfaces, textures, lights.links, row, x, light.w, offset, light.distance)
+                    if part > 0.0:
+                        total += light.power * (cosine / light.falloff * part)
+        return total
+
+    return irradiance
+
+
+@cache
+def share_that_arrives(linked: bool, partial: bool) -> wp.Function:
+    """The function that gives the share of light from x + distance·ω which nothing hides from x.
+
+    Whatever is specular hides it too (its light comes as photons).
+
+    Args:
+        linked: Whether light passes some objects as if they were not there.
+        partial: Whether surfaces that are there in part let the rest of the light pass.
+    """
+    if linked:
+        return linked_share(partial)
+
+    @wp.func
+    def share(
+        surfaces: Surfaces,
+        textures: TextureArrays,
+        links: wp.array2d(dtype=wp.int32),
+        row: int,
+        x: wp.vec3,
+        w: wp.vec3,
+        offset: wp.vec3,
+        distance: float,
+    ) -> float:
+        if wp.static(partial):
+            return share_that_passes(surfaces, textures, x, w, offset, distance)
+        else:
+            return wp.where(occluded(surfaces, x, w, offset, distance), 0.0, 1.0)
+
+    return share

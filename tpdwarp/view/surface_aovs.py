@@ -13,11 +13,11 @@ from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
-from tpdwarp.scene.device.links import PASSED, UNLIT, linked_share
+from tpdwarp.scene.device.links import PASSED, linked_share
 from tpdwarp.scene.device.textures import TextureArrays
-from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, PlaceOnLight, area_irradiance
+from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance
 from tpdwarp.view.camera import Camera
-from tpdwarp.view.lights import LightArrays, lit_from
+from tpdwarp.view.lights import LightArrays, point_irradiance
 
 # Which AOVs take this module's kernel.
 SURFACE_AOVS = ("albedo", "shadow", "vector", "id", "cryptomatte")
@@ -40,7 +40,9 @@ class SurfaceArrays:
 
 @cache
 def only_by_glass(linked: bool) -> wp.Function:
-    """The function that tells whether dielectrics alone hide x + distance·ω from x, but for the plane that x lies on.
+    """The function that gives 1 where dielectrics alone hide x + distance·ω from x, but for the plane of x, else 0.
+
+    It is a share of :func:`tpdwarp.view.lights.point_irradiance`: what would come directly without them.
 
     Args:
         linked: Whether light passes some objects as if they were not there: those that ``links`` names in ``row``.
@@ -50,18 +52,19 @@ def only_by_glass(linked: bool) -> wp.Function:
     @wp.func
     def hidden_by_glass(
         surfaces: Surfaces,
+        textures: TextureArrays,
         links: wp.array2d(dtype=wp.int32),
         row: int,
         x: wp.vec3,
         w: wp.vec3,
         offset: wp.vec3,
         distance: float,
-    ) -> bool:
+    ) -> float:
         if wp.static(linked):
-            if share_of_light(surfaces, TextureArrays(), links, row, x, w, offset, distance) > 0.0:
-                return False
+            if share_of_light(surfaces, textures, links, row, x, w, offset, distance) > 0.0:
+                return 0.0
         elif not occluded(surfaces, x, w, offset, distance):
-            return False
+            return 0.0
         offset_length = wp.length(offset)
         side = wp.normalize(offset)
         origin = x + offset
@@ -69,73 +72,20 @@ def only_by_glass(linked: bool) -> wp.Function:
         for _crossed in range(MOST_CROSSED):
             query = wp.mesh_query_ray(surfaces.mesh, origin + gone * w, w, distance - gone)
             if not query.result:
-                return True
+                return 1.0
             plane = plane_of(surfaces, query.face)
             lets_by = surfaces.interaction[surfaces.material_of[query.face]] == DIELECTRIC
             if wp.static(linked):
                 lets_by = lets_by or (links[row, surfaces.object_of[query.face]] & PASSED) != 0
             if not lets_by and not is_plane_left(plane, x, side, offset_length):
-                return False
+                return 0.0
             # Off the surface by as much as a ray that leaves it.
             gone += query.t + 2.0 * plane.offset / wp.max(wp.abs(wp.dot(plane.n_g, w)), 1.0e-3)
             if gone >= distance:
-                return True
-        return False
+                return 1.0
+        return 0.0
 
     return hidden_by_glass
-
-
-@cache
-def shaded_irradiance(linked: bool) -> wp.Function:
-    """The function that sums the irradiance of lights that would come directly if dielectrics were not there.
-
-    Args:
-        linked: Whether lights are linked to objects (:mod:`tpdwarp.scene.device.links`).
-    """
-    hidden_by_glass = only_by_glass(linked)
-
-    @wp.func
-    def irradiance(
-        surfaces: Surfaces, lights: LightArrays, object: int, x: wp.vec3, n: wp.vec3, n_g: wp.vec3, offset: wp.vec3
-    ) -> wp.vec3:
-        total = wp.vec3(0.0, 0.0, 0.0)
-        for k in range(lights.power.shape[0]):
-            row = int(0)
-            shines = bool(True)
-            if wp.static(linked):
-                row = lights.link_row[k]
-                shines = (lights.links[row, object] & UNLIT) == 0
-            light = lit_from(surfaces, lights, k, x)
-            cosine = wp.dot(n, light.w)
-            if shines and cosine > 0.0 and wp.dot(n_g, light.w) > 0.0:
-                if hidden_by_glass(surfaces, lights.links, row, x, light.w, offset, light.distance):
-                    total += light.power * (cosine / light.falloff)
-        return total
-
-    return irradiance
-
-
-@cache
-def share_shaded(linked: bool) -> wp.Function:
-    """The function that gives 1 for a place on a light that dielectrics alone hide, else 0; as :func:`only_by_glass`.
-
-    It is a share of :func:`tpdwarp.view.area_lights.area_irradiance`.
-    """
-    hidden_by_glass = only_by_glass(linked)
-
-    @wp.func
-    def share(
-        surfaces: Surfaces,
-        textures: TextureArrays,
-        links: wp.array2d(dtype=wp.int32),
-        row: int,
-        x: wp.vec3,
-        there: PlaceOnLight,
-        offset: wp.vec3,
-    ) -> float:
-        return wp.where(hidden_by_glass(surfaces, links, row, x, there.w, offset, there.distance), 1.0, 0.0)
-
-    return share
 
 
 @wp.func
@@ -153,8 +103,8 @@ def film_position(camera: Camera, x: wp.vec3, time: float) -> wp.vec2:
 
 @cache
 def _kernel(shadow: bool, vector: bool, moves: bool, smooth: bool, extended: bool, linked: bool) -> wp.Kernel:
-    shaded_points = shaded_irradiance(linked)
-    shaded_areas = area_irradiance(share_shaded(linked), linked)
+    by_glass = only_by_glass(linked)
+    shaded_points, shaded_areas = point_irradiance(by_glass, linked), area_irradiance(by_glass, linked)
 
     @wp.kernel(module="unique", enable_backward=False)
     def surface_aovs(
@@ -202,7 +152,7 @@ def _kernel(shadow: bool, vector: bool, moves: bool, smooth: bool, extended: boo
                     n = queries.shading_normal[i]
                 offset = plane_of(surfaces, triangles[i]).offset * n_g
                 shaded = shaded_points(
-                    surfaces, lights, queries.receiver[i], queries.position[i], n, n_g, offset
+                    surfaces, TextureArrays(), lights, queries.position[i], n, n_g, offset, queries.receiver[i]
                 )
                 if wp.static(extended):
                     chance = wp.rand_init(int(OF_LIGHTS), i)

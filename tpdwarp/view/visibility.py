@@ -21,10 +21,9 @@ from tpdwarp.photons.rough_lobes import behind_sheet, facet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import Hit, along, closest_hit, diffuse_color, occluded, shading_normal
-from tpdwarp.scene.device.links import UNLIT, linked_share
+from tpdwarp.scene.device.intersection import Hit, along, closest_hit, diffuse_color, shading_normal
 from tpdwarp.scene.device.media import crossing_at, media_at
-from tpdwarp.scene.device.presence import presence_at, share_that_passes
+from tpdwarp.scene.device.presence import presence_at
 from tpdwarp.scene.device.textures import (
     TextureArrays,
     absorbed_in_media,
@@ -35,10 +34,10 @@ from tpdwarp.scene.device.textures import (
 )
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
-from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, share_that_arrives
+from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
-from tpdwarp.view.lights import FAR, LightArrays, lit_from
+from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
@@ -93,79 +92,6 @@ class VisibleArrays:
 
 
 @wp.func
-def direct_irradiance(
-    surfaces: Surfaces, lights: LightArrays, x: wp.vec3, n: wp.vec3, n_g: wp.vec3, offset: wp.vec3
-) -> wp.vec3:
-    """Irradiance from lights that nothing hides; whatever is specular hides them too (its light comes as photons).
-
-    The cosine is that of the shading normal ``n``; what the surface itself hides, ``n_g`` decides.
-    """
-    total = wp.vec3(0.0, 0.0, 0.0)
-    for k in range(lights.power.shape[0]):
-        light = lit_from(surfaces, lights, k, x)
-        cosine = wp.dot(n, light.w)
-        if cosine > 0.0 and wp.dot(n_g, light.w) > 0.0:
-            if not occluded(surfaces, x, light.w, offset, light.distance):
-                total += light.power * (cosine / light.falloff)
-    return total
-
-
-@wp.func
-def partly_hidden_irradiance(
-    surfaces: Surfaces,
-    textures: TextureArrays,
-    lights: LightArrays,
-    x: wp.vec3,
-    n: wp.vec3,
-    n_g: wp.vec3,
-    offset: wp.vec3,
-) -> wp.vec3:
-    """As :func:`direct_irradiance`, where surfaces that are there in part let the rest of the light pass."""
-    total = wp.vec3(0.0, 0.0, 0.0)
-    for k in range(lights.power.shape[0]):
-        light = lit_from(surfaces, lights, k, x)
-        cosine = wp.dot(n, light.w)
-        if cosine > 0.0 and wp.dot(n_g, light.w) > 0.0:
-            passing = share_that_passes(surfaces, textures, x, light.w, offset, light.distance)
-            total += light.power * (cosine / light.falloff * passing)
-    return total
-
-
-@cache
-def linked_irradiance(partial: bool) -> wp.Function:
-    """As :func:`partly_hidden_irradiance`, where lights are linked to objects (:mod:`tpdwarp.scene.device.links`).
-
-    Args:
-        partial: Whether surfaces may be there in part.
-    """
-    share_of_light = linked_share(partial)
-
-    @wp.func
-    def irradiance(
-        surfaces: Surfaces,
-        textures: TextureArrays,
-        lights: LightArrays,
-        object: int,
-        x: wp.vec3,
-        n: wp.vec3,
-        n_g: wp.vec3,
-        offset: wp.vec3,
-    ) -> wp.vec3:
-        total = wp.vec3(0.0, 0.0, 0.0)
-        for k in range(lights.power.shape[0]):
-            row = lights.link_row[k]
-            if (lights.links[row, object] & UNLIT) == 0:
-                light = lit_from(surfaces, lights, k, x)
-                cosine = wp.dot(n, light.w)
-                if cosine > 0.0 and wp.dot(n_g, light.w) > 0.0:
-                    passing = share_of_light(surfaces, textures, lights.links, row, x, light.w, offset, light.distance)
-                    total += light.power * (cosine / light.falloff * passing)
-        return total
-
-    return irradiance
-
-
-@wp.func
 def place_for(film: wp.vec2) -> wp.vec2:
     """Where on lights a camera sample looks: its place in the pixel, moved by a random step that the pixel has."""
     column = wp.floor(film[0])
@@ -217,8 +143,8 @@ def visible_kernel(
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular = refraction and reflection, refraction or reflection
-    from_areas = area_irradiance(share_that_arrives(linked, partial), linked)
-    from_linked = linked_irradiance(partial)
+    arrives = share_that_arrives(linked, partial)
+    from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
 
     @wp.kernel(module="unique", enable_backward=False)
     def see(
@@ -376,16 +302,9 @@ def visible_kernel(
                     if wp.static(normal_maps):
                         n = mapped_normal(textures, material, hit, n, across, down)
                 weight = wp.cw_mul(throughput, albedo) * INV_PI
-                if wp.static(linked):
-                    irradiance = from_linked(
-                        surfaces, textures, lights, surfaces.object_of[hit.triangle], beam.x, n, n_g, hit.offset * n_g
-                    )
-                elif wp.static(partial):
-                    irradiance = partly_hidden_irradiance(
-                        surfaces, textures, lights, beam.x, n, n_g, hit.offset * n_g
-                    )
-                else:
-                    irradiance = direct_irradiance(surfaces, lights, beam.x, n, n_g, hit.offset * n_g)
+                irradiance = from_points(
+                    surfaces, textures, lights, beam.x, n, n_g, hit.offset * n_g, surfaces.object_of[hit.triangle]
+                )
                 if wp.static(extended):
                     irradiance += from_areas(
                         surfaces, textures, area_lights, beam.x, n, n_g, hit.offset * n_g, place_for(films[item]),
