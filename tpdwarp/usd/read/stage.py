@@ -147,7 +147,7 @@ class StageScene:
         self.camera_path = self._choose_camera()
         self._camera: Camera | FreeCamera
         if self.camera_path is None:
-            self._camera = FreeCamera(stage, self.up_axis, purposes, self._points_at)
+            self._camera = FreeCamera(stage, self.start, self.up_axis, purposes, self._points_at)
         else:
             self._camera = Camera(stage.GetPrimAtPath(self.camera_path), self._transforms, self._animation, warnings)
         self._camera_light = not self._lit()
