@@ -2,13 +2,13 @@
 """Counts what tpdwarp makes of every USD stage below folders, for instance clones of public repositories.
 
     .venv/bin/python scripts/public_stages.py usd-wg-assets OpenUSD arnold-usd --out stages.json
-    .venv/bin/python scripts/public_stages.py OpenUSD --pictures small --out stages.json   # renders each, 64 pixels wide
+    .venv/bin/python scripts/public_stages.py OpenUSD --pictures small --out stages.json     # renders each, 64 wide
 
 A stage is read at its first frame, in a process of its own with a limit of time. It counts as whole where nothing that
 it says of its picture is left out: where there is no warning, or only such as :data:`SOFT` lists. The table of warnings
-shows for each kind how many stages hold it, and how many would be whole without it. With ``--pictures``, each is rendered,
-too, and what is empty (nothing in view), black, or not finite all over is counted, and how much of it without a word that
-explains it. With ``--resume``, stages that ``--out`` knows are not read again.
+shows for each kind how many stages hold it, and how many would be whole without it. With ``--pictures``, each is
+rendered, too, and what is empty (nothing in view), black, or not finite is listed, with what was said that explains it.
+With ``--resume``, stages that ``--out`` knows are not read again.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ SOFT = tuple(
     )
 )
 # What says nothing of why a picture would be black or empty.
-STAND_INS = re.compile(r"no light shines|the stage has no camera|no surface that reflects or refracts|frames outside the ani")
+STAND_INS = re.compile(r"no light shines|the stage has no camera|no surface that reflects or refracts|frames outside")
 # What names no kind: prims, files, numbers, quotations.
 NAMES = re.compile(r"'[^']*'|@[^@]*@|(?<![\w/])/[\w./:\[\]{}=-]+|\b\d[\d.e+-]*\b| \S* … and \d+ more$| …$")
 
@@ -85,7 +85,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Counts what tpdwarp makes of every USD stage below folders.")
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="takes what was found, stage by stage")
-    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="render each stage, 64 pixels wide, as PNG there")
+    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="render each, 64 pixels wide, as PNG there")
     parser.add_argument("--seconds", type=float, default=60.0, help="of processor time a stage may take [60]")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only every Nth of them [1]")
     parser.add_argument("--first", type=int, default=0, metavar="K", help="of those, begin at the Kth of all [0]")
