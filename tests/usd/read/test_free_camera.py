@@ -7,6 +7,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade
 
 from tests.usd.stages import SmallStage
+from tpdwarp.jobs.live_scene import render_frame
 from tpdwarp.scene.description import LightKind, Shutter
 from tpdwarp.settings import Settings
 
@@ -126,6 +127,27 @@ def test_without_a_light_that_shines_a_white_surface_that_faces_the_camera_has_r
         np.testing.assert_array_equal(light.axes, at.camera.axes)
         assert len(messages(scene, "light at the camera")) == 1
         assert scene.describe()["lights"][-1]["path"] == "camera light"
+
+
+def test_the_camera_light_comes_from_the_camera_and_not_from_what_lies_behind_it(tmp_path):
+    small = SmallStage(tmp_path, light=False)
+    small.mesh("/Seen")
+    room = UsdGeom.Cube.Define(small.stage, "/Room")
+    room.CreateSizeAttr(8.0)
+    UsdGeom.Camera.Define(small.stage, "/Camera").AddTranslateOp().Set(Gf.Vec3d(0.5, 0.5, 2))
+    (light,) = small.open().at(Shutter.still(1)).lights
+    assert light.passed == {"/Room"}
+    frame = render_frame(small.file, 1, image_width=8, samples=1, threads=1)
+    # The square of radiance .18 that stands before the camera, and the wall of the room behind it.
+    np.testing.assert_allclose(frame.beauty[..., :3], 0.18, rtol=1e-5)
+
+
+def test_of_several_cameras_the_primary_one_of_usd_comes_first(small):
+    small.mesh()
+    for path in ("/A", "/Rig/main_cam", "/Rig/other"):
+        UsdGeom.Camera.Define(small.stage, path)
+    scene = small.open()
+    assert scene.at(Shutter.still(1)).camera.path == "/Rig/main_cam" and messages(scene, "of 3 cameras") == []
 
 
 def test_the_camera_light_turns_with_the_camera(tmp_path):

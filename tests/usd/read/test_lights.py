@@ -50,6 +50,23 @@ def test_distant_irradiance_is_intensity_times_exposure_times_colour(small):
     assert (light.kind, light.power, warnings) == (LightKind.DISTANT, (2.0, 1.0, 0.5), [])
 
 
+def test_names_of_before_usd_21_count_where_there_are_no_new_ones(small):
+    lamp = UsdLux.SphereLight.Define(small.stage, "/Lamp").GetPrim()
+    for name, kind, value in (
+        ("intensity", Sdf.ValueTypeNames.Float, 8.0),
+        ("color", Sdf.ValueTypeNames.Color3f, Gf.Vec3f(1, 0.5, 0.25)),
+        ("radius", Sdf.ValueTypeNames.Float, 0.0),
+        ("exposure", Sdf.ValueTypeNames.Float, 1.0),
+    ):
+        lamp.CreateAttribute(name, kind, custom=False).Set(value)
+    lamp.CreateAttribute("shaping:cone:angle", Sdf.ValueTypeNames.Float).Set(30.0)
+    UsdLux.SphereLight(lamp).CreateExposureAttr(-2.0)
+    light, warnings = read(small)
+    assert light.power == (2.0, 1.0, 0.5) and light.extent is None
+    assert light.shaping == Shaping(math.radians(30.0), 0.0, 0.0)
+    assert len(warnings) == 1 and "named as before USD 21.02" in warnings[0]
+
+
 @pytest.mark.parametrize("normalize", [False, True])
 def test_a_distant_disc_has_its_irradiance_and_half_its_angle(small, normalize):
     distant(small, angle=60.0, Normalize=normalize)

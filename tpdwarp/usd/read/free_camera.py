@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
-from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, Shutter
+from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, MeshAtShutter, Shutter
 from tpdwarp.usd.read.cameras import projection
 from tpdwarp.usd.read.render_settings import conformed
 
@@ -18,8 +18,8 @@ FREE_CAMERA, CAMERA_LIGHT = "free camera", "camera light"
 CAMERA_LIGHT_IRRADIANCE = math.pi
 # A stage of one point is looked at from a distance, not from within.
 SMALLEST_EXTENT = 1e-6
-# What is thinner than this part of its length is finer than a pixel from its edge, in images of up to a thousand.
-FLAT = 1e-3
+# What is thinner than this part of its length shows hardly a pixel or two from its edge. Chosen, not derived.
+FLAT = 1e-2
 # Authored extents that are so much smaller than what is drawn show its inside. Chosen, not derived.
 STALE = 0.1
 
@@ -126,8 +126,14 @@ class FreeCamera:
         return found
 
 
-def camera_light(camera: CameraAtShutter) -> LightAtShutter:
-    """Parallel light along a camera's view, which turns with it."""
+def camera_light(camera: CameraAtShutter, meshes: Iterable[MeshAtShutter]) -> LightAtShutter:
+    """Parallel light along a camera's view, which turns with it.
+
+    It comes from the camera, not from behind: what lies behind the camera, as the walls around it do, lets it pass.
+    """
+    behind = (
+        mesh.path for mesh in meshes if np.max((mesh.points - camera.position) @ camera.axes[2], initial=0.0) > 0.0
+    )
     return LightAtShutter(
         CAMERA_LIGHT,
         LightKind.DISTANT,
@@ -136,4 +142,5 @@ def camera_light(camera: CameraAtShutter) -> LightAtShutter:
         camera.axes,
         camera.position_motion,
         camera.axes_motion,
+        passed=frozenset(behind),
     )

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, UsdUtils
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.io.image_region import ImageRegion
@@ -242,7 +242,7 @@ class StageScene:
                 lights += more
             lights = self._linked(lights, shutter)
             if self._camera_light:
-                lights = (camera_light(camera),)
+                lights = (camera_light(camera, meshes),)
             domes = tuple(found for dome in self._domes if (found := dome.at(shutter)) is not None)
             if domes and any(mesh.specular for mesh in meshes):
                 self.warnings(domes[0].path, "light of a dome shines through glass straight, and makes no caustics")
@@ -708,11 +708,13 @@ class StageScene:
                 what = "is no camera" if exists else "no such camera"
                 raise InputError(f"{what} ({there_are})", self.file, path)
             return path
-        if len(self._cameras) > 1:
+        primary = str(UsdUtils.GetPrimaryCameraName())
+        first = next((path for path in self._cameras if path.rsplit("/", 1)[-1] == primary), "")
+        if len(self._cameras) > 1 and not first:
             self.warnings(
                 self._cameras[0], f"is used, the first of {len(self._cameras)} cameras (choose with --camera)"
             )
-        return self._cameras[0] if self._cameras else None
+        return first or (self._cameras[0] if self._cameras else None)
 
     def _with_proxies(self, purposes: frozenset[str], contents: Contents) -> tuple[frozenset[str], Contents]:
         """The purposes and contents of a stage that shows nothing for ``purposes``: its proxies, if it has any."""
