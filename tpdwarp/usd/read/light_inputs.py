@@ -11,6 +11,7 @@ OLD = frozenset(
         "intensity", "exposure", "diffuse", "specular", "color", "normalize", "enableColorTemperature",
         "colorTemperature", "angle", "radius", "width", "height", "length", "texture:file", "texture:format",
         "shaping:cone:angle", "shaping:cone:softness", "shaping:focus", "shaping:focusTint", "shaping:ies:file",
+        "shaping:ies:angleScale", "shaping:ies:normalize",
         "shadow:enable", "shadow:color", "shadow:distance",
     )
 )  # fmt: skip

@@ -10,7 +10,9 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.io.ies import read_profile
 from tpdwarp.scene.description import (
+    PROFILE_COUNT,
     EmissionProfile,
     Extent,
     ExtentShape,
@@ -45,6 +47,8 @@ PROFILES: dict[type, tuple[EmissionProfile, float]] = {
     UsdLux.DiskLight: (EmissionProfile.COSINE, 1.0),
     UsdLux.CylinderLight: (EmissionProfile.SINE, 1.0 / math.pi),
 }
+# What is shaped by profiles of luminaires.
+PROFILED = (UsdLux.SphereLight, UsdLux.RectLight, UsdLux.DiskLight)
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 
@@ -111,6 +115,7 @@ class Light:
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
         self._visibilities = changing_visibilities(prim)
         self._pictures: dict[str, np.ndarray | None] = {}
+        self._profiles: dict[tuple[str, float, bool], tuple[float, tuple[float, ...]] | None] = {}
         self._warn_unsupported()
 
     @property
@@ -227,12 +232,48 @@ class Light:
         ):
             authored = attribute and attribute.HasAuthoredValue()
             given[name] = self._number(attribute, frame) if authored else neutral
-        if given["angle"] >= 180.0 and given["focus"] == 0.0:
+        profile = self._profile(frame)
+        if given["angle"] >= 180.0 and given["focus"] == 0.0 and profile is None:
             return None
         # A rim of 180° is no rim, however soft.
         softness = min(given["softness"], 1.0) if given["angle"] < 180.0 else 0.0
         angle = math.radians(given["angle"]) if given["angle"] < 180.0 else 2.0 * math.pi
-        return Shaping(angle, softness, given["focus"])
+        return Shaping(angle, softness, given["focus"], () if profile is None else profile[1])
+
+    def _profile(self, frame: float) -> tuple[float, tuple[float, ...]] | None:
+        """The largest intensity of the light's IES profile, and the profile by that; None where it has none."""
+        attribute = self._input("shaping:ies:file")
+        value = attribute.Get(frame) if attribute and self._shape in PROFILED else None
+        if not value or not value.path:
+            return None
+        scale, normalize = (
+            number_at(found, frame) if (found := self._input(f"shaping:ies:{name}")) else 0.0
+            for name in ("angleScale", "normalize")
+        )
+        asked = value.resolvedPath or value.path, scale, bool(normalize)
+        if asked not in self._profiles:
+            self._profiles[asked] = self._read_profile(*asked)
+        return self._profiles[asked]
+
+    def _read_profile(self, path: str, scale: float, normalize: bool) -> tuple[float, tuple[float, ...]] | None:
+        found = read_profile(path)
+        name = f"{self.path}.inputs:shaping:ies:file"
+        if found is None:
+            self._warnings(name, "cannot be read: the light shines without it (name a file of photometric type C)")
+            return None
+        if not found.is_round:
+            self._warnings(name, "differs around the light's axis: its mean around it is rendered")
+        theta = np.linspace(0.0, math.pi, PROFILE_COUNT)
+        if scale > 0:
+            theta = theta / scale
+        elif scale < 0:
+            theta = (theta - math.pi) / -scale + math.pi
+        values = found.at(theta)
+        largest = float(values.max())
+        if not largest > 0:
+            return 0.0, (0.0,) * PROFILE_COUNT
+        factors = tuple(map(float, values / largest))
+        return largest / (found.mean() if normalize else 1.0), factors
 
     def _mean_power(self, shutter: Shutter) -> tuple[float, float, float]:
         """The mean of :meth:`power` over ``shutter``, with nothing where the light is invisible."""
@@ -269,7 +310,8 @@ class Light:
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
-        scale *= self._factor(frame)
+        profile = self._profile(frame)
+        scale *= self._factor(frame) * (1.0 if profile is None else profile[0])
         with np.errstate(over="ignore", invalid="ignore"):
             power = scale * color
         if not power.max() <= LARGEST:
@@ -346,7 +388,7 @@ class Light:
         if asks_for_cone and self._shape is UsdLux.CylinderLight:
             self._warnings(self.path, "the shaping of a cylinder is not rendered")
         ies = self._input("shaping:ies:file")
-        if ies and ies.HasAuthoredValue():
+        if ies and ies.HasAuthoredValue() and self._shape not in PROFILED:
             self._warnings(self.path, "the light's IES profile is not rendered")
         if _authored(self._input("specular"), 1.0):
             self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
