@@ -19,8 +19,9 @@ from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame, trace_frame
 from tpdwarp.scene.description import MeshAtShutter, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.changing import PARTS, changing_cells, place_in_cell
+from tpdwarp.trajectories.changing import changing_cells
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
+from tpdwarp.trajectories.retraced import PARTS, place_in_cell
 from usd_scenes.oracle import Wave
 from usd_scenes.oracle.closed_forms import fresnel_reflectance, lit_edge_profile, snell
 from usd_scenes.shapes import ring

@@ -20,8 +20,9 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.changing import LEAST_LIGHT, LEAST_SHARE, PARTS, ChangingCells, in_middle_of_cell
+from tpdwarp.trajectories.changing import in_middle_of_cell
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
+from tpdwarp.trajectories.retraced import LEAST_LIGHT, LEAST_SHARE, PARTS, RetracedCells
 
 # A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
 # within what its cell blurs. Chosen, not derived.
@@ -31,7 +32,7 @@ LONGEST_WAY = 4.0
 def traced_in_parts(
     tracer: PhotonTracer,
     keyframes: ShutterKeyframes,
-    changing: ChangingCells,
+    changing: RetracedCells,
     shutter: Shutter,
     weight: float,
     light: float,
@@ -51,7 +52,7 @@ def traced_in_parts(
     last: LoadedScene | None = None
 
     def traced(
-        cells: ChangingCells, piece: Shutter, middle: float, share: float, number: int
+        cells: RetracedCells, piece: Shutter, middle: float, share: float, number: int
     ) -> tuple[PhotonMap, EnergyAccount]:
         nonlocal last
         last = tracer.load(piece, clock, instead_of=last)
@@ -77,7 +78,7 @@ def traced_in_parts(
     return maps, account
 
 
-def cells_that_rush(maps: list[PhotonMap], changing: ChangingCells, light: float) -> list[ChangingCells]:
+def cells_that_rush(maps: list[PhotonMap], changing: RetracedCells, light: float) -> list[RetracedCells]:
     """For each part, the cells that light rushes through on a path that begins or ends between it and one beside it.
 
     None where they have hardly any of all ``light``.
@@ -95,7 +96,7 @@ def cells_that_rush(maps: list[PhotonMap], changing: ChangingCells, light: float
             found[other].append(alone)
             flux += float(alone.flux.sum(dtype=np.float64))
     if flux <= LEAST_LIGHT * light:
-        return [ChangingCells({}, changing.plan)] * len(maps)
+        return [RetracedCells({}, changing.plan)] * len(maps)
     return [changing.of_photons(photons) for photons in found]
 
 

@@ -41,7 +41,6 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.changing import PARTS
 from tpdwarp.trajectories.keyframes import (
     KEYFRAME_DURATION,
     LARGEST_DISAGREEMENT,
@@ -51,6 +50,7 @@ from tpdwarp.trajectories.keyframes import (
     keyframe_shutters,
 )
 from tpdwarp.trajectories.neighbours import Pairs, differences, neighbours
+from tpdwarp.trajectories.retraced import PARTS
 
 # Photons of the trace from which the number of segments is chosen. Chosen, not derived.
 PILOT_PHOTONS = 4096
