@@ -17,28 +17,23 @@ Beyond the paper, whose photons shine for the whole shutter.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
-from tpdwarp.trajectories.bends import reaches
 from tpdwarp.trajectories.keyframes import END, LARGEST_DRIFT, ShutterKeyframes
 from tpdwarp.trajectories.retraced import (
     LEAST_LIGHT,
     LEAST_SHARE,
     RetracedCells,
     Window,
-    cell_of,
     cells_of,
     flux_in,
     grown,
     matters,
     numbers_of,
-    place_in_cell,
     riding,
     typical_area,
 )
@@ -48,16 +43,6 @@ _TINY = np.finfo(np.float64).tiny
 
 # When keyframes are traced, as parts of the shutter from its middle.
 TIMES = (-END, 0.0, END)
-
-
-def in_middle_of_cell(photons: PhotonMap, plan: EmissionPlan, number: int) -> PhotonMap:
-    """Photons of part ``number`` of the shutter, moved from their place in the cell to its middle by D_u x, D_v x.
-
-    Where these grow without bound light would be moved out of the picture: they count as far as neighbours are.
-    """
-    place = place_in_cell(cell_of(photons), number)
-    u, v = (reaches(photons, plan, place) * place).T[:, :, None]
-    return replace(photons, position=photons.position - u * photons.dxdu - v * photons.dxdv)
 
 
 def changing_cells(

@@ -4,7 +4,8 @@ A body ends, a facet begins, total reflection sets in: the photon of a cell thro
 a part of it, or for more than it, and D_u x, D_v x of that part lead nowhere in the rest. Where the light of such cells
 moves within the shutter they are traced in parts of it (:mod:`.changing`). Where it is at rest they are traced again in
 finer cells, ``FINER`` along either side: edges are then as sharp as those are narrow, and what lies within one cell, as
-the strip of light that a thin slab's side sends, has a footprint of its own.
+the strip of light that a thin slab's side sends, has a footprint of its own. Where cells are larger than pixels, and
+footprints B-splines, they have those of the whole cell: finer ones would not fit together with those beside them.
 
 Beyond the paper, whose photons start at random.
 """
@@ -35,7 +36,9 @@ from tpdwarp.trajectories.retraced import (
     emitted_cells,
     flux_in,
     grown,
+    in_middle_of_cell,
     matters,
+    riding,
     typical_area,
 )
 
@@ -114,13 +117,20 @@ def traced_finer(
     """
     plan = edges.plan.finer(FINER)
     parts = np.stack(np.meshgrid(np.arange(FINER), np.arange(FINER), indexing="ij"), axis=-1).reshape(-1, 2)
-    cells = {
-        number: ChosenCells((mine.cell[:, None] * FINER + parts).reshape(-1, 2))
-        for number, mine in edges.cells.items()
-    }
-    chosen = RetracedCells(cells, plan).at_middle()
-    photons, account = tracer.trace(loaded, plan, clock, chosen=chosen, **options)
-    return photons, plan, account
+    cells = {number: (mine.cell[:, None] * FINER + parts).reshape(-1, 2) for number, mine in edges.cells.items()}
+    placed = {number: ChosenCells(fine, place_in_finer_cell(fine)) for number, fine in cells.items()}
+    photons, account = tracer.trace(loaded, plan, clock, chosen=riding(placed, plan, 1.0), **options)
+    with clock.stage("trace"):
+        return in_middle_of_cell(photons, plan, place_in_finer_cell(cell_of(photons))), plan, account
+
+
+def place_in_finer_cell(cell: np.ndarray) -> np.ndarray:
+    """Where in finer cells [n, 2] photons start, in their steps from the middle, shape [n, 2].
+
+    Those of one coarse cell start at ``FINER``² places along either of its sides, evenly apart, so that an edge along
+    the lattice divides the coarse cell as exactly as so many places can.
+    """
+    return ((cell[:, ::-1] % FINER + 0.5) / FINER - 0.5).astype(np.float32)
 
 
 def in_coarse_cells(photons: PhotonMap, fine: EmissionPlan, plan: EmissionPlan) -> Iterator[PhotonMap]:
@@ -133,7 +143,9 @@ def in_coarse_cells(photons: PhotonMap, fine: EmissionPlan, plan: EmissionPlan) 
     coarse = replace(photons, ids=ids, emission=photons.emission / FINER, shift=photons.shift / FINER)
     place = u % FINER + FINER * (v % FINER)
     for number in range(FINER**2):
-        yield replace(coarse.rows(place == number), part=FIRST_PART + number)
+        middle = 0.5 * (FINER - 1)
+        within = number % FINER - middle, number // FINER - middle
+        yield replace(coarse.rows(place == number), part=FIRST_PART + number, finer=FINER, place=within)
 
 
 def _beside_edges(photons: PhotonMap, plan: EmissionPlan, emitted: dict[int, Window], important: np.ndarray) -> Cells:

@@ -20,9 +20,16 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.changing import in_middle_of_cell
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
-from tpdwarp.trajectories.retraced import LEAST_LIGHT, LEAST_SHARE, PARTS, RetracedCells
+from tpdwarp.trajectories.retraced import (
+    LEAST_LIGHT,
+    LEAST_SHARE,
+    PARTS,
+    RetracedCells,
+    cell_of,
+    in_middle_of_cell,
+    place_in_cell,
+)
 
 # A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
 # within what its cell blurs. Chosen, not derived.
@@ -58,7 +65,8 @@ def traced_in_parts(
         last = tracer.load(piece, clock, instead_of=last)
         given = {"chosen": cells.at(middle, number), "tags": keyframes.tags.of(last.scene), **options}
         photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
-        return replace(in_middle_of_cell(photons, plan, number), time=middle, duration=share), energy
+        photons = in_middle_of_cell(photons, plan, place_in_cell(cell_of(photons), number))
+        return replace(photons, time=middle, duration=share), energy
 
     pieces, share = shutter.segments(PARTS), 1.0 / PARTS
     middles = [(part + 0.5) * share - 0.5 for part in range(PARTS)]

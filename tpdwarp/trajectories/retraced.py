@@ -7,7 +7,7 @@ common: which cells they are, which of them count, and where in them photons sta
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from tpdwarp.photons.emission import ChosenCells, Patch
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.scene.description import SceneAtShutter
+from tpdwarp.trajectories.bends import reaches
 
 # Photons that carry less than this part of their cell's flux are no reason to trace the cell again; nor are those of
 # wide footprints, whose share counts by the root of how much narrower others are: what a photon adds to the mean square
@@ -150,6 +151,15 @@ def place_in_cell(cell: np.ndarray, number: int) -> np.ndarray:
     reversed_bits = (number & 1) << 2 | (number & 2) | (number & 4) >> 2
     places = [(reversed_bits ^ (hashed & 7)), ((3 * number + 1) % PARTS) ^ (hashed >> np.uint32(3) & 7)]
     return np.stack([(place + 0.5) / PARTS - 0.5 for place in places], axis=1).astype(np.float32)
+
+
+def in_middle_of_cell(photons: PhotonMap, plan: EmissionPlan, place: np.ndarray) -> PhotonMap:
+    """Photons moved from their place in the cell [n, 2], in steps from its middle, to that by D_u x, D_v x.
+
+    Where these grow without bound light would be moved out of the picture: they count as far as neighbours are.
+    """
+    u, v = (reaches(photons, plan, place) * place).T[:, :, None]
+    return replace(photons, position=photons.position - u * photons.dxdu - v * photons.dxdv)
 
 
 def riding(cells: dict[int, ChosenCells], plan: EmissionPlan, part: float) -> Callable[[Lattice, Patch], ChosenCells]:
