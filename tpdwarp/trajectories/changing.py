@@ -8,7 +8,8 @@ cell's: the photon is moved back to the middle of its cell by its differentials,
 
 Cells ride on the surface as photons do, so that they fit together at all times: at the part s of the shutter a cell
 lies s · shift further on the light. Cells that meet nothing go along with those nearest to them. So the border of a
-body that moves is no change in time; what its light meets afterwards may be.
+body that moves is no change in time; what its light meets afterwards may be. Where one body passes before another,
+cells around its border ride along a field that goes over from the one to the other (:mod:`.rifts`).
 
 Which cells change in time is asked of keyframes first, then around those that do of the cells themselves.
 
@@ -16,6 +17,8 @@ Beyond the paper, whose photons shine for the whole shutter.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,6 +40,7 @@ from tpdwarp.trajectories.retraced import (
     riding,
     typical_area,
 )
+from tpdwarp.trajectories.rifts import LARGEST_DRIFT_APART, gradients, rift_cells
 
 # Flux of nothing, to divide by.
 _TINY = np.finfo(np.float64).tiny
@@ -78,19 +82,54 @@ def changing_cells(
             changing = window.cells(grown(_change([ends[0], photons, ends[1]], plan, number, window, typical)) & here)
             chosen[number] = np.unique(np.concatenate([changing, chosen.get(number, changing)]), axis=0)
         chosen = {number: cells for number, cells in chosen.items() if len(cells)}
+        fields = {number: _field(photons, plan, number, suspects.get(number)) for number in numbers_of([photons], plan)}
+        for number, ride in fields.items():
+            if ride.torn is not None:
+                cells = [ride.torn, *([chosen[number]] if number in chosen else [])]
+                chosen[number] = np.unique(np.concatenate(cells), axis=0)
         # The ends are traced with the flux of the whole exposure, as keyframes are.
         shares = [flux_in(photons, plan, chosen) / max(flux_in(photons, plan), _TINY)]
         whole = max(flux_in(keyframes.photons(0.0), keyframes.plan), _TINY)
         shares += [flux_in(end, plan, chosen) / whole for end in ends]
         if max(shares) <= LEAST_LIGHT:
             return None
-        return RetracedCells(
-            {
-                number: ChosenCells(cells, _shifts_of(cells, photons, plan, number, suspects.get(number)))
-                for number, cells in chosen.items()
-            },
-            plan,
-        )
+        found, growth = {}, {}
+        for number, cells in chosen.items():
+            ride = fields.get(number)
+            if ride is None or ride.torn is None:
+                found[number] = ChosenCells(cells, _shifts_of(cells, photons, plan, number, suspects.get(number)))
+            else:
+                found[number] = ChosenCells(cells, ride.shifts[ride.window.at(cells)].astype(np.float32))
+                growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
+        return RetracedCells(found, plan, growth)
+
+
+@dataclass(frozen=True, eq=False)
+class _Field:
+    """How the cells of a lattice ride: their shifts over the whole shutter.
+
+    Attributes:
+        window: The cells.
+        shifts: Of each of them, shape [u, v, 2]; around rifts those of a smooth field.
+        torn: Cells around rifts, shape [n, 2]; None where there are none.
+    """
+
+    window: Window
+    shifts: np.ndarray
+    torn: np.ndarray | None
+
+
+def _field(photons: PhotonMap, plan: EmissionPlan, number: int, given: ChosenCells | None) -> _Field:
+    """How the cells of a lattice ride."""
+    rows, cells = cells_of(photons, plan, number)
+    window = Window.around(cells, margin=1)
+    if np.ptp(photons.shift[rows], axis=0).max() <= LARGEST_DRIFT_APART:
+        return _Field(window, window.grid(2), None)
+    shifts = _shifts(photons, plan, number, window, given)
+    torn, smooth = rift_cells(shifts)
+    if not torn.any():
+        return _Field(window, shifts, None)
+    return _Field(window, np.where(torn[..., None], smooth, shifts), window.cells(torn))
 
 
 def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> dict[int, ChosenCells]:

@@ -30,6 +30,7 @@ from tpdwarp.trajectories.retraced import (
     in_middle_of_cell,
     place_in_cell,
 )
+from tpdwarp.trajectories.rifts import stretched
 
 # A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
 # within what its cell blurs. Chosen, not derived.
@@ -66,6 +67,7 @@ def traced_in_parts(
         given = {"chosen": cells.at(middle, number), "tags": keyframes.tags.of(last.scene), **options}
         photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
         photons = in_middle_of_cell(photons, plan, place_in_cell(cell_of(photons), number))
+        photons = _grown(photons, cells, middle, energy)
         return replace(photons, time=middle, duration=share), energy
 
     pieces, share = shutter.segments(PARTS), 1.0 / PARTS
@@ -84,6 +86,20 @@ def traced_in_parts(
             account.add(energy)
             maps.append(replace(photons, part=PARTS * (part + 1) + number + 1))
     return maps, account
+
+
+def _grown(photons: PhotonMap, cells: RetracedCells, part: float, energy: EnergyAccount) -> PhotonMap:
+    """The photons with the sizes and the flux that their cells have at the part ``part`` of the shutter.
+
+    What cells gain in flux is counted as sent and deposited.
+    """
+    before = photons.flux.sum(dtype=np.float64)
+    for number, growth in cells.growth.items():
+        photons = stretched(photons, cells.plan, number, cells.cells[number].cell, part * growth)
+    gained = cells.plan.normalization.power * float(photons.flux.sum(dtype=np.float64) - before)
+    energy.sent += gained
+    energy.deposited += gained
+    return photons
 
 
 def cells_that_rush(maps: list[PhotonMap], changing: RetracedCells, light: float) -> list[RetracedCells]:

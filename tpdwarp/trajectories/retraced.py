@@ -7,7 +7,7 @@ common: which cells they are, which of them count, and where in them photons sta
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -71,10 +71,13 @@ class RetracedCells:
     Attributes:
         cells: Of each lattice that has any, by its number, with their shift over the whole shutter as offset.
         plan: The lattices.
+        growth: ∇S of the field that cells ride along (:mod:`.rifts`), for each of those of a lattice, shape [n, 2, 2];
+            none where they keep their size.
     """
 
     cells: dict[int, ChosenCells]
     plan: EmissionPlan
+    growth: dict[int, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return sum(map(len, self.cells.values()))
@@ -111,7 +114,7 @@ class RetracedCells:
 
     def of_photons(self, maps: list[PhotonMap]) -> RetracedCells:
         """Those of these cells that photons of ``maps`` stand for."""
-        found = {}
+        found, growth = {}, {}
         for number, mine in self.cells.items():
             theirs = np.concatenate([cells_of(photons, self.plan, number)[1] for photons in maps])
             if len(theirs):
@@ -121,7 +124,9 @@ class RetracedCells:
                 rows = window.holds(mine.cell) & taken[window.at(mine.cell)]
                 if rows.any():
                     found[number] = ChosenCells(mine.cell[rows], mine.offset[rows])
-        return RetracedCells(found, self.plan)
+                    if number in self.growth:
+                        growth[number] = self.growth[number][rows]
+        return RetracedCells(found, self.plan, growth)
 
     def at(self, part: float, number: int) -> Callable[[Lattice, Patch], ChosenCells]:
         """Chooses these cells where they lie at the part ``part`` (−½ … ½) of the shutter, at place ``number``."""
