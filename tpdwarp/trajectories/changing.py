@@ -129,7 +129,8 @@ def _field(photons: PhotonMap, plan: EmissionPlan, number: int, given: ChosenCel
     torn, smooth = rift_cells(shifts)
     if not torn.any():
         return _Field(window, shifts, None)
-    return _Field(window, np.where(torn[..., None], smooth, shifts), window.cells(torn))
+    cells = window.cells(torn)
+    return _Field(window, np.where(torn[..., None], smooth, shifts), cells[plan.lattices[number].holds(cells)])
 
 
 def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> dict[int, ChosenCells]:
