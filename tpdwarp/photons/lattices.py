@@ -116,6 +116,21 @@ class EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
         return _planned(self.candidates, photons, self.normalization, self.splits)
 
+    def finer(self, count: int) -> EmissionPlan:
+        """The same lattices with ``count`` × ``count`` cells in each of theirs."""
+        lattices = [
+            replace(
+                entry,
+                step=(entry.step[0] / count, entry.step[1] / count),
+                wrap=(entry.wrap[0] * count, entry.wrap[1] * count),
+                first_id=entry.first_id * count**2,
+            )
+            for entry in self.lattices
+        ]
+        return replace(
+            self, lattices=tuple(lattices), planned_ids=self.planned_ids * count**2, photons=self.photons * count**2
+        )
+
     def paths_of(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Path mask of each photon, index of its lattice in ``lattices``, and whether that one was planned."""
         mask, number = np.divmod(ids, self.id_count)
