@@ -20,8 +20,8 @@ CAMERA_LIGHT_IRRADIANCE = math.pi
 SMALLEST_EXTENT = 1e-6
 # What is thinner than this part of its length shows hardly a pixel or two from its edge. Chosen, not derived.
 FLAT = 1e-2
-# Of what is drawn, bounds that are so much smaller show the inside, and bounds that are larger by as much, for extents
-# that do not fit or for lamps far off, a speck. Chosen, not derived.
+# Of what is drawn, bounds may leave out so much of its size; where it is less than so much of theirs, for extents that
+# do not fit or for lamps far off, it is a speck. Chosen, not derived.
 STALE = 0.1
 
 
@@ -112,9 +112,8 @@ class FreeCamera:
         if not np.isfinite(high - low).all():
             return True
         least, greatest = self._drawn(self._start)
-        apart = (least > high).any() or (greatest < low).any()
-        framed, drawn = (high - low).max(), (greatest - least).max()
-        return bool(apart or framed < STALE * drawn or drawn < STALE * framed)
+        drawn, outside = (greatest - least).max(), np.maximum(low - least, greatest - high).max()
+        return bool(outside > STALE * drawn or drawn < STALE * (high - low).max())
 
     def _drawn(self, frame: float) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest corner of what is drawn at a time code, shapes [3] and [3]."""
