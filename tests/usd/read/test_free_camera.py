@@ -68,7 +68,11 @@ def test_what_is_flat_is_not_looked_at_from_its_edge(small, up, thin):
     assert (np.hypot(*corners[:, :2].T) / -corners[:, 2] < 0.5 * 20.955 / 50.0 * (1 + 1e-6)).all()
 
 
-@pytest.mark.parametrize("extent", [(0.0, 0.0), (100.0, 101.0), (0.0, 0.01)], ids=["none", "elsewhere", "too small"])
+@pytest.mark.parametrize(
+    "extent",
+    [(0.0, 0.0), (100.0, 101.0), (1.0, 1.01), (-99.0, 9.0), (1.0, 8.0)],
+    ids=["none", "elsewhere", "too small", "too large", "too short"],
+)
 def test_extents_that_do_not_hold_what_is_drawn_are_passed_over(small, extent):
     mesh = small.mesh(points=BOX)
     right = small.open().at(Shutter.still(1)).camera.position

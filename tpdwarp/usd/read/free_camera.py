@@ -20,7 +20,8 @@ CAMERA_LIGHT_IRRADIANCE = math.pi
 SMALLEST_EXTENT = 1e-6
 # What is thinner than this part of its length shows hardly a pixel or two from its edge. Chosen, not derived.
 FLAT = 1e-2
-# Authored extents that are so much smaller than what is drawn show its inside. Chosen, not derived.
+# Of what is drawn, bounds may leave out so much of its size; where it is less than so much of theirs, for extents that
+# do not fit or for lamps far off, it is a speck. Chosen, not derived.
 STALE = 0.1
 
 
@@ -107,12 +108,12 @@ class FreeCamera:
         return self._drawn(frame) if found.IsEmpty() or self._hides(low, high) else (low, high)
 
     def _hides(self, low: np.ndarray, high: np.ndarray) -> bool:
-        """Whether bounds are none, or do not hold what is drawn as the stage begins."""
+        """Whether bounds are none, or do not show what is drawn as the stage begins."""
         if not np.isfinite(high - low).all():
             return True
         least, greatest = self._drawn(self._start)
-        apart = (least > high).any() or (greatest < low).any()
-        return bool(apart or (high - low).max() < STALE * (greatest - least).max())
+        drawn, outside = (greatest - least).max(), np.maximum(low - least, greatest - high).max()
+        return bool(outside > STALE * drawn or drawn < STALE * (high - low).max())
 
     def _drawn(self, frame: float) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest corner of what is drawn at a time code, shapes [3] and [3]."""
