@@ -19,8 +19,10 @@ from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame, trace_frame
 from tpdwarp.scene.description import MeshAtShutter, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.changing import PARTS, changing_cells, place_in_cell
+from tpdwarp.trajectories.changing import changing_cells
+from tpdwarp.trajectories.edges import FINER, FIRST_PART, edge_cells
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
+from tpdwarp.trajectories.retraced import PARTS, place_in_cell
 from usd_scenes.oracle import Wave
 from usd_scenes.oracle.closed_forms import fresnel_reflectance, lit_edge_profile, snell
 from usd_scenes.shapes import ring
@@ -47,7 +49,8 @@ def changing(source: Source, photons: int = 4096):
     plan, loaded = tracer.plan(photons), tracer.load(OPEN)
     keyframes = ShutterKeyframes.over(tracer, plan, loaded, clock)
     photons, _ = tracer.trace(loaded, plan, clock, tags=keyframes.tags.of(loaded.scene))
-    return changing_cells(keyframes, photons, plan, clock)
+    moving, _ = edge_cells(photons, plan, loaded)
+    return changing_cells(keyframes, photons, plan, clock, moving)
 
 
 @pytest.mark.parametrize("photons", [4096, 16384])
@@ -80,8 +83,8 @@ def test_an_edge_along_the_motion_takes_part_of_a_cell_wherever_it_lies(place):
     board = quad("/board", (place * cell, -9), (6, 9), 2.0, motion=(0, GLIDE, 0))
     traced = trace_frame(RenderContext(steady([floor(), WATER, board], (sun(),)), SETTINGS), OPEN)
     lit = traced.energy.sent / (3 * 4)  # the width of water in the light
-    # Eight places in each cell, of which the edge divides those it goes through alike up to half a place; photons in
-    # the middle of their cells would be wrong by up to half a cell.
+    # Eight places or nine in each cell, of which the edge divides those it goes through alike up to half a place;
+    # photons in the middle of their cells would be wrong by up to half a cell.
     assert lit == pytest.approx(2 + place * cell, abs=cell / PARTS / 2)
 
 
@@ -117,7 +120,8 @@ def test_each_photon_has_an_id_of_its_own_and_the_others_keep_theirs():
     found = trace_frame(RenderContext(shaded_water(), SETTINGS), OPEN).photons
     assert len(np.unique(found.ids)) == len(found)
     parts = found.ids // PART_IDS
-    assert set(parts) == set(range(PARTS + 1))
+    # Those of the shutter, and those of cells where the water ends at rest.
+    assert set(parts) == {*range(PARTS + 1), *range(FIRST_PART, FIRST_PART + FINER**2)}
     assert np.isin(found.ids[parts == 0], whole.ids).all()
     # Where a board glides on, cells are covered or uncovered for good: in later parts are fewer or more of the same.
     first, last = (set(found.ids[parts == part] % PART_IDS) for part in (1, PARTS))

@@ -16,7 +16,7 @@ from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.changing import PARTS
+from tpdwarp.trajectories.retraced import PARTS
 from tpdwarp.view.film import BACKGROUND_DEPTH, Film
 from tpdwarp.view.visibility import VisibleArrays, VisiblePoints
 from usd_scenes.oracle.closed_forms import fresnel_reflectance

@@ -13,14 +13,20 @@ from tpdwarp.estimators.estimator import Part, bent, light_of
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.energy import STARVED, EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.settings import LightSettings
 from tpdwarp.trajectories.changing import changing_cells
+from tpdwarp.trajectories.edges import edge_cells, in_coarse_cells, resting_edges, traced_finer
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.parts import traced_in_parts
+from tpdwarp.trajectories.retraced import RetracedCells
+
+Traced = tuple[PhotonMap, EmissionPlan]
 
 
 class Temporal:
@@ -42,13 +48,17 @@ class Temporal:
                 loaded = tracer.loader.load_opening(seen.scene.shutter, clock)
                 photons, account = tracer.trace(loaded, plan, clock, weight=duration, **options)
                 # Footprints stand at mid shutter and sweep to both sides: the same path, seen from its middle.
-                traced = [replace(photons, position=photons.position + 0.5 * photons.dxdt)]
+                traced = [(replace(photons, position=photons.position + 0.5 * photons.dxdt), plan)]
             elif settings.path == "curved" and settings.kernel == "bspline" and moves:
                 traced, account = _along_keyframes(tracer, plan, seen, duration, options, clock)
             else:
-                photons, account = tracer.trace(seen, plan, clock, weight=duration, **options)
-                traced = [photons]
-            traced = [bent(photons, plan, tracer, pixel, clock) for photons in traced]
+                traced, account = _whole(tracer, plan, seen, duration, options, clock)
+            bends = [(bent(photons, lattices, tracer, pixel, clock), lattices) for photons, lattices in traced]
+            traced = [
+                part
+                for photons, lattices in bends
+                for part in ([photons] if lattices is plan else in_coarse_cells(photons, lattices, plan))
+            ]
             maps += [
                 replace(photons, time=time + duration * photons.time, duration=duration * photons.duration)
                 for photons in traced
@@ -63,9 +73,30 @@ class Temporal:
         yield Part(maps, energy, light_of(maps, energy, moves, tracer, pixel, clock), plan, scenes, shutter)
 
 
+def _whole(
+    tracer: PhotonTracer, plan: EmissionPlan, seen: LoadedScene, weight: float, options: dict[str, Any], clock: Clock
+) -> tuple[list[Traced], EnergyAccount]:
+    """Photons that shine for the whole segment as they are at its middle; arguments as of :func:`_along_keyframes`."""
+    options = {"weight": weight, **options}
+    if seen.requirements.photon_motion or not _has_finer_edges(tracer.settings):
+        photons, account = tracer.trace(seen, plan, clock, **options)
+        return [(photons, plan)], account
+    with clock.stage("plan"):
+        options["tags"] = PathTags(seen.scene, plan.photons).of(seen.scene)
+    photons, account = tracer.trace(seen, plan, clock, **options)
+    with clock.stage("trace"):
+        _, resting = edge_cells(photons, plan, seen)
+        edges = resting_edges(photons, plan, resting)
+    if edges is None:
+        return [(photons, plan)], account
+    photons, finer, more = _with_finer_edges(photons, edges, tracer, seen, options, clock)
+    account.add(more)
+    return [(photons, plan), finer], account
+
+
 def _along_keyframes(
     tracer: PhotonTracer, plan: EmissionPlan, seen: LoadedScene, weight: float, options: dict[str, Any], clock: Clock
-) -> tuple[list[PhotonMap], EnergyAccount]:
+) -> tuple[list[Traced], EnergyAccount]:
     """Photons that go along trajectories, and those of cells whose light begins or ends within the segment.
 
     Args:
@@ -74,25 +105,63 @@ def _along_keyframes(
         options: Of the tracer.
 
     Returns:
-        Photons of mid segment, then those of each part of it that has its own; where their flux went.
+        Photons of mid segment, those of finer cells at edges, and those of each part of it that has its own, with their
+        lattices; where their flux went.
     """
     keyframes = ShutterKeyframes.over(tracer, plan, seen, clock)
-    tags = keyframes.tags.of(seen.scene)
-    photons, account = tracer.trace(seen, plan, clock, weight=weight, tags=tags, **options)
-    changing, light = None, float(photons.flux.sum(dtype=np.float64))
+    tagged = {"tags": keyframes.tags.of(seen.scene), "weight": weight, **options}
+    photons, account = tracer.trace(seen, plan, clock, **tagged)
+    changing = edges = None
+    light = float(photons.flux.sum(dtype=np.float64))
     if tracer.settings.emission == "lattice":
-        changing = changing_cells(keyframes, photons, plan, clock)
+        with clock.stage("trace"):
+            moving, resting = edge_cells(photons, plan, seen, tell_apart=_has_finer_edges(tracer.settings))
+        changing = changing_cells(keyframes, photons, plan, clock, moving)
+        edges = resting_edges(photons, plan, resting, changing)
+    finer = None
+    if edges:
+        photons, finer, more = _with_finer_edges(photons, edges, tracer, seen, tagged, clock)
+        account.add(more)
     if changing:
-        again = {"weight": weight, "chosen": changing.at_middle(), "tags": tags, **options}
-        _, replaced = tracer.trace(seen, plan, clock, **again)
+        _, replaced = tracer.trace(seen, plan, clock, chosen=changing.at_middle(), **tagged)
         account.subtract(replaced)
         photons = photons.rows(~changing.holds(photons))
     photons, fitted = fit_trajectories(photons, plan, keyframes, clock)
     account.add(fitted)
-    traced = [photons]
+    traced = [(photons, plan)]
     if changing:
-        parts, more = traced_in_parts(tracer, keyframes, changing, seen.scene.shutter, weight, light, clock, **options)
+        shutter = seen.scene.shutter
+        parts, more = traced_in_parts(tracer, keyframes, changing, shutter, weight, light, clock, **options)
         account.add(more)
-        traced += parts
+        traced += [(part, plan) for part in parts]
         account.counts["cells traced again in time"] = len(changing)
+    if finer:
+        photons, fitted = fit_trajectories(*finer, keyframes, clock)
+        account.add(fitted)
+        traced.append((photons, finer[1]))
     return traced, account
+
+
+def _with_finer_edges(
+    photons: PhotonMap,
+    edges: RetracedCells,
+    tracer: PhotonTracer,
+    seen: LoadedScene,
+    options: dict[str, Any],
+    clock: Clock,
+) -> tuple[PhotonMap, Traced, EnergyAccount]:
+    """``photons`` without those of ``edges``, the photons of their finer cells, and where the flux of these went
+    instead."""
+    account = EnergyAccount()
+    _, replaced = tracer.trace(seen, edges.plan, clock, chosen=edges.at_middle(), **options)
+    account.subtract(replaced)
+    fine, lattices, more = traced_finer(tracer, seen, edges, clock, **options)
+    account.add(more)
+    account.counts["cells traced again at edges"] = len(edges)
+    return photons.rows(~edges.holds(photons)), (fine, lattices), account
+
+
+def _has_finer_edges(settings: LightSettings) -> bool:
+    """Whether footprints are a lattice's own cells, so that those of finer cells fit in."""
+    own = settings.emission == "lattice" and settings.kernel == "bspline" and settings.smoothing == 1.0
+    return own and settings.path == "curved"

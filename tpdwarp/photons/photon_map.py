@@ -67,6 +67,8 @@ class PhotonMap:
         time: Middle of the photons' part of the shutter, −½ … ½.
         duration: Length of that part.
         part: Which of the parts of a segment these photons stand for, from 1 on; 0 for the whole segment.
+        finer: How many of these photons' cells lie along either side of one of the lattice.
+        place: Where in that one they lie, in steps of theirs from its middle along u and v.
     """
 
     ids: np.ndarray
@@ -97,6 +99,8 @@ class PhotonMap:
     time: float = 0.0
     duration: float = 1.0
     part: int = 0
+    finer: int = 1
+    place: tuple[float, float] = (0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -108,6 +112,25 @@ class PhotonMap:
         whole = np.zeros(0, np.int32)
         paths, shares = np.zeros(0, np.uint32), np.zeros(0, np.float32)
         return cls(np.zeros(0, np.int64), *[three] * 7, two, two, whole, whole, paths, shares)
+
+    @property
+    def in_whole_cells(self) -> PhotonMap:
+        """The photons with the footprints of the cells of the lattice that theirs are parts of."""
+        if self.finer == 1:
+            return self
+        count, (u, v) = np.float32(self.finer), np.float32(self.place)
+        trajectory = self.trajectory
+        if trajectory is not None:
+            trajectory = replace(trajectory, dxdut=count * trajectory.dxdut, dxdvt=count * trajectory.dxdvt)
+        return replace(
+            self,
+            position=self.position - u * self.dxdu - v * self.dxdv,
+            dxdu=count * self.dxdu,
+            dxdv=count * self.dxdv,
+            bend=count**2 * self.bend,
+            trajectory=trajectory,
+            finer=1,
+        )
 
     def rows(self, chosen: np.ndarray) -> PhotonMap:
         """Some of the photons, by index or mask."""

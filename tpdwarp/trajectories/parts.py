@@ -20,8 +20,17 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.changing import LEAST_LIGHT, LEAST_SHARE, PARTS, ChangingCells, in_middle_of_cell
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
+from tpdwarp.trajectories.retraced import (
+    LEAST_LIGHT,
+    LEAST_SHARE,
+    PARTS,
+    RetracedCells,
+    cell_of,
+    in_middle_of_cell,
+    place_in_cell,
+)
+from tpdwarp.trajectories.rifts import stretched
 
 # A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
 # within what its cell blurs. Chosen, not derived.
@@ -31,7 +40,7 @@ LONGEST_WAY = 4.0
 def traced_in_parts(
     tracer: PhotonTracer,
     keyframes: ShutterKeyframes,
-    changing: ChangingCells,
+    changing: RetracedCells,
     shutter: Shutter,
     weight: float,
     light: float,
@@ -51,13 +60,15 @@ def traced_in_parts(
     last: LoadedScene | None = None
 
     def traced(
-        cells: ChangingCells, piece: Shutter, middle: float, share: float, number: int
+        cells: RetracedCells, piece: Shutter, middle: float, share: float, number: int
     ) -> tuple[PhotonMap, EnergyAccount]:
         nonlocal last
         last = tracer.load(piece, clock, instead_of=last)
         given = {"chosen": cells.at(middle, number), "tags": keyframes.tags.of(last.scene), **options}
         photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
-        return replace(in_middle_of_cell(photons, plan, number), time=middle, duration=share), energy
+        photons = in_middle_of_cell(photons, plan, place_in_cell(cell_of(photons), number))
+        photons = _grown(photons, cells, middle, energy)
+        return replace(photons, time=middle, duration=share), energy
 
     pieces, share = shutter.segments(PARTS), 1.0 / PARTS
     middles = [(part + 0.5) * share - 0.5 for part in range(PARTS)]
@@ -77,7 +88,21 @@ def traced_in_parts(
     return maps, account
 
 
-def cells_that_rush(maps: list[PhotonMap], changing: ChangingCells, light: float) -> list[ChangingCells]:
+def _grown(photons: PhotonMap, cells: RetracedCells, part: float, energy: EnergyAccount) -> PhotonMap:
+    """The photons with the sizes and the flux that their cells have at the part ``part`` of the shutter.
+
+    What cells gain in flux is counted as sent and deposited.
+    """
+    before = photons.flux.sum(dtype=np.float64)
+    for number, growth in cells.growth.items():
+        photons = stretched(photons, cells.plan, number, cells.cells[number].cell, part * growth)
+    gained = cells.plan.normalization.power * float(photons.flux.sum(dtype=np.float64) - before)
+    energy.sent += gained
+    energy.deposited += gained
+    return photons
+
+
+def cells_that_rush(maps: list[PhotonMap], changing: RetracedCells, light: float) -> list[RetracedCells]:
     """For each part, the cells that light rushes through on a path that begins or ends between it and one beside it.
 
     None where they have hardly any of all ``light``.
@@ -95,7 +120,7 @@ def cells_that_rush(maps: list[PhotonMap], changing: ChangingCells, light: float
             found[other].append(alone)
             flux += float(alone.flux.sum(dtype=np.float64))
     if flux <= LEAST_LIGHT * light:
-        return [ChangingCells({}, changing.plan)] * len(maps)
+        return [RetracedCells({}, changing.plan)] * len(maps)
     return [changing.of_photons(photons) for photons in found]
 
 

@@ -23,13 +23,15 @@ the change of D_t x there, as
 
 since that change is D_tt x. So numbers of segments that begin where samples do are far better than others, often better
 than larger ones.
+
+What turns has a segment for every few degrees in any case (:mod:`.turns`).
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -41,8 +43,8 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.changing import PARTS
 from tpdwarp.trajectories.keyframes import (
+    END,
     KEYFRAME_DURATION,
     LARGEST_DISAGREEMENT,
     KeyframeState,
@@ -51,6 +53,8 @@ from tpdwarp.trajectories.keyframes import (
     keyframe_shutters,
 )
 from tpdwarp.trajectories.neighbours import Pairs, differences, neighbours
+from tpdwarp.trajectories.retraced import PARTS
+from tpdwarp.trajectories.turns import least_segments
 
 # Photons of the trace from which the number of segments is chosen. Chosen, not derived.
 PILOT_PHOTONS = 4096
@@ -111,8 +115,16 @@ class Segmentation:
 
     def load(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
         """The scenes of the segments of ``shutter``; one where nothing moves."""
-        scenes = [self._tracer.load(part, clock) for part in shutter.segments(self.count(shutter, clock))]
-        return scenes if any(scene.moves for scene in scenes) else scenes[:1]
+        return as_few_as_move(self.load_each(shutter, clock))
+
+    def load_each(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
+        """The scenes of all segments of ``shutter``, whatever moves."""
+        return [self._tracer.load(part, clock) for part in shutter.segments(self.count(shutter, clock))]
+
+
+def as_few_as_move(scenes: list[LoadedScene]) -> list[LoadedScene]:
+    """The scenes of the segments of a shutter, of which one stands for all where nothing moves."""
+    return scenes if any(scene.moves for scene in scenes) else scenes[:1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,10 +170,11 @@ class SegmentErrors:
         longer["passing"] = self.passing * parts
         return replace(self, **longer, disagreement=self.disagreement * parts)
 
-    def best(self, breaks: Collection[float], most: int = MOST_SEGMENTS) -> int:
-        """The number of segments up to ``most`` that is nearly as good as the best."""
-        totals = self.total(np.arange(1, most + 1), breaks)
-        return 1 + int(np.argmax(totals <= (1.0 + LEAST_GAIN) * totals.min()))
+    def best(self, breaks: Collection[float], most: int = MOST_SEGMENTS, least: int = 1) -> int:
+        """The number of segments, ``least`` to ``most``, that is nearly as good as the best."""
+        least = min(least, most)
+        totals = self.total(np.arange(least, most + 1), breaks)
+        return least + int(np.argmax(totals <= (1.0 + LEAST_GAIN) * totals.min()))
 
 
 def motion_breaks_within(source: SceneSource, shutter: Shutter) -> set[float]:
@@ -189,6 +202,7 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
     stills = tracer.source.reference_shutters()
     chosen = stills[:: math.ceil(len(stills) / MOST_FRAMES)]
     found: list[SegmentErrors] = []
+    least = 1
     breaks: set[float] = set()
     for still in chosen:
         # At whole frames, since it matters where in the shutter a stage's samples lie.
@@ -203,19 +217,25 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
         frame = stills[0].middle + math.floor(still.middle - stills[0].middle)
         start = frame + shutter.open - shutter.frame
         whole = Shutter(frame, start, start + shutter.exposure)
-        errors = _errors_over(tracer, whole.segments(parts)[number % parts], plan)
+        shutter_part = whole.segments(parts)[number % parts]
+        scenes = [tracer.load(keyframe, Clock()) for keyframe in keyframe_shutters(shutter_part)]
+        least = max(least, parts * least_segments([loaded.scene for loaded in scenes], 2.0 * END))
+        errors = _errors_over(tracer, scenes, plan)
         if errors is not None:
             found.append(errors.over(parts))
-    if not found:
-        return 1
-    return SegmentErrors.joined(found).best(breaks, min(MOST_SEGMENTS, photons // FEWEST_PHOTONS))
+    most = min(MOST_SEGMENTS, photons // FEWEST_PHOTONS)
+    return SegmentErrors.joined(found).best(breaks, most, least) if found else min(least, most)
 
 
-def _errors_over(tracer: PhotonTracer, whole: Shutter, plan: EmissionPlan) -> SegmentErrors | None:
-    """Errors of the photons that land over the shutter of a frame; None where keyframes say nothing of any."""
+def _errors_over(tracer: PhotonTracer, scenes: Sequence[LoadedScene], plan: EmissionPlan) -> SegmentErrors | None:
+    """Errors of the photons that land over the shutter of a frame; None where keyframes say nothing of any.
+
+    Args:
+        scenes: At the keyframes of that shutter, in the order of time.
+    """
     clock, settings = Clock(), tracer.settings
-    opening, middle, closing = keyframe_shutters(whole)
-    scenes = [tracer.load(shutter, clock) for shutter in (middle, opening, closing)]
+    opening, middle, closing = scenes
+    scenes = [middle, opening, closing]
     keyframes = ShutterKeyframes(tracer, plan, *scenes, PathTags(scenes[0].scene, plan.photons), clock)
     photons = keyframes.photons(0.0)
     # Traced over a short time, wanted over the whole shutter.

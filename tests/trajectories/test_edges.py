@@ -1,0 +1,70 @@
+"""Laws of edges at rest: cells that they go through are traced again in finer cells."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.estimators.frames import irradiance
+from tests.photons.shapes import floor, glass
+from tests.photons.traced import sun
+from tests.view.scenes import Source, looking_down, quad, steady
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.frame import render_frame, trace_frame
+from tpdwarp.scene.description import Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.trajectories.edges import FINER, place_in_finer_cell
+from usd_scenes.oracle.closed_forms import fresnel_reflectance
+
+SETTINGS = Settings(photons=4096, segments=1, samples=1, aovs=("irradiance",))
+STILL = Shutter(0, 0, 0)
+# Of 64 cells along each side of the water.
+CELL = 4 / 64
+WATER = quad("/water", (-2, -2), (2, 2), 1.0, glass(1.33))
+
+
+def half_covered(place: float) -> Source:
+    """Flat water under a sun, and a board above it from ``place`` [cells] on, at rest."""
+    board = quad("/board", (place * CELL, -9), (6, 9), 2.0)
+    return steady([floor(), WATER, board], (sun(),), looking_down((-1, 1, -0.125, 0.125), height=0.5))
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 0.45, 0.8])
+def test_an_edge_takes_part_of_a_cell_wherever_it_lies(place):
+    energy = trace_frame(RenderContext(half_covered(place), SETTINGS), STILL).energy
+    lit = energy.sent / (3 * 4)  # the width of water in the light
+    # Nine places along each side of a cell; photons in the middle of their cells would be wrong by up to half a cell.
+    assert lit == pytest.approx(2 + place * CELL, abs=CELL / FINER**2 / 2)
+
+
+def test_a_shadow_is_as_sharp_as_finer_cells_are_where_cells_are_no_larger_than_pixels():
+    place, columns = 0.45, 32
+    found = irradiance(render_frame(RenderContext(half_covered(place), SETTINGS), STILL, columns, 4))
+    passed = 1 - fresnel_reflectance(0.0, 1.0, 1.33)
+    # Pixels are a cell wide, and so is what the edge is blurred by without; a finer one is a third as wide, and its
+    # place is known to an eighteenth.
+    edges = np.linspace(-1, 1, columns + 1)
+    exact = passed * np.clip((place * CELL - edges[:-1]) / np.diff(edges), 0, 1)
+    assert np.abs(found.reshape(-1, columns).mean(axis=0) - exact).max() < passed * (1 / 18 + 1 / 8)
+
+
+def test_finer_cells_fit_in_where_footprints_are_larger_than_pixels():
+    columns = 512
+    frame = render_frame(RenderContext(half_covered(0.45), SETTINGS), STILL, columns, 64)
+    found = irradiance(frame).reshape(-1, columns)
+    x = (np.arange(columns) + 0.5) / 256 - 1
+    passed = 1 - fresnel_reflectance(0.0, 1.0, 1.33)
+    # A B-spline reaches one and a half cells: beyond two from the edge, light is what it is without any.
+    np.testing.assert_allclose(found[:, x < (0.45 - 2) * CELL], passed, rtol=1e-3)
+    # Wide footprints are interpolated between squares of a third of a cell, which errs by .002 (docs/method.md).
+    assert found.max() <= passed * (1 + 4e-3)
+
+
+def test_finer_cells_start_at_places_of_their_own_along_either_side():
+    cells = np.stack(np.meshgrid(np.arange(FINER), np.arange(FINER)), axis=-1).reshape(-1, 2)
+    along = (cells + 0.5 + place_in_finer_cell(cells)) / FINER
+    for axis in (0, 1):
+        np.testing.assert_allclose(np.sort(along[:, axis]), (np.arange(FINER**2) + 0.5) / FINER**2, atol=1e-6)
+    assert math.isclose(place_in_finer_cell(cells).sum(), 0.0, abs_tol=1e-5)

@@ -1,0 +1,258 @@
+"""Cells of a lattice that are traced again, because their photon does not stand for all that they light.
+
+What those that change in time (:mod:`.changing`) and those that edges at rest go through (:mod:`.edges`) have in
+common: which cells they are, which of them count, and where in them photons start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tpdwarp.photons.emission import ChosenCells, Patch
+from tpdwarp.photons.lattices import EmissionPlan, Lattice
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.scene.description import SceneAtShutter
+from tpdwarp.trajectories.bends import reaches
+
+# Photons that carry less than this part of their cell's flux are no reason to trace the cell again; nor are those of
+# wide footprints, whose share counts by the root of how much narrower others are: what a photon adds to the mean square
+# goes with its flux by the root of its area. Chosen, not derived.
+LEAST_SHARE = 0.2
+# Nor are cells which carry less than this part of the light together. Chosen, not derived: as little as a branch that
+# is given up.
+LEAST_LIGHT = 0.002
+# Parts of the shutter in which cells are traced again. Chosen, not derived: as short as keyframes are.
+PARTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A rectangle of cells of one lattice.
+
+    Attributes:
+        first: Its first cell.
+        size: Cells along u and along v.
+    """
+
+    first: np.ndarray
+    size: np.ndarray
+
+    @classmethod
+    def around(cls, cells: np.ndarray, margin: int = 0) -> Window:
+        """The smallest one that holds ``cells`` [n, 2] and some more on all sides."""
+        first, last = cells.min(axis=0) - margin, cells.max(axis=0) + margin
+        return cls(first, last - first + 1)
+
+    def grid(self, *width: int, dtype: type = np.float64) -> np.ndarray:
+        """Zeros for its cells."""
+        return np.zeros((*self.size, *width), dtype)
+
+    def at(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where cells [n, 2] lie in a grid; those outside lie at its border."""
+        u, v = (cells - self.first).clip(0, self.size - 1).T
+        return u, v
+
+    def holds(self, cells: np.ndarray) -> np.ndarray:
+        """Which of the cells [n, 2] lie in it."""
+        return np.all((cells >= self.first) & (cells < self.first + self.size), axis=1)
+
+    def cells(self, chosen: np.ndarray) -> np.ndarray:
+        """The cells that a grid of truth values chooses, shape [n, 2]."""
+        return np.argwhere(chosen) + self.first
+
+
+@dataclass(frozen=True, eq=False)
+class RetracedCells:
+    """Cells that are traced again, with photons in parts of the shutter, or of the cell, of their own.
+
+    Attributes:
+        cells: Of each lattice that has any, by its number, with their shift over the whole shutter as offset.
+        plan: The lattices.
+        growth: ∇S of the field that cells ride along (:mod:`.rifts`), for each of those of a lattice, shape [n, 2, 2];
+            none where they keep their size.
+    """
+
+    cells: dict[int, ChosenCells]
+    plan: EmissionPlan
+    growth: dict[int, np.ndarray] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return sum(map(len, self.cells.values()))
+
+    def holds(self, photons: PhotonMap) -> np.ndarray:
+        """Which of the photons stand for one of these cells, shape [n]."""
+        _, lattice, planned = self.plan.paths_of(photons.ids)
+        cells, held = cell_of(photons), np.zeros(len(photons), bool)
+        for number, mine in self.cells.items():
+            window = Window.around(mine.cell)
+            taken = window.grid(dtype=bool)
+            taken[window.at(mine.cell)] = True
+            held |= planned & (lattice == number) & window.holds(cells) & taken[window.at(cells)]
+        return held
+
+    def without(self, others: RetracedCells) -> RetracedCells:
+        """Those of these cells that are not among ``others`` of the same lattices."""
+        found = {}
+        for number, mine in self.cells.items():
+            rows = np.ones(len(mine), bool)
+            if number in others.cells:
+                theirs = others.cells[number].cell
+                window = Window.around(theirs)
+                taken = window.grid(dtype=bool)
+                taken[window.at(theirs)] = True
+                rows = ~(window.holds(mine.cell) & taken[window.at(mine.cell)])
+            if rows.any():
+                found[number] = ChosenCells(mine.cell[rows])
+        return RetracedCells(found, self.plan)
+
+    def at_middle(self) -> Callable[[Lattice, Patch], ChosenCells]:
+        """Chooses these cells at mid shutter, their photons in the middle of each."""
+        return riding(self.cells, self.plan, 0.0)
+
+    def of_photons(self, maps: list[PhotonMap]) -> RetracedCells:
+        """Those of these cells that photons of ``maps`` stand for."""
+        found, growth = {}, {}
+        for number, mine in self.cells.items():
+            theirs = np.concatenate([cells_of(photons, self.plan, number)[1] for photons in maps])
+            if len(theirs):
+                window = Window.around(theirs)
+                taken = window.grid(dtype=bool)
+                taken[window.at(theirs)] = True
+                rows = window.holds(mine.cell) & taken[window.at(mine.cell)]
+                if rows.any():
+                    found[number] = ChosenCells(mine.cell[rows], mine.offset[rows])
+                    if number in self.growth:
+                        growth[number] = self.growth[number][rows]
+        return RetracedCells(found, self.plan, growth)
+
+    def at(self, part: float, number: int) -> Callable[[Lattice, Patch], ChosenCells]:
+        """Chooses these cells where they lie at the part ``part`` (−½ … ½) of the shutter, at place ``number``."""
+        moved = {
+            lattice: ChosenCells(mine.cell, np.float32(part) * mine.offset + place_in_cell(mine.cell, number))
+            for lattice, mine in self.cells.items()
+        }
+        return riding(moved, self.plan, 1.0)
+
+
+def place_in_cell(cell: np.ndarray, number: int) -> np.ndarray:
+    """Where in their cells photons start in part ``number`` of the shutter, in lattice steps from the middle; [n, 2].
+
+    The places of all parts are a Hammersley set in time and along each side of the cell, shifted digitally by a hash of
+    the cell: so edges across a cell, and those that pass over it, divide it as exactly as eight places can, and what
+    they err by differs from cell to cell.
+
+    Args:
+        cell: Which cells, shape [n, 2].
+    """
+    with np.errstate(over="ignore"):
+        hashed = (cell[:, 0].astype(np.uint32) * np.uint32(0x9E3779B1)) ^ (
+            cell[:, 1].astype(np.uint32) * np.uint32(0x85EBCA77)
+        )
+        hashed = (hashed ^ (hashed >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
+    hashed = hashed ^ (hashed >> np.uint32(12))
+    reversed_bits = (number & 1) << 2 | (number & 2) | (number & 4) >> 2
+    places = [(reversed_bits ^ (hashed & 7)), ((3 * number + 1) % PARTS) ^ (hashed >> np.uint32(3) & 7)]
+    return np.stack([(place + 0.5) / PARTS - 0.5 for place in places], axis=1).astype(np.float32)
+
+
+def in_middle_of_cell(photons: PhotonMap, plan: EmissionPlan, place: np.ndarray) -> PhotonMap:
+    """Photons moved from their place in the cell [n, 2], in steps from its middle, to that by D_u x, D_v x.
+
+    Where these grow without bound light would be moved out of the picture: they count as far as neighbours are.
+    """
+    u, v = (reaches(photons, plan, place) * place).T[:, :, None]
+    return replace(photons, position=photons.position - u * photons.dxdu - v * photons.dxdv)
+
+
+def riding(cells: dict[int, ChosenCells], plan: EmissionPlan, part: float) -> Callable[[Lattice, Patch], ChosenCells]:
+    """Chooses ``cells`` of each lattice, moved by the part ``part`` of their offsets."""
+    none = ChosenCells(np.zeros((0, 2), np.int64))
+
+    def chosen(lattice: Lattice, patch: Patch) -> ChosenCells:
+        mine = cells.get(number_of(plan, lattice), none)
+        return ChosenCells(mine.cell, None if part == 0.0 or not len(mine) else np.float32(part) * mine.offset)
+
+    return chosen
+
+
+def emitted_cells(plan: EmissionPlan, scene: SceneAtShutter) -> dict[int, Window]:
+    """The cells of each lattice that are emitted in a scene."""
+    return {
+        number_of(plan, lattice): Window(
+            np.array([patch.first_u, patch.first_v]), np.array([patch.count_u, patch.count_v])
+        )
+        for lattice, patch in plan.patches(scene)
+    }
+
+
+def number_of(plan: EmissionPlan, lattice: Lattice) -> int:
+    """Number of a lattice in its plan; −1 for one that was made for a frame alone."""
+    return next((number for number, planned in enumerate(plan.lattices) if planned is lattice), -1)
+
+
+def numbers_of(maps: list[PhotonMap], plan: EmissionPlan) -> list[int]:
+    """Numbers of the lattices that photons come from."""
+    found: set[int] = set()
+    for photons in maps:
+        _, lattice, planned = plan.paths_of(photons.ids)
+        found |= set(np.unique(lattice[planned]).tolist())
+    return sorted(found)
+
+
+def cell_of(photons: PhotonMap) -> np.ndarray:
+    """The cell that each photon stands for, shape [n, 2]."""
+    return np.floor(photons.emission).astype(np.int64)
+
+
+def cells_of(photons: PhotonMap, plan: EmissionPlan, number: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the photons of a lattice, and their cells, shape [n, 2]."""
+    _, lattice, planned = plan.paths_of(photons.ids)
+    rows = np.flatnonzero(planned & (lattice == number))
+    return rows, cell_of(photons)[rows]
+
+
+def areas_of(photons: PhotonMap) -> np.ndarray:
+    """Areas |D_u x × D_v x| of footprints, shape [n]."""
+    return np.linalg.norm(np.cross(photons.dxdu.astype(np.float64), photons.dxdv.astype(np.float64)), axis=1)
+
+
+def typical_area(photons: PhotonMap) -> float:
+    """The median area of footprints, weighted by flux: half of the light falls in smaller ones."""
+    areas, flux = areas_of(photons), photons.flux.sum(axis=1, dtype=np.float64)
+    order = np.argsort(areas)
+    return float(areas[order][np.searchsorted(np.cumsum(flux[order]), 0.5 * flux.sum())]) if len(order) else 0.0
+
+
+def matters(photons: PhotonMap, typical: float, least: float) -> np.ndarray:
+    """Which photons are a reason to trace their cell again, shape [n].
+
+    Args:
+        typical: Area of a footprint that counts as its flux does.
+        least: The part of their cell's flux from which on photons are.
+    """
+    narrow = np.sqrt(np.minimum(1.0, typical / np.maximum(areas_of(photons), np.finfo(np.float32).tiny)))
+    return photons.share * narrow > least
+
+
+def grown(chosen: np.ndarray) -> np.ndarray:
+    """Chosen cells of a grid, and those beside them."""
+    out = chosen.copy()
+    for axis in (0, 1):
+        grown = out.copy()
+        ahead, behind = [slice(None)] * 2, [slice(None)] * 2
+        ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
+        grown[tuple(ahead)] |= out[tuple(behind)]
+        grown[tuple(behind)] |= out[tuple(ahead)]
+        out = grown
+    return out
+
+
+def flux_in(photons: PhotonMap, plan: EmissionPlan, chosen: dict[int, np.ndarray] | None = None) -> float:
+    """Flux of the photons of chosen cells [n, 2] of each lattice; without, of all."""
+    if chosen is None:
+        return float(photons.flux.sum(dtype=np.float64))
+    cells = RetracedCells({number: ChosenCells(found) for number, found in chosen.items()}, plan)
+    return float(photons.flux[cells.holds(photons)].sum(dtype=np.float64))

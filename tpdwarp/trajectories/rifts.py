@@ -1,0 +1,88 @@
+"""Rifts: places on the light where cells that ride on what they meet drift apart, or over one another.
+
+Cells ride on the surface that their light meets first, and fill the lattice as long as those side by side ride alike.
+One body that passes before another hides light from it: at the edge of the nearer one cells ride with it, beside them
+with the other, and in time a gap opens there or cells overlap, so that light is missing or shines twice. So around such
+edges cells ride along a field that goes over from the one to the other smoothly, over a width in which it can: as wide
+to either side as cells drift apart. They are traced in parts of the shutter, and each is as large at the part s of it
+as the field makes it: with u + s S(u) for the place of the cell u,
+
+    D_u x + s (∂_u S_u D_u x + ∂_u S_v D_v x),  likewise along v,  and the flux of its cell by det(I + s ∇S).
+
+Beyond the paper, whose photons start from the light.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.trajectories.retraced import Window, cells_of
+
+# Cells side by side may drift apart by less than this [cells] within the shutter: as far as an edge goes through a cell
+# in any case.
+LARGEST_DRIFT_APART = 0.5
+# Of how far cells drift apart at rifts, this quantile is the width of the field to either side: where light grazes they
+# may do so without bound. Chosen, not derived.
+WIDTH_QUANTILE = 0.9
+
+
+def rift_cells(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The cells around rifts of a field of shifts [u, v, 2], shape [u, v] bool, and the field that they ride along."""
+    across: list[np.ndarray] = []
+    rift = np.zeros(field.shape[:2], bool)
+    for axis in (0, 1):
+        apart = np.linalg.norm(np.diff(field, axis=axis), axis=2)
+        torn = apart > LARGEST_DRIFT_APART
+        across.append(apart[torn])
+        for cut in (slice(1, None), slice(None, -1)):
+            rift[(cut, slice(None)) if axis == 0 else (slice(None), cut)] |= torn
+    widths = np.concatenate(across)
+    if not len(widths):
+        return rift, field
+    width = math.ceil(float(np.quantile(widths, WIDTH_QUANTILE)))
+    return _mean_over(rift[..., None].astype(np.float64), width)[..., 0] > 0.0, _mean_over(field, width)
+
+
+def gradients(field: np.ndarray) -> np.ndarray:
+    """∂_a S_b of a field [u, v, 2], shape [u, v, 2, 2] by a and b."""
+    sizes = field.shape[:2]
+    parts = [np.gradient(field, axis=axis) if sizes[axis] > 1 else np.zeros_like(field, np.float64) for axis in (0, 1)]
+    return np.stack(parts, axis=2)
+
+
+def stretched(photons: PhotonMap, plan: EmissionPlan, number: int, cells: np.ndarray, growth: np.ndarray) -> PhotonMap:
+    """Photons of lattice ``number`` with the sizes and the flux of ``cells`` [n, 2] that have grown.
+
+    Args:
+        growth: s ∇S of each cell, shape [n, 2, 2].
+    """
+    window = Window.around(cells)
+    grid = window.grid(2, 2)
+    grid[window.at(cells)] = growth
+    rows, mine = cells_of(photons, plan, number)
+    inside = window.holds(mine)
+    rows, grown = rows[inside], grid[window.at(mine[inside])]
+    columns = [photons.dxdu.copy(), photons.dxdv.copy()]
+    for axis, column in enumerate(columns):
+        by_u, by_v = (grown[:, axis, along, None] for along in (0, 1))
+        column[rows] += (by_u * photons.dxdu[rows] + by_v * photons.dxdv[rows]).astype(np.float32)
+    flux = photons.flux.copy()
+    flux[rows] *= np.linalg.det(np.eye(2) + grown)[:, None].astype(np.float32)
+    return replace(photons, dxdu=columns[0], dxdv=columns[1], flux=flux)
+
+
+def _mean_over(field: np.ndarray, width: int) -> np.ndarray:
+    """The mean of a field [u, v, k] over squares that reach ``width`` cells to either side of each."""
+    for axis in (0, 1):
+        ends = [(0, 0)] * field.ndim
+        ends[axis] = (width + 1, width)
+        sums = np.cumsum(np.pad(field, ends, mode="edge"), axis=axis, dtype=np.float64)
+        size = field.shape[axis]
+        after, before = (np.take(sums, np.arange(size) + start, axis=axis) for start in (2 * width + 1, 0))
+        field = (after - before) / (2 * width + 1)
+    return field

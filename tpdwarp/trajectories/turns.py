@@ -1,0 +1,64 @@
+"""How far specular bodies turn within a shutter.
+
+Light that a rigid body sends turns with it, and a photon goes along a curve of third order in time: where it turns far
+neither the curve nor what keyframes tell apart follows. Errors measured in each photon's own light do not show that, so
+that bodies that turn have at least a segment for each ``DEGREES_PER_SEGMENT``.
+
+Beyond the paper, which traces once a frame.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter
+
+# Chosen, not derived: a mirror ring that spins by 20 degrees errs by .204 in one segment, .115 in two and .134 in four
+# (16 384 photons); a torus that turns by 45 by .164, .068 and .067; solids that turn by 10 or less by as much in one as
+# in two.
+DEGREES_PER_SEGMENT = 15.0
+# A mesh is rigid where its points lie within this part of its size of those that its turn leads to. Chosen, not
+# derived: as far as a turn by a degree and a half moves them.
+RIGID = 0.02
+# Points of a mesh that are looked at, spread over it.
+MOST_POINTS = 256
+
+
+def least_segments(scenes: Sequence[SceneAtShutter], part: float) -> int:
+    """How many segments the shutter has at least for what turns in it.
+
+    Args:
+        scenes: The scene at consecutive times of the shutter, no more than half a turn apart.
+        part: The part of the shutter between the first and the last of these.
+    """
+    degrees = 0.0
+    for mesh in scenes[0].meshes:
+        states = [found for scene in scenes for found in scene.meshes if found.path == mesh.path]
+        if mesh.specular and mesh.moves and len(states) == len(scenes):
+            turns = [turn_between(*pair) for pair in itertools.pairwise(states)]
+            degrees = max(degrees, math.degrees(sum(turns)))
+    # Rounding is no segment more.
+    return max(1, math.ceil(degrees / part / DEGREES_PER_SEGMENT - 1e-3))
+
+
+def turn_between(before: MeshAtShutter, after: MeshAtShutter) -> float:
+    """The angle [rad], 0 … π, by which a rigid mesh turns from one state to the other; 0 where it is not rigid.
+
+    The rotation that leads the points nearest to where they are in the mean square (Kabsch 1976).
+    """
+    if before.points.shape != after.points.shape:
+        return 0.0
+    chosen = np.unique(np.linspace(0, len(before.points) - 1, MOST_POINTS).astype(np.int64))
+    first, second = (mesh.points[chosen].astype(np.float64) for mesh in (before, after))
+    first, second = first - first.mean(axis=0), second - second.mean(axis=0)
+    u, _, vt = np.linalg.svd(first.T @ second)
+    u[:, -1] *= np.sign(np.linalg.det(u @ vt))
+    rotation = u @ vt
+    size, apart = np.linalg.norm(second), np.linalg.norm(first @ rotation - second)
+    if apart > RIGID * size:
+        return 0.0
+    return float(np.arccos(np.clip(0.5 * (np.trace(rotation) - 1.0), -1.0, 1.0)))
