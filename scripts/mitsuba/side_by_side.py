@@ -36,7 +36,7 @@ from usd_scenes import brute_force
 from usd_scenes.brute_force.description import DIELECTRIC, DIFFUSE
 
 TUMBLER = Path(__file__).resolve().parents[2] / "usd_scenes" / "tumbler.usdc"
-ALBEDO, PIXELS, RADIANCE, LAMP = 0.01, 96, 40.0, 0.6
+ALBEDO, PIXELS, RADIANCE, LAMP = 0.01, 160, 40.0, 0.6
 EYE, TARGET, UP, SIZE = (0.85, 0.0, 3.0), (0.85, 0.0, 0.0), (0.0, 1.0, 0.0), 0.9
 PHOTONS = (1 << 14, 1 << 16, 1 << 18)
 FRAME, SHOWN = 5.0, 1 << 16

@@ -20,13 +20,15 @@ Beyond the paper, whose lights are points or parallel.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.light_columns import LightImage
 from tpdwarp.photons.path_tags import PathTags
-from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.photon_map import PhotonMap, joined
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.light_places import narrowing_of
@@ -87,17 +89,26 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     plan = tracer.plan(min(photons, PILOT_PHOTONS), clock)
     tags = PathTags(loaded.scene, plan.photons).of(loaded.scene)
     middle, _ = tracer.trace(loaded, plan, clock, tags=tags, place=MIDDLE)
-    # The lobes of rough surfaces are no images of lights.
-    spread = (middle.image > 0) & (middle.image < int(LightImage.LOBE))
-    if not spread.any():
-        return np.zeros(len(counts))
-    middle = middle.rows(spread)
+    middle = _with_image(middle)
     missed, changed = np.zeros(len(middle)), np.zeros(len(middle))
+    from_rim_alone = []
     for place in RIM:
         rim, _ = tracer.trace(loaded, plan, clock, tags=tags, place=place)
         e, same = _missed(middle, rim, place)
         missed += np.where(same, e**2, 0.0) / len(RIM)
         changed += ~same / len(RIM)
+        from_rim_alone.append(_with_image(rim.rows(~np.isin(rim.ids, middle.ids))))
+    # Where the rim by itself lights more than the middle does, as behind a prism that reflects all that comes straight,
+    # what the middle does not light counts, as wrong as what the rim does not.
+    by_rim = sum(float(photons.flux.sum()) for photons in from_rim_alone) / len(RIM)
+    if by_rim <= float(middle.flux.sum()):
+        from_rim_alone = []
+    alone = sum(len(photons) for photons in from_rim_alone)
+    if not len(middle) + alone:
+        return np.zeros(len(counts))
+    missed = np.append(missed, np.zeros(alone))
+    changed = np.append(changed, np.full(alone, 1.0 / len(RIM)))
+    middle = _together([middle, *from_rim_alone])
     length = _length(middle, plan)
     size = _areas(middle) * plan.photons / photons
     n = counts[:, None].astype(np.float64)
@@ -108,6 +119,17 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     outline = np.where(n > 1.0, 0.5 * LEFT_OUT * n ** (LEFT_OUT_POWER - 0.5), 0.0) * round_part
     error = first_order + CHANGED_ERROR * changed / np.sqrt(n) + blur + outline
     return np.sqrt((error**2 * _squares(middle, float(np.median(length)))).sum(axis=1))
+
+
+def _with_image(photons: PhotonMap) -> PhotonMap:
+    """Photons whose light has an extent; the lobes of rough surfaces are no images of lights."""
+    return photons.rows((photons.image > 0) & (photons.image < int(LightImage.LOBE)))
+
+
+def _together(maps: list[PhotonMap]) -> PhotonMap:
+    """Photons of several maps, with the columns that errors are made of."""
+    columns = ("ids", "position", "flux", "image", "dxda", "dxdb", "dxdu", "dxdv")
+    return replace(maps[0], **{name: joined([getattr(photons, name) for photons in maps]) for name in columns})
 
 
 def _squares(photons: PhotonMap, side: float) -> np.ndarray:
