@@ -23,9 +23,9 @@ from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.retraced import Window, cells_of
 
-# Cells side by side may drift apart by less than this [cells] within the shutter: as far as an edge goes through a cell
-# in any case.
-LARGEST_DRIFT_APART = 0.5
+# Cells side by side may drift apart by less than this [cells] within the shutter. Chosen, not derived: with half as much
+# a torus that turns by 10 degrees takes half as long again, for nothing.
+LARGEST_DRIFT_APART = 1.0
 # Of how far cells drift apart at rifts, this quantile is the width of the field to either side: where light grazes they
 # may do so without bound. Chosen, not derived.
 WIDTH_QUANTILE = 0.9
