@@ -2,17 +2,19 @@
 """Counts what tpdwarp makes of every USD stage below folders, for instance clones of public repositories.
 
     .venv/bin/python scripts/public_stages.py usd-wg-assets OpenUSD arnold-usd --out stages.json
-    .venv/bin/python scripts/public_stages.py OpenUSD --render --out stages.json     # renders each, 64 pixels wide
+    .venv/bin/python scripts/public_stages.py OpenUSD --pictures small --out stages.json     # renders each, 64 wide
 
 A stage is read at its first frame, in a process of its own with a limit of time. It counts as whole where nothing that
 it says of its picture is left out: where there is no warning, or only such as :data:`SOFT` lists. The table of warnings
-shows for each kind how many stages hold it, and how many would be whole without it. With ``--resume``, stages that
-``--out`` knows are not read again.
+shows for each kind how many stages hold it, and how many would be whole without it. With ``--pictures``, each is
+rendered, too, and what is empty (nothing in view), black, or not finite is listed, with what was said that explains it.
+With ``--resume``, stages that ``--out`` knows are not read again.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import logging
 import os
@@ -23,6 +25,9 @@ import time
 import traceback
 from collections import Counter
 from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -57,6 +62,7 @@ SOFT = tuple(
             r"has no .*: projected along",
             r"until then the mesh is left out",
             r"light that a surface gives off",
+            r"is named as before USD|has a material for previews alone",
             r"is not there for textures",
             r"to UsdUVTexture, which is not read",
             r"what is of purpose proxy is rendered",
@@ -70,6 +76,8 @@ SOFT = tuple(
         ),
     )
 )
+# What says nothing of why a picture would be black or empty.
+STAND_INS = re.compile(r"no light shines|the stage has no camera|no surface that reflects or refracts|frames outside")
 # What names no kind: prims, files, numbers, quotations.
 NAMES = re.compile(r"'[^']*'|@[^@]*@|(?<![\w/])/[\w./:\[\]{}=-]+|\b\d[\d.e+-]*\b| \S* … and \d+ more$| …$")
 
@@ -78,19 +86,22 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Counts what tpdwarp makes of every USD stage below folders.")
     parser.add_argument("folders", nargs="+", type=Path)
     parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="takes what was found, stage by stage")
-    parser.add_argument("--render", action="store_true", help="render each stage, 64 pixels wide")
+    parser.add_argument("--pictures", type=Path, metavar="FOLDER", help="render each, 64 pixels wide, as PNG there")
     parser.add_argument("--seconds", type=float, default=60.0, help="of processor time a stage may take [60]")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only every Nth of them [1]")
+    parser.add_argument("--first", type=int, default=0, metavar="K", help="of those, begin at the Kth of all [0]")
     parser.add_argument("--resume", action="store_true", help="keep what --out holds")
     options = parser.parse_args()
     known = json.loads(options.out.read_text()) if options.resume and options.out.exists() else {}
     stages = sorted(str(f) for d in options.folders for f in d.rglob("*") if f.suffix in SUFFIXES and f.is_file())
-    stages = stages[:: options.every]
+    stages = stages[options.first :: options.every]
+    if options.pictures:
+        options.pictures.mkdir(parents=True, exist_ok=True)
     import_everything()
     for done, stage in enumerate(stages):
         if stage in known:
             continue
-        known[stage] = apart(stage, options.render, options.seconds)
+        known[stage] = apart(stage, options.pictures, options.seconds)
         if done % 20 == 0:
             options.out.write_text(json.dumps(known, indent=1))
     options.out.write_text(json.dumps(known, indent=1))
@@ -104,7 +115,7 @@ def import_everything() -> None:
     import tpdwarp.rendering.frame  # noqa: F401
 
 
-def apart(stage: str, render: bool, seconds: float) -> dict:
+def apart(stage: str, pictures: Path | None, seconds: float) -> dict:
     """What a process of its own found out about a stage."""
     reading, writing = os.pipe()
     process = os.fork()
@@ -115,7 +126,7 @@ def apart(stage: str, render: bool, seconds: float) -> dict:
         os.dup2(silent, 1)
         os.dup2(silent, 2)
         with os.fdopen(writing, "w") as pipe:
-            json.dump(looked_at(stage, render), pipe)
+            json.dump(looked_at(stage, pictures), pipe)
         os._exit(0)
     os.close(writing)
     began = time.monotonic()
@@ -138,9 +149,10 @@ def apart(stage: str, render: bool, seconds: float) -> dict:
     return {**found, "seconds": round(time.monotonic() - began, 2)}
 
 
-def looked_at(stage: str, render: bool) -> dict:
-    """Result, what is said in words, and with ``render`` the mean of the picture."""
+def looked_at(stage: str, pictures: Path | None) -> dict:
+    """Result, what is said in words, and with a folder for ``pictures`` what is seen."""
     from tpdwarp.errors import FrameError, InputError
+    from tpdwarp.io.images import encode_srgb
     from tpdwarp.jobs.opening import chosen_settings, open_scene, shutter_of
     from tpdwarp.rendering.context import RenderContext
     from tpdwarp.rendering.frame import render_frame
@@ -155,10 +167,12 @@ def looked_at(stage: str, render: bool) -> dict:
         source.region()
         scene = source.at(shutter)
         found["triangles"] = sum(len(mesh.triangles) for mesh in scene.meshes)
-        if render:
+        if pictures:
             frame = render_frame(RenderContext(source, settings), shutter, *source.resolution())
-            found["mean"] = float(sum(frame.channels[name].mean() for name in "RGB") / 3)
-            found["alpha"] = float(frame.channels["A"].mean())
+            pixels = np.stack([frame.channels[name] for name in "RGBA"], axis=-1)
+            found["seen"] = seen(pixels)
+            found["picture"] = str(pictures / (hashlib.sha256(stage.encode()).hexdigest()[:16] + ".png"))
+            write_png(found["picture"], encode_srgb(np.nan_to_num(pixels[..., :3])))
     except (InputError, FrameError) as error:
         found = {"result": "refused", "error": str(error).removeprefix(stage)}
     except Exception:
@@ -166,6 +180,22 @@ def looked_at(stage: str, render: bool) -> dict:
     if source is not None:
         found["warnings"] = [message.removeprefix(stage) for message in source.warnings.messages]
     return found
+
+
+def seen(pixels: np.ndarray) -> str:
+    """What a picture [height, width, RGBA] is in a word."""
+    if not np.isfinite(pixels).all():
+        return "not finite"
+    if pixels[..., :3].any():
+        return "shown"
+    return "black" if pixels[..., 3].any() else "empty"
+
+
+def write_png(path: str, pixels: np.ndarray) -> None:
+    """A picture [height, width, RGB], sRGB."""
+    image = oiio.ImageBuf(oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, "uint8"))
+    image.set_pixels(oiio.ROI(), pixels)
+    image.write(path)
 
 
 def kind_of(message: str) -> str:
@@ -202,11 +232,14 @@ def report(stages: dict[str, dict]) -> None:
     for kind, count in Counter(kind for kinds in lost.values() for kind in kinds).most_common():
         first = next(stage for stage, kinds in lost.items() if kind in kinds)
         print(f"  {count:5d} (alone in {alone[kind]})  {kind}   [{first}]")
-    dark = [stage for stage, found in stages.items() if "mean" in found and not found["mean"] > 0]
-    if any("mean" in found for found in stages.values()):
-        print(f"black or empty: {len(dark)}")
-        for stage in dark:
-            print(f"  {stage}: {stages[stage]}")
+    pictures = {stage: found for stage, found in stages.items() if "seen" in found}
+    if pictures:
+        counts = Counter(found["seen"] for found in pictures.values())
+        print(f"{len(pictures)} pictures: " + ", ".join(f"{count} {name}" for name, count in counts.most_common()))
+    for stage, found in pictures.items():
+        if found["seen"] != "shown":
+            why = [message for message in found["warnings"] if not STAND_INS.search(message)]
+            print(f"  {stage}: {found['seen']}" + (f", for {why[0]}" if why else " WITHOUT A WORD"))
 
 
 if __name__ == "__main__":

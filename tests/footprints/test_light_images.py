@@ -7,9 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.footprints.photons import ONE_THREAD, first_channel, grid, irradiance, photon_map, queries, shaped
+from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
 from tpdwarp.footprints.plain_gather import plain_gather
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.light_columns import LightImage
 from tpdwarp.scene.light_places import phase_of
@@ -93,10 +96,31 @@ def test_light_from_a_disc_onto_a_point_is_a_disc():
     points = np.array([[r * math.cos(3.0), r * math.sin(3.0), 0.0] for r in np.linspace(0, 2 * radius, 81)])
     light = first_channel(found, points, EXTENDED) * math.pi * radius**2
     distance = np.linalg.norm(points, axis=1)
-    # Its edge is a fifth of the radius wide to either side, which lessens it by 1/125 of itself.
-    np.testing.assert_allclose(light[distance < 0.79 * radius], 1, atol=1 / 125 + 1e-3)
-    assert np.all(light[distance > 1.21 * radius] == 0)
-    assert np.interp(radius, distance, light) == pytest.approx(0.5, abs=0.01)
+    # Where pixels are nothing its edge is √(12 · 0.04)/4 of the radius wide to either side, √2 of that on diagonals.
+    np.testing.assert_allclose(light[distance < 0.75 * radius], 1, atol=1e-3)
+    assert np.all(light[distance > 1.25 * radius] == 0)
+    # By the variance of that over the diameter less than a half: the rim curves.
+    assert np.interp(radius, distance, light) == pytest.approx(0.5 - 0.04 / 4 / math.sqrt(12 * 0.04), abs=0.01)
+
+
+@pytest.mark.parametrize(("p", "q"), [((1.0, 0.0), (0.0, 1.0)), ((1.2, 0.5), (-0.4, 0.9))])
+@pytest.mark.parametrize(("radius", "allowed"), [(1.0, 0.04), (1.3, 0.03), (2.0, 0.015)])
+def test_a_disc_a_pixel_or_two_wide_is_what_pixels_have_of_it(p, q, radius, allowed):
+    """Its mean over pixels by counting; a smoothstep of the same variance for its edge misses twice as much of it."""
+    radius, p, q = 0.05 * radius, 0.05 * np.array(p), 0.05 * np.array(q)
+    pixel = PixelSize()
+    pixel.back, pixel.right, pixel.up, pixel.orthographic = wp.vec3(0, 0, 1), wp.vec3(*p, 0), wp.vec3(*q, 0), 1
+    photons = lit(photon_map([(0, 0, 0)], (1e-4, 0, 0), (0, 1e-4, 0)), (radius, 0, 0), (0, radius, 0))
+    found = FootprintMap.of(shape_footprints([photons], "bspline", 1.0, pixel, False, ONE_THREAD), ONE_THREAD)
+    positions, area = grid((-0.2, -0.2), (0.2, 0.2), (64, 64))
+    light = first_channel(found, positions, EXTENDED)
+    # A grid of an eighth of the pixel's side.
+    assert light.sum() * area == pytest.approx(1, abs=2e-3)
+    within = (np.arange(40) + 0.5) / 40 - 0.5
+    sides = (within[:, None, None] * p + within[None, :, None] * q).reshape(-1, 2)
+    places = positions[:, None, :2] + sides[None]
+    expected = (np.einsum("nki,nki->nk", places, places) < radius**2).mean(axis=1) / (math.pi * radius**2)
+    assert np.sqrt(np.mean((light - expected) ** 2) / np.mean(expected**2)) < allowed
 
 
 def test_light_from_a_rectangle_onto_a_point_is_its_image():
@@ -120,6 +144,19 @@ def test_a_line_under_a_disc_has_half_an_ellipse_for_its_section():
     missed = np.abs(light - section) / section.max()
     assert missed.max() < 0.21 and missed[np.abs(y) < 0.8 * radius].max() < 0.125
     assert light[150] == pytest.approx(section[150], rel=0.01)
+
+
+@pytest.mark.parametrize("image", [DISC, BOX])
+def test_pixels_share_a_line_without_rest_where_its_light_has_an_image_within_a_pixel(image):
+    """Rows of pixels side by side, wherever the line lies: boxes that were wider than pixels would overlap."""
+    side, radius = 0.02, 0.006
+    for offset in np.linspace(0.0, side, 7):
+        line = photon_map([(0, offset, 0)], (0.8, 0, 0), (0, 1e-4, 0))
+        found = shaped(lit(line, (radius, 0, 0), (0, radius, 0), image), half_pixel=side / math.sqrt(12))
+        rows = np.stack([np.zeros(21), side * np.arange(-10, 11), np.zeros(21)], axis=1)
+        light = first_channel(found, rows, EXTENDED).sum() * side
+        # The height of a B-spline in its middle, by its length.
+        assert light == pytest.approx(0.75 / 0.8, rel=2e-3)
 
 
 @pytest.mark.parametrize("shear", [0.0, 0.3])

@@ -1,13 +1,17 @@
 """Several products of the render settings in one render, and the RenderVars of a product as AOVs."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
-from pxr import Gf, UsdGeom, UsdRender
+from pxr import Gf, Usd, UsdGeom, UsdRender
 
 from tests.usd.stages import SmallStage
 from tpdwarp.errors import InputError
 from tpdwarp.io.images import read_image
 from tpdwarp.jobs.sequence import render
 
+ROOT = Path(__file__).resolve().parents[2]
 SIZES = {"wide": (8, 4), "square": (4, 4)}
 
 
@@ -34,9 +38,7 @@ def stage(tmp_path):
 
 
 def sizes(folder):
-    return {
-        path.name: next(iter(read_image(path)[0].values())).shape[::-1] for path in sorted(folder.glob("*.exr"))
-    }
+    return {path.name: next(iter(read_image(path)[0].values())).shape[::-1] for path in sorted(folder.glob("*.exr"))}
 
 
 def test_every_product_is_rendered_under_its_own_name(stage, tmp_path):
@@ -70,3 +72,52 @@ def test_what_has_no_place_for_several_names_is_refused(stage, tmp_path):
     bare.stage.Save()
     with pytest.raises(InputError, match="no such products"):
         render(bare.file, tmp_path / "<product>.exr", frames="1")
+
+
+def wave_from_two_sides(tmp_path, second_shutter=0.5):
+    """The wave, as two cameras see it of which one moves, each for a product of its own."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "two.usda"))
+    stage.GetRootLayer().subLayerPaths.append(str(ROOT / "usd_scenes" / "wave.usdc"))
+    settings = UsdRender.Settings.Define(stage, "/Render/Settings")
+    stage.SetMetadata("renderSettingsPrimPath", "/Render/Settings")
+    for name, shutter in (("above", 0.5), ("aside", second_shutter)):
+        camera = UsdGeom.Camera.Define(stage, f"/{name}")
+        camera.CreateShutterCloseAttr(shutter)
+        move = camera.AddTranslateOp()
+        move.Set(Gf.Vec3d(0, 0, 3))
+        if name == "aside":
+            move.Set(Gf.Vec3d(0.2, 0, 3.5), 1)
+            move.Set(Gf.Vec3d(0.4, 0, 3.5), 3)
+        product = UsdRender.Product.Define(stage, f"/Render/{name}")
+        product.GetCameraRel().SetTargets([f"/{name}"])
+        product.CreateResolutionAttr(Gf.Vec2i(12, 8) if name == "above" else Gf.Vec2i(16, 10))
+    settings.GetProductsRel().SetTargets(["/Render/above", "/Render/aside"])
+    stage.Save()
+    return stage.GetRootLayer().realPath
+
+
+def rendered_together_and_apart(stage, tmp_path, **options):
+    """Images of both products from one command, and from one command each; what became of the former."""
+    options = {"frames": "1:2", "photons": 1024, "samples": 1, "threads": 1, **options}
+    result = render(stage, tmp_path / "together" / "<product>.####.exr", **options)
+    for name in ("above", "aside"):
+        render(stage, tmp_path / "apart" / f"{name}.####.exr", product=name, **options)
+    files = [f"{name}.{frame:04}.exr" for name in ("above", "aside") for frame in (1, 2)]
+    return [[read_image(tmp_path / folder / file)[0] for file in files] for folder in ("together", "apart")], result
+
+
+def test_products_share_one_trace_and_show_what_each_shows_alone(tmp_path):
+    (together, apart), result = rendered_together_and_apart(wave_from_two_sides(tmp_path), tmp_path)
+    for one, other in zip(together, apart, strict=True):
+        assert one["R"].any()
+        for name in other:
+            np.testing.assert_array_equal(one[name], other[name])
+    traced = {outcome.path.rsplit("/")[-1]: "trace" in outcome.seconds for outcome in result.outcomes}
+    assert traced == {f"{name}.000{frame}.exr": name == "above" for name in ("above", "aside") for frame in (1, 2)}
+
+
+def test_products_of_other_shutters_have_photons_of_their_own(tmp_path):
+    (together, apart), result = rendered_together_and_apart(wave_from_two_sides(tmp_path, 1.0), tmp_path)
+    for one, other in zip(together, apart, strict=True):
+        np.testing.assert_array_equal(one["R"], other["R"])
+    assert all("trace" in outcome.seconds for outcome in result.outcomes)

@@ -10,6 +10,7 @@ import pytest
 
 from tests.view.scenes import SHUTTER, WATER, floor, looking_down, quad, see, turned
 from tpdwarp.scene.description import (
+    PROFILE_COUNT,
     EmissionProfile,
     Extent,
     ExtentShape,
@@ -180,6 +181,12 @@ def test_a_cone_narrows_a_light_with_extent():
     # The lamp is seen 1.4° wide to either side.
     np.testing.assert_allclose(found[angle < 13], free[angle < 13], rtol=1e-5)
     assert np.all(found[angle > 17] == 0)
+
+
+def test_a_profile_dims_a_light_with_extent():
+    wide = lamp(ExtentShape.ROUND, (0, 0, 2.0), radius=0.05)
+    half = replace(wide, shaping=Shaping(2 * math.pi, profile=(0.5,) * PROFILE_COUNT))
+    np.testing.assert_allclose(irradiance([floor()], half)[0], 0.5 * irradiance([floor()], wide)[0], rtol=1e-5)
 
 
 def test_what_is_specular_hides_light_with_extent_as_it_hides_points():

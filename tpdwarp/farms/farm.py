@@ -29,13 +29,14 @@ from tpdwarp.io.memory import memory_allowed
 from tpdwarp.jobs.frame_loop import OUT_OF_MEMORY, Persistence, layer_problems, reason_of
 from tpdwarp.jobs.opening import FilePath, Frames, chosen_settings
 from tpdwarp.jobs.outputs import sweep_folder
-from tpdwarp.jobs.products import PRODUCT, each_product
+from tpdwarp.jobs.products import each_product
 from tpdwarp.jobs.progress import Progress, progress_of
 from tpdwarp.jobs.reports import SequenceReports
 from tpdwarp.jobs.results import FrameOutcome, SequenceResult
 from tpdwarp.jobs.sequence import prepared
 from tpdwarp.jobs.statistics import versions
 from tpdwarp.stopping import pause
+from tpdwarp.usd.read.render_settings import EACH_PRODUCT
 
 # How often it is looked what has become of the chunks.
 POLL_SECONDS = 0.1
@@ -90,7 +91,7 @@ def farm(
     Raises:
         InputError: As for :func:`tpdwarp.render`; no scheduler answers; or no worker can render.
     """
-    if PRODUCT in file_name(out):
+    if EACH_PRODUCT in file_name(out):
         options = {
             "scheduler": scheduler, "workers": workers, "chunk": chunk, "dashboard": dashboard, "tls": tls,
             "frames": frames, "default_time": default_time, "progress": progress, "curves": curves, "strict": strict,

@@ -21,6 +21,7 @@ from tpdwarp.jobs.frame_work import RenderWork
 from tpdwarp.jobs.layer_job import DebugLayerJob
 from tpdwarp.jobs.opening import opened
 from tpdwarp.jobs.plan import SequencePlan
+from tpdwarp.jobs.products import contexts_of
 from tpdwarp.jobs.progress import Progress
 from tpdwarp.jobs.stage_files import StageFiles
 from tpdwarp.jobs.statistics import versions
@@ -104,7 +105,7 @@ def _work_for(order: Order) -> tuple[RenderWork, FrameNames]:
     plan = SequencePlan(source, files, frames, settings, order.target, fingerprint, order.strict, memory)
     layer = DebugLayerJob(order.layer, plan, order.curves, order.skip_existing) if order.layer else None
     names = FrameNames(order.out)
-    return RenderWork(plan, names, layer, order.skip_existing, order.begun), names
+    return RenderWork(plan, names, layer, contexts_of([plan])[0], order.skip_existing, order.begun), names
 
 
 @contextmanager

@@ -34,7 +34,9 @@ GAUSS_OFFSET = wp.constant(0.5 / math.sqrt(3.0))
 MOST_PANELS = wp.constant(1.0e6)
 HALF_WIDTH = wp.constant(SUPPORT)
 HALF_CELL = wp.constant(0.5)
-# The radius of a soft disc in filter space, where a disc of that radius has a variance of one, and its area.
+# Of two boxes the narrower is no less than this part of the wider one, to whose variance that adds a hundredth.
+NARROWEST = wp.constant(0.1)
+# The radius of a disc in filter space, where a disc of that radius has a variance of one, and its area.
 DISC_RADIUS = wp.constant(2.0)
 DISC_AREA = wp.constant(4.0 * math.pi)
 
@@ -94,25 +96,55 @@ def twice_averaged_bspline(x: Lanes, width: float, second: float) -> Lanes:
 
 
 @wp.func
-def soft_disc(u: Lanes, v: Lanes, softness: float) -> Lanes:
-    """A disc of radius 2 whose edge fades over 2 (1 ± ``softness``), with ∫ = 1 (beyond the paper).
+def averaged_disc(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
+    """A disc of radius 2 averaged over a parallelogram around (u, v), with ∫ = 1 (beyond the paper).
 
-    It is the image of a round light. The edge is a smoothstep, whose integral over the plane is π R² (1 + softness²/5).
+    It is the image of a round light as pixels see it. Within the parallelogram the rim is a parabola about its tangent
+    there: where that passes the middle at a distance d, the mean is that of a half plane d − V_t/(2R) away, with V_t
+    the variance along the tangent. So the integral is π R² times 1 + ⟨V_t²⟩/(4 R⁴), by which it is divided; V_t² is
+    (2 tr V² + tr² V)/8 on average over all directions.
+
+    Args:
+        pixel: The sides of the parallelogram, as columns.
     """
     distance = wp.cw_mul(u, u) + wp.cw_mul(v, v)
     for lane in range(LANES):
         distance[lane] = wp.sqrt(distance[lane])
-    t = (distance / DISC_RADIUS - Lanes(1.0 - softness)) / (2.0 * softness)
-    t = wp.min(wp.max(t, Lanes(0.0)), Lanes(1.0))
-    faded = wp.cw_mul(wp.cw_mul(t, t), Lanes(3.0) - 2.0 * t)
-    return (Lanes(1.0) - faded) / (DISC_AREA * (1.0 + 0.2 * softness * softness))
+    far = wp.max(distance, Lanes(1.0e-6))
+    e_u = wp.cw_div(u, far)
+    e_v = wp.cw_div(v, far)
+    one = wp.abs(pixel[0, 0] * e_u + pixel[1, 0] * e_v)
+    other = wp.abs(pixel[0, 1] * e_u + pixel[1, 1] * e_v)
+    squares = wp.ddot(pixel, pixel)
+    tangent = Lanes(squares) - wp.cw_mul(one, one) - wp.cw_mul(other, other)
+    inside = Lanes(DISC_RADIUS) - distance - (TWELFTH / (2.0 * DISC_RADIUS)) * tangent
+    # The half plane in two boxes: second differences of half a square, divided by both of their sides.
+    wide = wp.max(wp.max(one, other), Lanes(1.0e-3))
+    narrow = wp.max(wp.min(one, other), NARROWEST * wide)
+    both = 0.5 * (wide + narrow)
+    apart = 0.5 * (wide - narrow)
+    inside = wp.min(wp.max(inside, -both), both)
+    full = inside + both
+    outer = wp.max(inside + apart, Lanes(0.0))
+    inner = wp.max(inside - apart, Lanes(0.0))
+    area = wp.cw_mul(full, full) - wp.cw_mul(outer, outer) - wp.cw_mul(inner, inner)
+    variance = TWELFTH * (pixel * wp.transpose(pixel))
+    squared = (2.0 * wp.ddot(variance, variance) + wp.trace(variance) * wp.trace(variance)) / 8.0
+    excess = squared / (4.0 * wp.pow(DISC_RADIUS, 4.0))
+    return wp.cw_div(area, wp.cw_mul(wide, narrow)) / (2.0 * DISC_AREA * (1.0 + excess))
 
 
 @wp.func
-def disc_widths(softness: float) -> wp.vec3:
-    """Filter widths that stand for a soft disc (beyond the paper): the last one is below zero, and the bounds hold."""
-    reach = 1.0 + 4.0 * softness
-    return wp.vec3(reach, reach + softness, -softness)
+def disc_widths(pixel: wp.mat22, softness: float) -> wp.vec3:
+    """Filter widths that stand for a disc (beyond the paper): the last one is below zero, and the bounds hold.
+
+    Args:
+        pixel: The sides of what it is averaged over, as columns.
+        softness: How far its edge fades to either side, at least, as a part of its radius.
+    """
+    reach_u = 2.0 * (DISC_RADIUS - HALF_WIDTH + pixel_extent(pixel, 0))
+    reach_v = 2.0 * (DISC_RADIUS - HALF_WIDTH + pixel_extent(pixel, 1))
+    return wp.vec3(reach_u, reach_v + softness, -softness)
 
 
 @wp.struct
@@ -123,8 +155,8 @@ class Trajectory:
     are those of mid shutter times 1 + s jacobian_rate; its flux is that of mid shutter times 1 + s gain. Only the
     B-spline's trajectory curves, and only its axes and its flux grow.
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
-    stay. Where the last is below zero it is a soft disc (:func:`disc_widths`). Where ``is_cell`` is 1 it is a cell, and
-    averaged over the pixel whose sides are the columns of ``pixel`` (:mod:`.cells`), which stays, too. ``straight`` is
+    stay. Where the last is below zero it is a disc (:func:`disc_widths`), where ``is_cell`` is 1 a cell (:mod:`.cells`).
+    Both are averaged over the pixel whose sides are the columns of ``pixel``, which stays, too. ``straight`` is
     set where it does not curve and its axes do not grow.
     """
 
@@ -268,7 +300,7 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
     those are visited that lie inside the support of any query. The nodes do not depend on the queries (u, v), which are
     relative to where it stands at mid shutter, so that translates by one cell sum to one while they sweep, too.
 
-    ``extended`` says whether there may be soft discs, the images of lights with extent.
+    ``extended`` says whether there may be discs, the images of lights with extent.
     """
 
     @wp.func
@@ -278,7 +310,7 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
             return cell_weights(u, v, pixel)
         if wp.static(extended):
             if width[2] < 0.0:
-                return soft_disc(u, v, -width[2])
+                return averaged_disc(u, v, pixel)
         if width[2] > 0.0:
             return wp.cw_mul(_along_axis(u, width[0]), twice_averaged_bspline(v, width[1], width[2]))
         return wp.cw_mul(_along_axis(u, width[0]), _along_axis(v, width[1]))

@@ -12,11 +12,11 @@ import math
 from collections.abc import Sequence
 from functools import cache
 
+import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import PieceArrays
-from tpdwarp.footprints.bspline import trajectory_extent
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.lanes import (
@@ -32,6 +32,7 @@ from tpdwarp.footprints.lanes import (
 from tpdwarp.footprints.leaves import LEAF, LeafArrays, leaves_of
 from tpdwarp.footprints.parabolas import Parabola, parabola_at
 from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratios
+from tpdwarp.footprints.reach import misses, reach_of
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
 from tpdwarp.footprints.shaping import FootprintArrays
 from tpdwarp.footprints.weights import GatherForm, footprint_weight
@@ -72,54 +73,6 @@ def found_before(pieces: PieceArrays, piece: int, low: wp.vec3, high: wp.vec3) -
     if pieces.number[piece] > 0:
         return boxes_meet(pieces.lower[piece - 1], pieces.upper[piece - 1], low, high)
     return False
-
-
-@wp.struct
-class Reach:
-    """How far in filter space a placed footprint reaches over its part of the shutter, from where it is in the middle.
-
-    ``u`` and ``v`` are along its axes, ``across`` is across its velocity, times the velocity's length.
-    """
-
-    u: float
-    v: float
-    across: float
-
-
-@cache
-def _reach_of(form: GatherForm) -> wp.Function:
-    """Bounds of where w of Eq. 8 is not zero."""
-    smooth, support = form.smooth, wp.constant(form.support)
-
-    @wp.func
-    def reach_of(placed: PlacedFootprint) -> Reach:
-        velocity = placed.trajectory.velocity
-        extent_u = float(support)
-        extent_v = float(support)
-        if wp.static(smooth):
-            extent_u = trajectory_extent(placed.trajectory, 0)
-            extent_v = trajectory_extent(placed.trajectory, 1)
-        reach = Reach()
-        reach.u = extent_u + 0.5 * wp.abs(velocity[0])
-        reach.v = extent_v + 0.5 * wp.abs(velocity[1])
-        reach.across = extent_u * wp.abs(velocity[1]) + extent_v * wp.abs(velocity[0])
-        return reach
-
-    return reach_of
-
-
-@wp.func
-def misses(placed: PlacedFootprint, reach: Reach, offset: wp.vec3, half: wp.vec3) -> bool:
-    """Whether w of Eq. 8 is zero in all of a box, whose middle lies at ``offset`` from the footprint.
-
-    Long oblique footprints miss most boxes that theirs meets. It is cautious: it may be false although w is zero.
-    """
-    velocity = placed.trajectory.velocity
-    skew = velocity[1] * placed.row_u - velocity[0] * placed.row_v
-    off_u = wp.abs(wp.dot(placed.row_u, offset)) - wp.dot(wp.abs(placed.row_u), half)
-    off_v = wp.abs(wp.dot(placed.row_v, offset)) - wp.dot(wp.abs(placed.row_v), half)
-    off_line = wp.abs(wp.dot(skew, offset)) - wp.dot(wp.abs(skew), half)
-    return off_u > reach.u or off_v > reach.v or off_line > reach.across
 
 
 @wp.func
@@ -270,7 +223,7 @@ def gather_kernel(
     parabolas = smooth and not shaded
     collect = next_run(query_moves)
     place = place_footprint(smooth, moves, curved, shaded)
-    reach_of = _reach_of(form)
+    reach_of_form = reach_of(form)
     add_parabola = _add_parabola(form, moves, curved)
     add_to_leaf = _add_to_leaf(form, moves, curved, shaded, query_moves, with_motion)
 
@@ -283,7 +236,7 @@ def gather_kernel(
         pieces: PieceArrays,
         durations: wp.array(dtype=wp.float32),
         run_size: float,
-        window: TimeWindow,
+        windows: wp.array(dtype=TimeWindow),
         group_size: int,
         count: int,
         queries: QueryArrays,
@@ -298,13 +251,10 @@ def gather_kernel(
         margin = wp.vec3(BOX_MARGIN, BOX_MARGIN, BOX_MARGIN)
         while start < end:
             # ---- Group queries
-            run = collect(queries, start, end, run_size, window)
+            run = collect(queries, start, end, run_size, windows)
             if not run.empty:
-                middle = 0.5 * (run.low + run.high)
                 radius = 0.5 * wp.length(run.high - run.low)
-                grown = run.window.length * run.fastest
-                half = 0.5 * (run.high - run.low) + wp.vec3(grown, grown, grown)
-                run_since = run.window.center - window.time
+                run_since = run.window.center - run.window.time
                 parabola = Parabola()
                 piece = int(0)
                 query = wp.bvh_query_aabb(bvh, run.low - margin, run.high + margin)
@@ -316,12 +266,13 @@ def gather_kernel(
 
                         # ---- Cull
                         last = run.stop
-                        offset = middle + placed.since * run.window.motion - placed.center
-                        reach = reach_of(placed)
-                        if not placed.overlap or misses(placed, reach, offset, half):
+                        moved = placed.since * run.window.motion - placed.center
+                        reach = reach_of_form(placed)
+                        if not placed.overlap or misses(placed, reach, run.middle + moved, run.half):
                             last = start
                         summed = bool(False)
                         if wp.static(parabolas):
+                            offset = run.middle + moved
                             if last > start and is_parabola(run, start, placed, radius, run_since):
                                 facing = wp.dot(run.normal, placed.normal)
                                 height = wp.abs(wp.dot(placed.normal, offset))
@@ -354,7 +305,7 @@ def gather_kernel(
                 if parabola.used:
                     for i in range(start, run.stop):
                         if queries.receiver[i] >= 0:
-                            d = queries.position[i] - middle
+                            d = queries.position[i] - run.middle
                             if wp.static(query_moves):
                                 d += run_since * (queries.motion[i] - run.window.motion)
                             out.irradiance[i] = out.irradiance[i] + parabola_at(parabola, d)
@@ -376,9 +327,18 @@ def gather(
 
 
 def gathered(
-    maps: Sequence[FootprintMap], queries: QueryArrays, form: GatherForm, launcher: Launcher, lookup: Lookup
+    maps: Sequence[FootprintMap],
+    queries: QueryArrays,
+    form: GatherForm,
+    launcher: Launcher,
+    lookup: Lookup,
+    windows: np.ndarray | None = None,
 ) -> IrradianceArrays:
-    """The sum over several maps, on the device."""
+    """The sum over several maps, on the device.
+
+    Args:
+        windows: Time, and middle and length of the window, of each query in the place of the lookup's, shape [n, 3].
+    """
     count = queries.position.shape[0]
     out = irradiance_arrays(count, lookup.with_motion, launcher)
     maps = [footprints for footprints in maps if footprints.count]
@@ -386,15 +346,25 @@ def gathered(
         return out
     leaves = leaves_of(queries, count, lookup.query_moves, launcher)
     group_size = GPU_GROUP if launcher.device.is_cuda else GROUP
+    looks = _windows(lookup, windows, launcher)
     for footprints in maps:
         moves = footprints.moves or lookup.query_moves
         shaded = footprints.shaded and has_shading_normals(queries)
         kernel = gather_kernel(form, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
         sums = launcher.rows(LeafSums, leaves.middle.shape[0])
-        inputs = [*photons, time_window(lookup), group_size, count, queries, leaves, sums, out]
+        inputs = [*photons, looks, group_size, count, queries, leaves, sums, out]
         launcher(kernel, -(-count // group_size), inputs, smallest_chunk=1)
     return out
+
+
+def _windows(lookup: Lookup, windows: np.ndarray | None, launcher: Launcher) -> wp.array:
+    """One window for all queries, or one for each."""
+    if windows is None:
+        return wp.array([time_window(lookup)], dtype=TimeWindow, device=launcher.device)
+    rows = np.zeros(len(windows), TimeWindow.numpy_dtype())
+    rows["time"], rows["center"], rows["length"] = windows.T
+    return wp.array(rows, dtype=TimeWindow, device=launcher.device)
 
 
 def time_window(lookup: Lookup) -> TimeWindow:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import SplitLight, split_light
@@ -16,7 +17,7 @@ from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, rows_
 from tpdwarp.footprints.rasters import Rasters
 from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
-from tpdwarp.footprints.ways import piece_counts, piece_of, rows_at
+from tpdwarp.footprints.ways import piece_counts, pieces_of, rows_at
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.footprints.wide import WideFootprints, wide_footprints
 from tpdwarp.photons.photon_map import PhotonMap
@@ -124,36 +125,55 @@ class FootprintLight:
 
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``, in pieces of their way where that is long."""
-        counts = piece_counts(queries, lookup, self.longest_way if lookup.query_moves else 0.0)
+        whole = lookup.window == PLAIN_LOOKUP.window and not lookup.query_moves
+        if whole:
+            found = irradiance_of(gathered(self._fine, queries, self._form, self._launcher, lookup), lookup.with_motion)
+        else:
+            found = self._along_ways(self._all_that_moves, queries, lookup)
+        rasters = [*self._smooth, *(self._sweeping if whole else ())]
+        if rasters:
+            sums = self._launcher.array(found.irradiance, wp.vec3)
+            off = [smooth.add_to(queries, lookup, sums) for smooth in rasters]
+            found.irradiance = sums.numpy()
+            for smooth, rows in zip(rasters, off, strict=True):
+                self._add_directly(smooth, queries, rows, lookup, found)
+        return found
+
+    def _along_ways(self, footprints: FootprintMap, queries: QueryArrays, lookup: Lookup) -> Irradiance:
+        """What ``footprints`` add up to along the ways of queries, looked up piece by piece at once."""
+        longest = footprints.run_size / (1.0 + float(LARGEST_DEVIATION))
+        counts = piece_counts(queries, lookup, longest if lookup.query_moves else 0.0)
+
+        def looked_up(at: QueryArrays, windows: np.ndarray | None = None) -> Irradiance:
+            sums = gathered([footprints], at, self._form, self._launcher, lookup, windows)
+            return irradiance_of(sums, lookup.with_motion)
+
         if counts.max(initial=1) == 1:
-            return self._at_once(queries, lookup)
+            return looked_up(queries)
+        pieces = [
+            (np.flatnonzero(counts == count), window)
+            for count in np.unique(counts)
+            for window in pieces_of(lookup.window, count)
+        ]
+        rows = np.concatenate([chosen for chosen, _ in pieces])
+        sizes = [len(chosen) for chosen, _ in pieces]
+        windows = np.repeat([(middle, middle, length) for _, (middle, length) in pieces], sizes, axis=0)
+        more = looked_up(rows_at(queries, rows, windows[:, 0] - lookup.time, self._launcher), windows)
+
+        # ---- The mean along each way
         found = Irradiance(np.zeros((len(counts), 3), np.float32))
         if lookup.with_motion:
             found.motion, found.weight = np.zeros((len(counts), 3), np.float32), np.zeros(len(counts), np.float32)
             found.photons = np.zeros(len(counts), np.int32)
-        for count in np.unique(counts):
-            rows = np.flatnonzero(counts == count)
-            for number in range(count):
-                piece = piece_of(lookup, number, count)
-                there = rows_at(queries, rows, piece.time - lookup.time, self._launcher)
-                more = self._at_once(there, piece)
-                found.irradiance[rows] += more.irradiance / np.float32(count)
-                if lookup.with_motion:
-                    found.motion[rows] += more.motion / np.float32(count)
-                    found.weight[rows] += more.weight / np.float32(count)
-                    # Those that overlap at a time, as for queries that stand.
-                    found.photons[rows] = np.maximum(found.photons[rows], more.photons)
-        return found
-
-    def _at_once(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
-        whole = lookup.window == PLAIN_LOOKUP.window and not lookup.query_moves
-        fine = self._fine if whole else [self._all_that_moves]
-        sums = gathered(fine, queries, self._form, self._launcher, lookup)
-        rasters = [*self._smooth, *(self._sweeping if whole else ())]
-        off = [smooth.add_to(queries, lookup, sums.irradiance) for smooth in rasters]
-        found = irradiance_of(sums, lookup.with_motion)
-        for smooth, rows in zip(rasters, off, strict=True):
-            self._add_directly(smooth, queries, rows, lookup, found)
+        ends = np.cumsum(sizes)
+        for (chosen, (_, length)), begin, end in zip(pieces, ends - sizes, ends, strict=True):
+            share = np.float32(length / lookup.window[1])
+            found.irradiance[chosen] += share * more.irradiance[begin:end]
+            if lookup.with_motion:
+                found.motion[chosen] += share * more.motion[begin:end]
+                found.weight[chosen] += share * more.weight[begin:end]
+                # Those that overlap at a time, as for queries that stand.
+                found.photons[chosen] = np.maximum(found.photons[chosen], more.photons[begin:end])
         return found
 
     def _add_directly(
@@ -165,7 +185,7 @@ class FootprintLight:
             return
         some = rows_of(queries, looked_at, self._launcher)
         for footprints in smooth.levels:
-            more = irradiance_of(gathered([footprints], some, self._form, self._launcher, lookup), lookup.with_motion)
+            more = self._along_ways(footprints, some, lookup)
             found.irradiance[rows] += more.irradiance[np.searchsorted(looked_at, rows)]
             if lookup.with_motion:
                 found.motion += more.motion

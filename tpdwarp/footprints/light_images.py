@@ -7,10 +7,12 @@ parallelogram ⅓. With P', Q' along the principal axes of S, a parallelogram of
 as they are by pixels (:mod:`tpdwarp.footprints.shaping`):
 
 - larger than P', Q': their own axes, with boxes of P' and Q' along them; translates still sum to one.
-- smaller, and the light's image larger than the pixel: the image itself, whose edge the rest makes soft: a soft disc
-  (an ellipse on the receiver), or a box along D_a x and D_b x. Where the pixel is the larger one, the pixel is the box.
+- smaller, and the light's image larger than the pixel: the image itself, averaged over the rest: a disc (an ellipse
+  on the receiver) over a parallelogram, or a box along D_a x and D_b x. Where the pixel is the larger one, the pixel is
+  the box, and the image widens the footprint.
 - thin: across the line, the projection of the image; that of a disc (a half ellipse) is made of two boxes. Where the
-  image is thinner than the footprint, it is a soft disc.
+  image is thinner than the footprint, it is a disc. Where the pixel is the larger one, the pixel is the boxes, exactly:
+  pixels side by side then share the line without rest.
 
 The lobes of rough surfaces (:mod:`tpdwarp.photons.rough_lobes`) have no edges: their variance widens the footprint.
 
@@ -44,6 +46,7 @@ from tpdwarp.footprints.shaping import (
     pixel_axes,
     singular_values,
     square_along,
+    thin_axes,
     thin_axes_between,
 )
 from tpdwarp.photons.light_columns import (
@@ -61,15 +64,18 @@ NEGLIGIBLE = wp.constant(0.01)
 # Footprints that are larger than this part of the image keep their own axes, along which they sum to one: cells no
 # wider than that make sums of discs smooth.
 FINE = wp.constant(0.5)
-# A parallelogram with a smaller sine between its sides is a soft disc. Chosen, not derived: 6°.
+# A parallelogram with a smaller sine between its sides is a disc. Chosen, not derived: 6°.
 SMALLEST_SINE = wp.constant(0.1)
 # The projection of a disc of deviation s, half an ellipse, is 1/(π s) high in the middle. So are two boxes π s and
 # √(12 − π²) s wide, which have its variance; their sides by √12 s:
 WIDE_BOX = wp.constant(math.pi / math.sqrt(12.0))
 NARROW_BOX = wp.constant(math.sqrt(12.0 - math.pi**2) / math.sqrt(12.0))
-# The edge of a soft disc is no sharper than this part of its radius, so that the differences that make parabolas of
-# wide footprints see it; its height is less than 1 % off by it.
-SHARPEST = wp.constant(0.2)
+# A disc has no less than this part of the variance of what it stands for: the parabola that its rim is to pixels falls
+# short of it where they are wider than its radius.
+LEAST_DISC = wp.constant(2.0 / 3.0)
+# What a disc is averaged over has no less than this part of the variance, so that the differences that make parabolas
+# of wide footprints see its edge; its height is less than 1 % off by it.
+SHARPEST = wp.constant(0.04)
 
 
 @wp.func
@@ -109,33 +115,49 @@ def parallelogram_of(variance: wp.mat22) -> PixelOnPlane:
 
 
 @wp.func
-def softness_of(share: float) -> float:
-    """Softness q of a disc that has the part ``share`` of the variance of what it stands for.
-
-    A soft disc of radius R has the variance R²/4 (1 + 6/5 q² + 3/35 q⁴)/(1 + q²/5), that of its disc by the share.
-    """
-    a = 3.0 / 35.0
-    b = 1.2 - 0.2 / share
-    c = 1.0 - 1.0 / share
-    return wp.clamp(wp.sqrt((wp.sqrt(b * b - 4.0 * a * c) - b) / (2.0 * a)), SHARPEST, 1.0)
+def turned_as(j: wp.mat22) -> wp.mat22:
+    """The turn in J, (J Jᵀ)^−½ J: a symmetric footprint times it is the one of that variance that is nearest to J."""
+    s = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
+    left = wp.mat22(wp.cos(s.left), -wp.sin(s.left), wp.sin(s.left), wp.cos(s.left))
+    right = wp.mat22(wp.cos(s.right), -wp.sin(s.right), wp.sin(s.right), wp.cos(s.right))
+    return left * wp.mat22(1.0, 0.0, 0.0, wp.where(s.s2 < 0.0, -1.0, 1.0)) * wp.transpose(right)
 
 
 @wp.func
-def disc_axes(light: wp.mat22, total: wp.mat22, distance: float) -> Axes:
-    """Axes of a soft disc of the variance ``total``, of which the disc itself has ``light``."""
-    s = singular_values(total[0, 0], total[0, 1], total[1, 0], total[1, 1])
-    share = wp.clamp(0.5 * wp.trace(wp.inverse(total) * light), 1.0e-3, 1.0)
-    q = softness_of(share)
-    square = q * q
-    widened = (1.0 + 1.2 * square + 3.0 / 35.0 * square * square) / (1.0 + 0.2 * square)
-    scale = wp.max(1.0 / widened, share)
+def disc_axes(light: wp.mat22, total: wp.mat22, pixel: PixelOnPlane, distance: float) -> Axes:
+    """Axes of a disc of the variance ``light``, averaged over a parallelogram that has the rest of ``total``.
+
+    The disc has no less than a part of ``total`` (``LEAST_DISC``) in any direction, and the rest is no less than
+    another (``SHARPEST``). The parallelogram is turned as the pixel is.
+    """
+    root = _root(total)
+    part = wp.inverse(root) * light * wp.inverse(root)
+    s = singular_values(part[0, 0], part[0, 1], part[1, 0], part[1, 1])
+    first = direction(s.left)
+    along = root * first
+    across = root * wp.vec2(-first[1], first[0])
+    of_disc = wp.vec2(wp.clamp(s.s1, LEAST_DISC, 1.0), wp.clamp(wp.abs(s.s2), LEAST_DISC, 1.0))
+    rest = wp.vec2(wp.max(1.0 - of_disc[0], SHARPEST), wp.max(1.0 - of_disc[1], SHARPEST))
+    disc = of_disc[0] * _outer(along) + of_disc[1] * _outer(across)
+    around = _root(12.0 * (rest[0] * _outer(along) + rest[1] * _outer(across)))
+    sides = around * turned_as(wp.mat22(pixel.p[0], pixel.q[0], pixel.p[1], pixel.q[1]))
+    of = singular_values(disc[0, 0], disc[0, 1], disc[1, 0], disc[1, 1])
     out = Axes()
-    out.first = direction(s.left)
+    out.first = direction(of.left)
     out.second = wp.vec2(-out.first[1], out.first[0])
-    out.t1 = wp.sqrt(scale * s.s1)
-    out.t2 = wp.sqrt(scale * wp.abs(s.s2))
+    out.t1 = wp.sqrt(of.s1)
+    out.t2 = wp.sqrt(wp.abs(of.s2))
     out = limited(out, distance)
-    out.width = disc_widths(q)
+    out.averaged.p = wp.vec2(sides[0, 0], sides[1, 0])
+    out.averaged.q = wp.vec2(sides[0, 1], sides[1, 1])
+    u = out.first / out.t1
+    v = out.second / out.t2
+    in_disc = wp.mat22(
+        wp.dot(u, out.averaged.p), wp.dot(u, out.averaged.q), wp.dot(v, out.averaged.p), wp.dot(v, out.averaged.q)
+    )
+    # Half of a box of that variance, by the radius of two.
+    softness = 0.5 * wp.sqrt(3.0 * wp.min(rest[0] / of_disc[0], rest[1] / of_disc[1]))
+    out.width = disc_widths(in_disc, softness)
     return out
 
 
@@ -168,23 +190,23 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
                 box.p = 2.0 * light.a
                 box.q = 2.0 * light.b
                 return pixel_axes(box, in_sides(box, 2.0 * _root(own + by_pixel)), distance)
-            return disc_axes(by_light, own + by_light + by_pixel, distance)
+            return disc_axes(by_light, own + by_light + by_pixel, pixel, distance)
         # ---- The image is a line, and the footprint none
         rounder = wp.abs(singular.s2) * wp.length(both.p) > singular.s1 * wp.length(both.q)
         if wp.abs(sigma.s2) < limit and lit and rounder:
-            return disc_axes(by_light, own + by_light + by_pixel, distance)
+            return disc_axes(by_light, own + by_light + by_pixel, pixel, distance)
         # ---- A line
         if wp.abs(sigma.s2) < limit:
+            if not lit:
+                wide = _root(j * wp.transpose(j) + 4.0 * by_light)
+                return thin_axes(singular_values(wide[0, 0], wide[0, 1], wide[1, 0], wide[1, 1]), pixel, distance)
             across = across_direction(singular)
             side = wp.sqrt(square_along(both, across))
             one = WIDE_BOX * side
             other = NARROW_BOX * side
-            if not lit or light.image != IMAGE_DISC:
-                one = wp.abs(wp.dot(pixel.p, across))
-                other = wp.abs(wp.dot(pixel.q, across))
-                if lit:
-                    one = wp.abs(wp.dot(light.a, across))
-                    other = wp.abs(wp.dot(light.b, across))
+            if light.image != IMAGE_DISC:
+                one = wp.abs(wp.dot(light.a, across))
+                other = wp.abs(wp.dot(light.b, across))
                 scale = side / wp.max(wp.sqrt(one * one + other * other), 1.0e-30)
                 one *= scale
                 other *= scale
@@ -205,11 +227,7 @@ def cell_in_light(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane) -> wp.m
     by_light = light_variance(light)
     if light.image == IMAGE_NONE or wp.trace(by_light) <= NEGLIGIBLE * pixel_variance_trace(pixel):
         return j
-    s = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
-    left = wp.mat22(wp.cos(s.left), -wp.sin(s.left), wp.sin(s.left), wp.cos(s.left))
-    right = wp.mat22(wp.cos(s.right), -wp.sin(s.right), wp.sin(s.right), wp.cos(s.right))
-    turn = left * wp.mat22(1.0, 0.0, 0.0, wp.where(s.s2 < 0.0, -1.0, 1.0)) * wp.transpose(right)
-    return _root(j * wp.transpose(j) + 12.0 * by_light) * turn
+    return _root(j * wp.transpose(j) + 12.0 * by_light) * turned_as(j)
 
 
 @wp.func

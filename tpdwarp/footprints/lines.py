@@ -56,7 +56,7 @@ def _measure(trajectory: Trajectory) -> wp.mat22:
 
 @wp.func
 def is_line(trajectory: Trajectory) -> bool:
-    """Whether the footprint passes each query as a line (beyond the paper); soft discs have no such profile."""
+    """Whether the footprint passes each query as a line (beyond the paper); discs have no such profile."""
     measure = _measure(trajectory)
     acceleration = wp.length(measure * trajectory.acceleration)
     jerk = wp.length(measure * trajectory.jerk)

@@ -24,21 +24,23 @@ class Run:
 
     Attributes:
         low, high: The box that they stay in over their window of the shutter.
+        middle, half: The middle of the box that they stand in at their own time, and half its sides, grown by how much
+            their motions differ.
         receiver: The object that all of them lie on, or ``SEVERAL``.
         normal: Normal of the first one; ``narrowest`` is the least cosine between it and any other.
         window: The window and motion of the first one, which stand for all of them.
-        fastest: Largest speed that queries of the run may have.
         empty: Whether there is no query in it at all.
     """
 
     stop: int
     low: wp.vec3
     high: wp.vec3
+    middle: wp.vec3
+    half: wp.vec3
     receiver: int
     normal: wp.vec3
     narrowest: float
     window: TimeWindow
-    fastest: float
     empty: bool
 
 
@@ -62,7 +64,12 @@ def next_run(query_moves: bool) -> wp.Function:
     """The function that collects queries from ``start`` on that stay within a box of ``run_size`` over the shutter."""
 
     @wp.func
-    def collect(queries: QueryArrays, start: int, end: int, run_size: float, window: TimeWindow) -> Run:
+    def collect(
+        queries: QueryArrays, start: int, end: int, run_size: float, windows: wp.array(dtype=TimeWindow)
+    ) -> Run:
+        window = windows[wp.min(start, windows.shape[0] - 1)]
+        stand_low = wp.vec3(FAR_AWAY, FAR_AWAY, FAR_AWAY)
+        stand_high = -stand_low
         low = wp.vec3(FAR_AWAY, FAR_AWAY, FAR_AWAY)
         high = -low
         receiver = int(-1)
@@ -75,6 +82,10 @@ def next_run(query_moves: bool) -> wp.Function:
         shared.length = window.length
         stop = int(start)
         while stop < end:
+            if windows.shape[0] > 1:
+                other = windows[stop]
+                if other.time != window.time or other.center != window.center or other.length != window.length:
+                    break
             if queries.receiver[stop] >= 0:
                 a = queries.position[stop]
                 b = queries.position[stop]
@@ -85,8 +96,8 @@ def next_run(query_moves: bool) -> wp.Function:
                         shared = window_of(window, motion, fastest, run_size)
                     elif wp.length(motion - shared.motion) > LARGEST_DEVIATION * wp.length(shared.motion):
                         break
-                    half = shared.length * motion
-                    x = queries.position[stop]
+                    half = 0.5 * shared.length * motion
+                    x = queries.position[stop] + (shared.center - shared.time) * motion
                     a = wp.min(x - half, x + half)
                     b = wp.max(x - half, x + half)
                 grown_low = wp.min(low, a)
@@ -99,6 +110,8 @@ def next_run(query_moves: bool) -> wp.Function:
                 elif queries.receiver[stop] != receiver:
                     receiver = SEVERAL
                 narrowest = wp.min(narrowest, wp.dot(normal, queries.normal[stop]))
+                stand_low = wp.min(stand_low, queries.position[stop])
+                stand_high = wp.max(stand_high, queries.position[stop])
                 low = grown_low
                 high = grown_high
             stop += 1
@@ -110,7 +123,13 @@ def next_run(query_moves: bool) -> wp.Function:
         run.normal = normal
         run.narrowest = narrowest
         run.window = shared
-        run.fastest = fastest
+        run.middle = 0.5 * (stand_low + stand_high)
+        run.half = 0.5 * (stand_high - stand_low)
+        if wp.static(query_moves):
+            if stop - start > 1:
+                apart = wp.abs(shared.center - shared.time) + 0.5 * shared.length
+                grown = apart * LARGEST_DEVIATION * wp.length(shared.motion)
+                run.half += wp.vec3(grown, grown, grown)
         run.empty = low[0] == FAR_AWAY
         return run
 

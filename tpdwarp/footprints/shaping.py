@@ -97,8 +97,8 @@ class FootprintArrays:
     center + s dxdt + ½ s² acceleration + ⅙ s³ jerk, its axes are those of the middle times 1 + s jacobian_rate, in
     filter coordinates, and its flux is that times 1 + s gain. Where no trajectory curves, these have no rows.
     ``filter_width`` holds the widths of the boxes that a B-spline is averaged over, in cells: one along u, two along v.
-    Where ``is_cell`` is 1 the footprint is a cell, averaged over the pixel whose sides in filter space are the columns
-    of ``pixel`` (:mod:`.cells`).
+    Where ``is_cell`` is 1 the footprint is a cell (:mod:`.cells`), where the last of these widths is below zero a disc;
+    both are averaged over the parallelogram whose sides in filter space are the columns of ``pixel``.
     ``density`` is Φ |det M|; ``long_axis`` and ``half_extent`` (along it, across it, along the normal) bound what the
     footprint sweeps over; ``plane_tolerance`` is how far off its plane it reaches. ``incidence`` is −ω/|ω·n|; no rows
     for flat receivers. ``clamped`` and ``growth_limited`` are 1 where lengths or aspect, and the growth of axes, were
@@ -184,6 +184,7 @@ class Axes:
 
     ``turn`` is the angle from these vectors to the axes u, v of filter space: J = R(left) diag(t1, t2) R(turn)ᵀ. They
     may be oblique (``first``, ``second``), as those of a pixel are. ``growing`` is zero where axes do not grow.
+    ``averaged`` is what a disc is averaged over.
     """
 
     first: wp.vec2
@@ -193,6 +194,7 @@ class Axes:
     turn: float
     width: wp.vec3
     growing: float
+    averaged: PixelOnPlane
     clamped: int
 
 
@@ -476,6 +478,14 @@ def rows_times(row_u: wp.vec3, row_v: wp.vec3, d: wp.vec3) -> wp.vec2:
     return wp.vec2(wp.dot(row_u, d), wp.dot(row_v, d))
 
 
+@wp.func
+def in_filter_space(pixel: PixelOnPlane, frame: TangentFrame, row_u: wp.vec3, row_v: wp.vec3) -> wp.mat22:
+    """M P and M Q (M of Eq. 7): the sides of a parallelogram in filter space, as columns."""
+    p = pixel.p[0] * frame.e1 + pixel.p[1] * frame.e2
+    q = pixel.q[0] * frame.e1 + pixel.q[1] * frame.e2
+    return wp.mat22(wp.dot(row_u, p), wp.dot(row_u, q), wp.dot(row_v, p), wp.dot(row_v, q))
+
+
 @cache
 def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Function | None = None) -> wp.Kernel:
     """The kernel that shapes footprints (M, Φ |det M|, Eqs. 6 and 7), and bounds what they sweep over.
@@ -561,12 +571,11 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             out.filter_width[i] = axes.width
             reach_u = wp.static(SUPPORT) + 0.5 * axes.width[0]
             reach_v = wp.static(SUPPORT) + 0.5 * (axes.width[1] + axes.width[2])
+            if wp.static(extended):
+                if axes.width[2] < 0.0:
+                    out.pixel[i] = in_filter_space(axes.averaged, frame, out.row_u[i], out.row_v[i])
             if out.is_cell[i] == 1:
-                p = on_plane.p[0] * frame.e1 + on_plane.p[1] * frame.e2
-                q = on_plane.q[0] * frame.e1 + on_plane.q[1] * frame.e2
-                sides = wp.mat22(
-                    wp.dot(out.row_u[i], p), wp.dot(out.row_u[i], q), wp.dot(out.row_v[i], p), wp.dot(out.row_v[i], q)
-                )
+                sides = in_filter_space(on_plane, frame, out.row_u[i], out.row_v[i])
                 out.pixel[i] = sides
                 reach_u = HALF + pixel_extent(sides, 0)
                 reach_v = HALF + pixel_extent(sides, 1)

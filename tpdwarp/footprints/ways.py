@@ -7,8 +7,6 @@ are, the less that is.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import warp as wp
 
@@ -33,17 +31,15 @@ def piece_counts(queries: QueryArrays, lookup: Lookup, longest: float) -> np.nda
     return 1 << np.ceil(np.log2(np.clip(ways / longest, 1.0, MOST_PIECES)) - ROUNDING).astype(np.int64)
 
 
-def piece_of(lookup: Lookup, number: int, count: int) -> Lookup:
-    """Piece ``number`` of ``count`` equal ones of the window, looked at from its middle."""
-    middle, length = lookup.window
-    middle += ((number + 0.5) / count - 0.5) * length
-    return replace(lookup, time=middle, window=(middle, length / count))
+def pieces_of(window: tuple[float, float], count: int) -> list[tuple[float, float]]:
+    """Middles and lengths of ``count`` equal pieces of a window."""
+    middle, length = window
+    return [(middle + ((number + 0.5) / count - 0.5) * length, length / count) for number in range(count)]
 
 
-def rows_at(queries: QueryArrays, rows: np.ndarray, later: float, launcher: Launcher) -> QueryArrays:
-    """Some of the queries, where they stand a part ``later`` of the shutter after their own time."""
+def rows_at(queries: QueryArrays, rows: np.ndarray, later: np.ndarray, launcher: Launcher) -> QueryArrays:
+    """Some of the queries, where each stands a part ``later`` of the shutter after its own time, shape [m]."""
     out = rows_of(queries, rows, launcher)
-    if later:
-        moved = out.position.numpy() + np.float32(later) * out.motion.numpy()
-        out.position = launcher.array(moved, wp.vec3)
+    moved = out.position.numpy() + later.astype(np.float32)[:, None] * out.motion.numpy()
+    out.position = launcher.array(moved, wp.vec3)
     return out

@@ -24,9 +24,8 @@ from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, pixel_on_plan
 # as much as half of its mean at random errs by .002 of the mean, of a quarter by .0009 (light whose waves are seven
 # cells long by .0004 and .0002); powers of two are two thirds of that on average.
 SQUARES_OF_CELL = wp.constant(3.0)
-# A soft disc's edge, a smoothstep that is 4 q wide, bends by 3/8 q⁻² at most, as a B-spline of cells 2.7 q wide does by
-# 2 of its height of ¾.
-CELLS_OF_SOFTNESS = wp.constant(2.7)
+# The edge of a disc, in a box or two 4 q wide, has the variance 4/3 q², as that of a B-spline of cells 2.3 q wide.
+CELLS_OF_SOFTNESS = wp.constant(2.3)
 
 
 @dataclass(frozen=True)

@@ -101,43 +101,32 @@ class FrameLoop:
             InputError: That is how every frame failed; the first such error.
             BrokenPipeError: Nobody listens to the progress any more.
         """
+        run_together([self], frames, [layer], self._shown)
+
+    def step(self, frame: float) -> bool:
+        """Works on one frame, and notes what became of it; false where another process renders it."""
+        outcome = self._given_up(frame) or self._one(frame)
+        if outcome is None:
+            return False
+        self.outcomes.append(outcome)
+        if self._ended is not None:
+            self._ended(outcome)
+        self._shown.end(outcome)
+        return True
+
+    def begin(self, layer: DebugLayerJob | None) -> None:
+        """Makes ready for a sequence whose photons go to ``layer``."""
         self._layer_path = "" if layer is None else str(layer.path)
-        try:
-            self._shown.start(len(frames))
-            try:
-                self._work_through(frames)
-            finally:
-                self._shown.finish()
-        except BrokenPipeError:
-            raise
-        except Exception as error:
-            logger.debug("after the last frame", exc_info=error)
-            self.problems.append(reason_of(error))
+
+    def conclude(self, frames: Sequence[float], layer: DebugLayerJob | None) -> InputError | None:
+        """Sorts the outcomes and completes the layer; returns the error that every frame failed with, if it is that."""
         places = {frame: place for place, frame in enumerate(frames)}
         self.outcomes.sort(key=lambda outcome: places.get(outcome.frame, 0))
         if self._refusal is not None and self.refused == len(frames):
-            raise self._refusal
+            return self._refusal
         if layer is not None:
             self.problems += layer_problems(layer, self.outcomes)
-
-    def _work_through(self, frames: Sequence[float]) -> None:
-        """Works through ``frames``; those that other processes render are looked for again at the end."""
-        left = list(frames)
-        while left:
-            elsewhere: list[float] = []
-            for frame in left:
-                raise_if_asked()
-                outcome = self._given_up(frame) or self._one(frame)
-                if outcome is None:
-                    elsewhere.append(frame)
-                    continue
-                self.outcomes.append(outcome)
-                if self._ended is not None:
-                    self._ended(outcome)
-                self._shown.end(outcome)
-            if len(elsewhere) == len(left):
-                pause(CLAIM_POLL_SECONDS)
-            left = elsewhere
+        return None
 
     def _one(self, frame: float) -> FrameOutcome | None:
         """What became of a frame; None where another process renders it."""
@@ -181,6 +170,54 @@ class FrameLoop:
         else:
             return None
         return FrameOutcome(frame, "failed", self._path_of(frame), reason, tries=0)
+
+
+def run_together(
+    loops: Sequence[FrameLoop], frames: Sequence[float], layers: Sequence[DebugLayerJob | None], shown: Progress
+) -> None:
+    """Works through the same frames of several sequences, frame by frame.
+
+    Args:
+        loops: One a sequence.
+        frames: Time codes.
+        layers: The debug layer of each sequence; completed if any of its frames came through.
+        shown: Shows what happens.
+
+    Raises:
+        InputError: That is how every frame of a sequence failed; the first such error.
+        BrokenPipeError: Nobody listens to the progress any more.
+    """
+    for loop, layer in zip(loops, layers, strict=True):
+        loop.begin(layer)
+    try:
+        shown.start(len(frames) * len(loops))
+        try:
+            _work_through([(loop, frame) for frame in frames for loop in loops])
+        finally:
+            shown.finish()
+    except BrokenPipeError:
+        raise
+    except Exception as error:
+        logger.debug("after the last frame", exc_info=error)
+        loops[0].problems.append(reason_of(error))
+    refusals = [loop.conclude(frames, layer) for loop, layer in zip(loops, layers, strict=True)]
+    for refusal in refusals:
+        if refusal is not None:
+            raise refusal
+
+
+def _work_through(steps: Sequence[tuple[FrameLoop, float]]) -> None:
+    """Takes ``steps``; frames that other processes render are looked for again at the end."""
+    left = list(steps)
+    while left:
+        elsewhere: list[tuple[FrameLoop, float]] = []
+        for loop, frame in left:
+            raise_if_asked()
+            if not loop.step(frame):
+                elsewhere.append((loop, frame))
+        if len(elsewhere) == len(left):
+            pause(CLAIM_POLL_SECONDS)
+        left = elsewhere
 
 
 def layer_problems(layer: DebugLayerJob, outcomes: Sequence[FrameOutcome]) -> list[str]:

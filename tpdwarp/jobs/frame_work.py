@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import os
+from collections.abc import Callable
 from dataclasses import replace
 
 from tpdwarp.clock import Clock
@@ -38,6 +38,7 @@ class RenderWork:
         plan: The sequence.
         names: The frames' files.
         layer: A debug layer that takes their photons; None without.
+        context: Gives the context of the sequence; it is told the shutter of the frame that asks.
         skip_existing: Whether frames stay that are there, whole and up to date, of whatever age.
         begun: When the sequence was begun, as ``time.time()`` has it: frames of the same made since then stay, for
             another process has made them meanwhile.
@@ -52,6 +53,7 @@ class RenderWork:
         plan: SequencePlan,
         names: FrameNames,
         layer: DebugLayerJob | None,
+        context: Callable[[Shutter], RenderContext],
         skip_existing: bool,
         begun: float,
         shown: Progress | None = None,
@@ -60,7 +62,7 @@ class RenderWork:
         self._skips, self._begun, self._shown = skip_existing, begun, shown or Progress()
         self.existing = ExistingFrames(plan.fingerprint)
         self._region = plan.source.region()
-        self._claims, self._context = Claims(), LazyContext(plan, math.prod(self._region.size))
+        self._claims, self._context = Claims(), context
         self._watch = EnergyWatch(plan.source)
         self._dark = DarkWatch(plan.source.file)
 

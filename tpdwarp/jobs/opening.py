@@ -36,9 +36,9 @@ def chosen_settings(changes: Mapping[str, Any], settings: Settings | None = None
 
 
 def open_scene(
-    scene: StageLike, settings: Settings, default_time: bool, max_memory: float | None = None
+    scene: StageLike | StageScene, settings: Settings, default_time: bool, max_memory: float | None = None
 ) -> StageScene:
-    """The stage, at its default time if that is asked for.
+    """The stage, at its default time if that is asked for; one that is open stays what it is.
 
     Args:
         max_memory: Bytes that rendering may take; None for three quarters of the machine.
@@ -46,6 +46,8 @@ def open_scene(
     Raises:
         InputError: The stage cannot be used.
     """
+    if isinstance(scene, StageScene):
+        return scene
     if isinstance(scene, str | os.PathLike):
         check_name(scene)
     kind = DefaultTimeScene if default_time else StageScene
@@ -105,7 +107,7 @@ def frames_asked(frames: Frames, default_time: bool) -> tuple[float, ...] | None
 
 
 def opened(
-    scene: StageLike,
+    scene: StageLike | StageScene,
     settings: Settings,
     frames: Frames,
     default_time: bool,

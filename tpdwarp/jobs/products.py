@@ -1,19 +1,95 @@
-"""Sequences of all products of a stage's render settings, each under its own name."""
+"""All products of a stage's render settings, each under its own name; those of the same shutter share one trace."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from tpdwarp.errors import InputError
+from tpdwarp.jobs.frame_work import LazyContext
 from tpdwarp.jobs.opening import FilePath, chosen_settings, open_scene
+from tpdwarp.jobs.plan import SequencePlan
 from tpdwarp.jobs.results import SequenceResult
-from tpdwarp.usd.read.stage import StageLike
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.shared_trace import SharedTrace, may_share
+from tpdwarp.scene.description import Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.usd.read.render_settings import EACH_PRODUCT
+from tpdwarp.usd.read.stage import StageLike, StageScene
 
-# Where the name of a product of the render settings goes in that of an image.
-PRODUCT = "<product>"
+
+@dataclass(frozen=True)
+class Product:
+    """A product that is rendered.
+
+    Attributes:
+        scene: The stage, as the product shows it where it is one of several.
+        settings: Settings that name it.
+        files: What is written, by argument.
+    """
+
+    scene: StageLike | StageScene
+    settings: Settings
+    files: Mapping[str, FilePath | None]
+
+
+def products_of(
+    scene: StageLike,
+    files: Mapping[str, FilePath | None],
+    settings: Settings,
+    default_time: bool,
+    max_memory: float | None,
+) -> list[Product]:
+    """The products of a stage's render settings, or those whose path or name the settings name.
+
+    Args:
+        scene: The stage.
+        files: What is written, by argument: ``out`` and others, with :data:`EACH_PRODUCT` in their names.
+        settings: The settings.
+        default_time: Whether the stage is read at its default time.
+        max_memory: Bytes that rendering may take; None for three quarters of the machine.
+
+    Raises:
+        InputError: There are no products, or they would be written to the same file.
+    """
+    source = open_scene(scene, replace(settings, product=EACH_PRODUCT), default_time, max_memory)
+    chosen = [found for found in source.products if not settings.product or settings.product in found]
+    if not chosen:
+        out = os.fspath(files["out"])
+        raise InputError(f"names {EACH_PRODUCT}, and the stage has no such products in its render settings", out)
+    for file in files.values():
+        if file is not None and EACH_PRODUCT not in os.fspath(file) and len(chosen) > 1:
+            raise InputError(f"{len(chosen)} products need a place for their names ({EACH_PRODUCT})", os.fspath(file))
+    found = []
+    for path, name in chosen:
+        own = {key: file and os.fspath(file).replace(EACH_PRODUCT, name) for key, file in files.items()}
+        found.append(Product(source.with_product(path), replace(settings, product=path), own))
+    return found
+
+
+def contexts_of(plans: Sequence[SequencePlan]) -> list[Callable[[Shutter], RenderContext]]:
+    """What gives each of several sequences its context: one scene and one trace serve all that may share them.
+
+    A light that stands at the camera is another one for each.
+    """
+    regions = [math.prod(plan.source.region().size) for plan in plans]
+    if len(plans) == 1 or plans[0].source.lit_by_camera:
+        return [LazyContext(plan, pixels) for plan, pixels in zip(plans, regions, strict=True)]
+    first, shared = plans[0], SharedTrace()
+    whole = LazyContext(first, max(regions))
+
+    def seen(plan: SequencePlan, shutter: Shutter) -> RenderContext:
+        return whole(shutter).seen_by(plan.source, plan.settings, shared)
+
+    return [
+        partial(seen, plan) if may_share(plan.settings, first.settings) else LazyContext(plan, pixels)
+        for plan, pixels in zip(plans, regions, strict=True)
+    ]
 
 
 def each_product(
@@ -23,32 +99,28 @@ def each_product(
     options: Mapping[str, Any],
     settings: Mapping[str, Any],
 ) -> SequenceResult:
-    """Renders the products of a stage's render settings one after the other.
+    """Renders the products of a stage's render settings one after the other, by whatever renders one of them.
 
     Args:
-        rendered: Renders one of them, as :func:`tpdwarp.render` does; it is given ``files`` and ``options``.
+        rendered: Renders one of them, as :func:`tpdwarp.farm` does; it is given ``files`` and ``options``.
         scene: The stage.
         files: What is written, by argument.
         options: Other arguments.
         settings: Fields of :class:`tpdwarp.settings.Settings`.
 
     Raises:
-        InputError: There are no products, or they would be written to the same file.
+        InputError: As :func:`products_of`.
     """
-    whole = {name: value for name, value in settings.items() if name != "product"}
-    products = open_scene(scene, chosen_settings(whole), options["default_time"], options["max_memory"]).products
-    if wanted := settings.get("product"):
-        products = tuple(found for found in products if wanted in found)
-    out = os.fspath(files["out"])
-    if not products:
-        raise InputError(f"names {PRODUCT}, and the stage has no such products in its render settings", out)
-    for file in files.values():
-        if file is not None and PRODUCT not in os.fspath(file) and len(products) > 1:
-            raise InputError(f"{len(products)} products need a place for their names ({PRODUCT})", os.fspath(file))
-    results = []
-    for path, product in products:
-        own = {name: os.fspath(file).replace(PRODUCT, product) for name, file in files.items() if file is not None}
-        results.append(rendered(scene, **own, **options, **{**settings, "product": path}))
+    products = products_of(scene, files, chosen_settings(settings), options["default_time"], options["max_memory"])
+    return joined(
+        rendered(scene, **product.files, **options, **{**settings, "product": product.settings.product})
+        for product in products
+    )
+
+
+def joined(results: Iterable[SequenceResult]) -> SequenceResult:
+    """What became of several sequences, as one."""
+    results = tuple(results)
     return SequenceResult(
         tuple(outcome for result in results for outcome in result.outcomes),
         sum(result.seconds for result in results),

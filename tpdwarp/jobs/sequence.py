@@ -12,7 +12,7 @@ from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.images import check_format
 from tpdwarp.io.memory import memory_allowed
 from tpdwarp.jobs.fingerprint import Fingerprint
-from tpdwarp.jobs.frame_loop import FrameLoop, Persistence
+from tpdwarp.jobs.frame_loop import FrameLoop, Persistence, run_together
 from tpdwarp.jobs.frame_work import RenderWork, TraceWork
 from tpdwarp.jobs.layer_job import DebugLayerJob
 from tpdwarp.jobs.opening import (
@@ -28,7 +28,7 @@ from tpdwarp.jobs.opening import (
 )
 from tpdwarp.jobs.outputs import prepare_outputs
 from tpdwarp.jobs.plan import SequencePlan
-from tpdwarp.jobs.products import PRODUCT, each_product
+from tpdwarp.jobs.products import Product, contexts_of, joined, products_of
 from tpdwarp.jobs.progress import Progress, progress_of
 from tpdwarp.jobs.reports import SequenceReports
 from tpdwarp.jobs.results import SequenceResult
@@ -38,6 +38,7 @@ from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import trace_frame
 from tpdwarp.rendering.light_groups import LightGroups
 from tpdwarp.settings import Settings
+from tpdwarp.usd.read.render_settings import EACH_PRODUCT
 from tpdwarp.usd.read.stage import StageLike, StageScene
 
 
@@ -66,7 +67,8 @@ def render(
     Args:
         scene: The stage: a file, an ``Sdf.Layer`` or a ``Usd.Stage``.
         out: Image file, with ``####`` where the frame number goes (see :class:`tpdwarp.io.frame_names.FrameNames`).
-            With ``<product>`` in it all products of the render settings are rendered, each under its own name.
+            With ``<product>`` in it all products of the render settings are rendered, each under its own name; photons
+            are traced once for all whose shutters are the same.
         frames: A specification such as ``1:24,30:40x2``, a frame, or several; None for the stage's whole range
             (its first frame where nothing changes).
         default_time: Render the default time (values that are not time samples) in place of frames.
@@ -92,26 +94,44 @@ def render(
         InputError: The input or the settings cannot be used, an output cannot be written where it is asked for, or
             no frame at all could be rendered because of the input.
     """
-    if PRODUCT in file_name(out):
-        options = {
-            "frames": frames, "default_time": default_time, "progress": progress, "curves": curves, "strict": strict,
-            "skip_existing": skip_existing, "frame_timeout": frame_timeout, "retries": retries,
-            "max_failures": max_failures, "max_memory": max_memory,
-        }  # fmt: skip
-        return each_product(render, scene, {"out": out, "debug_layer": debug_layer, "stats": stats}, options, settings)
     started, begun = time.perf_counter(), time.time()
     chosen = chosen_settings(settings)
     persistence = Persistence(frame_timeout, retries, max_failures)
     shown = progress_of(progress)
-    plan, names, layer = prepared(
-        scene, out, chosen, frames, default_time, strict, stats, debug_layer, curves, skip_existing, max_memory
+    files = {"out": out, "debug_layer": debug_layer, "stats": stats}
+    products = (
+        products_of(scene, files, chosen, default_time, max_memory)
+        if EACH_PRODUCT in file_name(out)
+        else [Product(scene, chosen, files)]
     )
-    work = RenderWork(plan, names, layer, skip_existing, begun, shown)
-    reports = SequenceReports(plan.source.file, stats, skip_existing)
-    loop = FrameLoop(work, names.path, shown, persistence, reports.add)
-    loop.run(plan.frames, layer)
-    seconds = time.perf_counter() - started
-    return reports.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds, work.existing.anew)
+    sequences = [
+        prepared(
+            product.scene,
+            product.files["out"],
+            product.settings,
+            frames,
+            default_time,
+            strict,
+            product.files["stats"],
+            product.files["debug_layer"],
+            curves,
+            skip_existing,
+            max_memory,
+        )
+        for product in products
+    ]
+    plans = [plan for plan, _, _ in sequences]
+    works, reports, loops = [], [], []
+    for (plan, names, layer), product, context in zip(sequences, products, contexts_of(plans), strict=True):
+        works.append(RenderWork(plan, names, layer, context, skip_existing, begun, shown))
+        reports.append(SequenceReports(plan.source.file, product.files["stats"], skip_existing))
+        loops.append(FrameLoop(works[-1], names.path, shown, persistence, reports[-1].add))
+    run_together(loops, plans[0].frames, [layer for _, _, layer in sequences], shown)
+    seconds = (time.perf_counter() - started) / len(plans)
+    return joined(
+        report.finished(plan.settings, plan.target, loop.outcomes, loop.problems, seconds, work.existing.anew)
+        for plan, work, report, loop in zip(plans, works, reports, loops, strict=True)
+    )
 
 
 def write_photons(
@@ -175,7 +195,7 @@ def trace_photons(scene: StageLike, frame: float, **settings: Any) -> PhotonReco
 
 
 def prepared(
-    scene: StageLike,
+    scene: StageLike | StageScene,
     out: FilePath,
     settings: Settings,
     frames: Frames,
@@ -196,8 +216,8 @@ def prepared(
         InputError: Something cannot be used.
     """
     names = FrameNames(out)
-    if PRODUCT in names.template:
-        raise InputError(f"takes no {PRODUCT} (choose with --product)", names.template)
+    if EACH_PRODUCT in names.template:
+        raise InputError(f"takes no {EACH_PRODUCT} (choose with --product)", names.template)
     groups = ("light groups",) if settings.light_groups else ()
     check_format(names.template, (*settings.aovs, *groups), settings.view)
     if curves is not None and debug_layer is None:

@@ -3,7 +3,7 @@
 At a dielectric both branches are followed. Where light can be reflected or refracted a path decides; mirrors and total
 internal reflection leave it no choice. A path is named by a mask whose bit b says that it was reflected at decision b.
 The first pass follows mask 0 (always refracted) and reports the decisions whose reflected share is worth following; the
-next passes follow those, from the start again. So every path has an identity that stays the same from frame to frame,
+next passes follow those. So every path has an identity that stays the same from frame to frame,
 all paths of a pass are independent, and what a branch carries is exact rather than a matter of chance.
 """
 
@@ -21,14 +21,15 @@ class Branch:
     """What a path does at a dielectric.
 
     ``throughput`` is what it carries on, ``decided`` is 1 where there was a choice. ``reported`` has the bit of this
-    decision where the other branch is to be followed by a later pass; ``culled`` is that branch's share where it is too
-    faint for that.
+    decision where the other branch, which carries ``other``, is to be followed by a later pass; ``culled`` is that
+    branch's share where it is too faint for that.
     """
 
     reflected: bool
     throughput: wp.vec3
     decided: int
     reported: int
+    other: wp.vec3
     culled: wp.vec3
 
 
@@ -70,6 +71,7 @@ def take_branch(
             if decision >= first_open:
                 if wp.max(share) >= cutoff and decision < MOST_DECISIONS:
                     out.reported = 1 << decision
+                    out.other = share
                 else:
                     out.culled = share
     return out

@@ -51,9 +51,7 @@ def refract(w: wp.vec3, n: wp.vec3, eta: float, cos_t: float) -> wp.vec3:
 
 
 @wp.func
-def refract_differential(
-    w: wp.vec3, n: wp.vec3, eta: float, cos_t: float, dwda: wp.vec3, dnda: wp.vec3
-) -> wp.vec3:
+def refract_differential(w: wp.vec3, n: wp.vec3, eta: float, cos_t: float, dwda: wp.vec3, dnda: wp.vec3) -> wp.vec3:
     """D_a ω' = η D_a ω + (η cosθ_i − cosθ_t) D_a n + (η − η² cosθ_i/cosθ_t) D_a(cosθ_i) n of a refraction (Igehy 1999).
 
     D_a(cosθ_i) = −(D_a ω·n + ω·D_a n), and a ∈ {u, v, t}.

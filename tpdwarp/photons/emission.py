@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
-from tpdwarp.scene.device.shaping import shaped
+from tpdwarp.scene.device.shaping import ShapingValues, shaped
 
 
 class Domain(IntEnum):
@@ -55,7 +55,7 @@ class Patch:
     count_v: int
     power: wp.vec3
     is_shaped: int
-    shaping: wp.vec3
+    shaping: ShapingValues
     shaping_axis: wp.vec3
     extent_shape: int
     extent_radius: float

@@ -29,7 +29,7 @@ from tpdwarp.photons.energy import FEWEST_OF_SEVERAL
 from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape, turned
 from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, SceneSource, reference_scenes
-from tpdwarp.scene.device.shaping import is_shaped, shaping_axis, shaping_values
+from tpdwarp.scene.device.shaping import ShapingValues, is_shaped, shaping_axis, shaping_values
 from tpdwarp.scene.light_places import phase_of, prim_of, split_lights, whole_of
 from tpdwarp.scene.normalization import Normalization
 
@@ -410,7 +410,7 @@ def _patch(
         patch.position_motion = wp.vec3(*(light.position_motion * normalization.scale))
         patch.start, distance = 0.0, float(np.linalg.norm(patch.position))
         if is_shaped(light):
-            patch.is_shaped, patch.shaping = 1, wp.vec3(*shaping_values(light))
+            patch.is_shaped, patch.shaping = 1, ShapingValues(*shaping_values(light))
             patch.shaping_axis = wp.vec3(*map(float, shaping_axis(light)[0]))
     patch.extent_shape = -1
     if light.extent is not None:

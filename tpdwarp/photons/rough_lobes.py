@@ -122,9 +122,7 @@ def behind_sheet(w: wp.vec3, index: float, roughness: float, u: float, v: float)
 
 
 @wp.func
-def facet(
-    at: Interface, hit: Hit, w: wp.vec3, dielectric: bool, roughness: float, u: float, v: float
-) -> Interface:
+def facet(at: Interface, hit: Hit, w: wp.vec3, dielectric: bool, roughness: float, u: float, v: float) -> Interface:
     """The interface at one facet of a rough surface, chosen by u and v in 0 … 1; the surface where it would turn light
     to the wrong side."""
     slope = _slope(roughness, u)

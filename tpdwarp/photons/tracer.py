@@ -74,9 +74,7 @@ class PhotonTracer:
         """Whether photons ride on the surface that they hit first (beyond the paper)."""
         return self.settings.anchor == "surface"
 
-    def load(
-        self, shutter: Shutter, clock: Clock | None = None, instead_of: LoadedScene | None = None
-    ) -> LoadedScene:
+    def load(self, shutter: Shutter, clock: Clock | None = None, instead_of: LoadedScene | None = None) -> LoadedScene:
         """The scene over ``shutter``, on the device; ``instead_of`` one that is good no longer then."""
         return self.loader.load(shutter, clock, instead_of)
 

@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
+from tpdwarp.photons.beam import Interface, interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
 from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.dispersion import Band, bands_of
@@ -30,12 +30,13 @@ from tpdwarp.photons.light_columns import (
     scatter_columns,
     transfer_columns,
 )
+from tpdwarp.photons.path_state import KEPT_STATES, PathState, keep_state, kept_rows
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.photons.rough_lobes import widened, widened_by_sheet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction, SceneAtShutter
 from tpdwarp.scene.device.geometry import Geometry, Surfaces
-from tpdwarp.scene.device.intersection import along, closest_hit, occluded
+from tpdwarp.scene.device.intersection import Hit, along, closest_hit, occluded
 from tpdwarp.scene.device.links import PASSED, UNLIT, links_of
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.presence import presence_at
@@ -53,6 +54,8 @@ FIRST_INTERACTIONS = wp.constant(8)
 VERTICES = wp.constant(MOST_VERTICES)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
+# Cells whose photons are traced together, which limits memory: states of paths that branch once take some 60 MB.
+BLOCK = 1 << 18
 # Rays end there, in the tracer's units, in which the scene is of unit size. From so far away a rounding of a direction
 # (6e-8) misses by a sixteenth of the scene, so that nothing farther off can be met.
 FAR = wp.constant(1.0e6)
@@ -124,6 +127,11 @@ class TracingVariant:
     thin_walls: bool = False
     rough: bool = False
 
+    @property
+    def branches(self) -> bool:
+        """Whether paths may branch at all."""
+        return self.refraction or self.partial
+
 
 @wp.func
 def prolonged(path: wp.uint32, step: int) -> wp.uint32:
@@ -151,7 +159,25 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
     smooth_receivers, nested = variant.smooth_receivers, variant.nested
     partial, tints, recording, extended = variant.partial, variant.tinted, variant.recording, variant.extended
-    linked, thin_walls, rough = variant.linked, variant.thin_walls, variant.rough
+    linked, thin_walls, rough, branches = variant.linked, variant.thin_walls, variant.rough, variant.branches
+
+    @wp.func
+    def columns_after(
+        columns: LightColumns,
+        before: wp.vec3,
+        after: wp.vec3,
+        hit: Hit,
+        at: Interface,
+        reflected: bool,
+        material: int,
+        textures: TextureArrays,
+    ) -> LightColumns:
+        """The columns D_a, D_b of light behind an interface, a rough one too (beyond the paper)."""
+        out = scatter_columns(columns, before, hit, at, reflected)
+        if wp.static(rough):
+            if textures.roughnesses[material] > 0.0:
+                out = widened(out, before, after, at, reflected, textures.roughnesses[material])
+        return out
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_photons(
@@ -167,11 +193,15 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         offsets: wp.array(dtype=wp.vec2),
         tags: wp.array(dtype=wp.int32),
         links: wp.array2d(dtype=wp.int32),
+        sources: wp.array(dtype=wp.int32),
+        states_before: wp.array(dtype=PathState),
+        vertices_before: wp.array(dtype=wp.vec3),
         bounces: int,
         smallest_branch: float,
         seed: int,
         # Out
         out: PhotonArrays,
+        states: wp.array(dtype=PathState),
         vertices: wp.array(dtype=wp.vec3),
     ):
         i = base + wp.tid()
@@ -206,22 +236,63 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         retried = int(0)
         path = wp.uint32(1)
         columns = LightColumns()
-        start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
-        beam.magnitude = patch.magnitude
-        if wp.static(recording):
-            vertices[i * VERTICES] = along(beam.x, beam.w, start)
+        shift = wp.vec2(0.0, 0.0)
+        first_bounce = int(0)
+        kept = int(0)
+        start = float(0.0)
+        inside = int(0)
         # Outside the cone of a light there is nothing to follow.
         dark = wp.max(emitted) <= 0.0
-        if wp.static(nested):
-            # Light from afar begins outside of everything.
-            inside = int(0)
-            if patch.domain == 1:
-                inside = media_at(surfaces, beam.x, beam.w)
+        branch_of = int(-1)
+        if wp.static(branches):
+            if sources.shape[0] > 0:
+                branch_of = sources[i]
+        if branch_of >= 0:
+            # ---- It branches from another path
+            resumed = states_before[branch_of]
+            beam = resumed.beam
+            columns = resumed.columns
+            emitted = resumed.emitted
+            flux = resumed.flux
+            shift = resumed.shift
+            path = resumed.path
+            start = resumed.start
+            inside = resumed.inside
+            decision = resumed.decision
+            count = resumed.count
+            first_bounce = resumed.bounce
+            if wp.static(recording):
+                parent = branch_of % (states_before.shape[0] // wp.static(KEPT_STATES))
+                for k in range(wp.min(count + 1, VERTICES)):
+                    vertices[i * VERTICES + k] = vertices_before[parent * VERTICES + k]
+        else:
+            start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
+            beam.magnitude = patch.magnitude
+            if wp.static(recording):
+                vertices[i * VERTICES] = along(beam.x, beam.w, start)
+            if wp.static(nested):
+                # Light from afar begins outside of everything.
+                if patch.domain == 1:
+                    inside = media_at(surfaces, beam.x, beam.w)
 
-        for bounce in range(bounces + 1):
+        for bounce in range(first_bounce, bounces + 1):
             if dark:
                 fate = FATE_DIRECT
                 break
+            state = PathState()
+            if wp.static(partial):
+                # ---- Where another share of the surface acts, a path begins here
+                state.beam = beam
+                state.columns = columns
+                state.emitted = emitted
+                state.flux = flux
+                state.shift = shift
+                state.path = path
+                state.start = start
+                state.inside = inside
+                state.decision = decision
+                state.count = count
+                state.bounce = bounce
             # ---- Transfer to the next surface (Eqs. 3, 4)
             hit = closest_hit(
                 surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, FAR, wp.static(moves), stream
@@ -262,6 +333,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 part = take_share(mask, decision, first_open, share, flux, cutoff)
                 flux = part.throughput
                 reported = reported | part.reported
+                if part.reported != 0:
+                    kept = keep_state(states, i, kept, state)
                 culled += part.culled
                 decision += part.decided
                 if not part.reflected:
@@ -299,6 +372,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 part = take_share(mask, decision, first_open, textures.diffuse_shares[material], flux, cutoff)
                 flux = part.throughput
                 reported = reported | part.reported
+                if part.reported != 0:
+                    kept = keep_state(states, i, kept, state)
                 culled += part.culled
                 decision += part.decided
                 if part.reflected:
@@ -329,7 +404,6 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     shift = riding_shift(beam.dxdu, beam.dxdv, hit.n_g, hit.motion - beam.dxdt)
                     beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
                     beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
-                    out.shift[i] = shift
 
             # ---- The light's extent, seen from the first specular surface (beyond the paper)
             if wp.static(extended):
@@ -378,6 +452,22 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 reflected = branch.reflected
                 flux = branch.throughput
                 reported = reported | branch.reported
+                if branch.reported != 0:
+                    # ---- What is reflected goes on from here
+                    state.beam = scatter(beam, hit, at, True, True, wp.static(moves))
+                    state.columns = columns
+                    if wp.static(extended):
+                        state.columns = columns_after(columns, beam.w, state.beam.w, hit, at, True, material, textures)
+                    state.emitted = emitted
+                    state.flux = branch.other
+                    state.shift = shift
+                    state.path = prolonged(path, 1)
+                    state.start = 0.0
+                    state.inside = inside
+                    state.decision = decision + 1
+                    state.count = count + 1
+                    state.bounce = bounce + 1
+                    kept = keep_state(states, i, kept, state)
                 culled += branch.culled
                 decision += branch.decided
                 if wp.static(tints):
@@ -409,13 +499,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                             width = textures.roughnesses[material]
                             columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], width)
                     continue
-            if wp.static(extended):
-                columns = scatter_columns(columns, beam.w, hit, at, reflected)
             before = beam.w
             beam = scatter(beam, hit, at, reflected, True, wp.static(moves))
-            if wp.static(rough):
-                if textures.roughnesses[material] > 0.0:
-                    columns = widened(columns, before, beam.w, at, reflected, textures.roughnesses[material])
+            if wp.static(extended):
+                columns = columns_after(columns, before, beam.w, hit, at, reflected, material, textures)
 
         if fate == FATE_DEPOSITED:
             size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
@@ -426,6 +513,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         if wp.static(extended):
             beam.x += centroid_shift(columns)
         out.position[i] = beam.x
+        out.shift[i] = shift
         out.dxdu[i] = beam.dxdu
         out.dxdv[i] = beam.dxdv
         out.dxdt[i] = beam.dxdt
@@ -515,44 +603,88 @@ def trace_photons(
             patch.power = weight * band.tinted(patch.power)
             if place is not None:
                 patch.is_place, patch.light_place = 1, wp.vec2(*place)
-        cells = emitting.cells
-        masks = np.zeros(len(cells), np.int32)
-        account.add(EnergyAccount(counts={"emitted": len(cells)}))
-        if not len(cells):
+        account.add(EnergyAccount(counts={"emitted": len(emitting.cells)}))
+        if not len(emitting.cells):
             continue
         of_lattice = np.array([lights.index(plan.light_of(one)) for one in emitting.lattices], np.int16)
         patches = wp.array(emitting.patches, dtype=Patch, device=launcher.device)
         first_cells, offsets = launcher.array(emitting.first, wp.int32), launcher.array(emitting.offsets, wp.vec2)
         own = launcher.array(links[of_lattice] if len(links) else np.zeros((0, 0), np.int32), wp.int32)
-        while len(cells):
-            out = launcher.rows(PhotonArrays, len(cells), but=left_out)
-            paths = [launcher.array(cells, wp.int32), launcher.array(masks, wp.int32), offsets, device_tags, own]
-            inputs = [band.surfaces, textures or TextureArrays(), patches, first_cells, *paths]
-            vertices = launcher.zeros(len(cells) * MOST_VERTICES if recording else 0, wp.vec3)
-            launcher(kernel, len(cells), [*inputs, requirements.bounces, smallest_branch, seed, out, vertices])
-            fate, reported = out.fate.numpy(), out.reported.numpy()
-            # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
-            first = np.ones(len(cells), bool) if needs.partial else masks == 0
-            _tally(account, out, fate, first, plan.normalization.power)
-            keep = np.flatnonzero(fate == Fate.DEPOSITED)
-            if len(keep):
-                # Where all of them have landed nothing is copied.
-                landing = slice(None) if len(keep) == len(cells) else keep
-                rows = {name: getattr(out, name).numpy()[landing] for name in columns}
-                lattice, rows["ids"] = emitting.ids(cells[keep], band.path(masks[keep]), plan.id_count)
-                if recording:
-                    rows["vertices"] = vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
-                rows["light"] = of_lattice[lattice]
-                landed.append(rows)
-            cells, masks = reported_paths(cells, masks, reported)
-            # Before the next pass makes its own.
-            del out, inputs, paths, fate, reported, vertices
+        for begin in range(0, len(emitting.cells), BLOCK):
+            paths = _Paths.from_light(emitting.cells[begin : begin + BLOCK], launcher)
+            while len(paths.cells):
+                out = launcher.rows(PhotonArrays, len(paths.cells), but=left_out)
+                kept = _Kept.room_for(len(paths.cells), variant, launcher)
+                inputs = [band.surfaces, textures or TextureArrays(), patches, first_cells]
+                inputs += [launcher.array(paths.cells, wp.int32), launcher.array(paths.masks, wp.int32)]
+                inputs += [offsets, device_tags, own, launcher.array(paths.sources, wp.int32)]
+                inputs += [paths.kept.states, paths.kept.vertices, requirements.bounces, smallest_branch, seed]
+                launcher(kernel, len(paths.cells), [*inputs, out, kept.states, kept.vertices])
+                fate = out.fate.numpy()
+                # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
+                first = np.ones(len(paths.cells), bool) if needs.partial else paths.masks == 0
+                _tally(account, out, fate, first, plan.normalization.power)
+                keep = np.flatnonzero(fate == Fate.DEPOSITED)
+                if len(keep):
+                    # Where all of them have landed nothing is copied.
+                    landing = slice(None) if len(keep) == len(paths.cells) else keep
+                    rows = {name: getattr(out, name).numpy()[landing] for name in columns}
+                    path = band.path(paths.masks[keep])
+                    lattice, rows["ids"] = emitting.ids(paths.cells[keep], path, plan.id_count)
+                    if recording:
+                        rows["vertices"] = kept.vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
+                    rows["light"] = of_lattice[lattice]
+                    landed.append(rows)
+                paths = paths.reported(out.reported.numpy(), kept)
+                # Before the next pass makes its own.
+                del out, inputs, fate, kept
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
     if not landed:
         return PhotonMap.empty(), account
     columns += ["ids", "light", *(["vertices"] if recording else [])]
     rows = {name: joined([found[name] for found in landed]) for name in columns}
     return PhotonMap(**rows, light_paths=lights, light_parts=plan.splits), account
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """What a pass keeps of its paths for those that branch from them: their states, and their vertices if recorded."""
+
+    states: wp.array
+    vertices: wp.array
+
+    @classmethod
+    def room_for(cls, count: int, variant: TracingVariant, launcher: Launcher) -> _Kept:
+        """Room for ``count`` paths; of states it is taken up only as they are written."""
+        states = count * KEPT_STATES if variant.branches else 0
+        vertices = launcher.zeros(count * MOST_VERTICES if variant.recording else 0, wp.vec3)
+        return cls(wp.empty(states, dtype=PathState, device=launcher.device), vertices)
+
+
+@dataclass(frozen=True, eq=False)
+class _Paths:
+    """The paths of a pass.
+
+    Attributes:
+        cells, masks: The cell that each starts from, and how it branches, shape [n] int32.
+        sources: Row of ``kept`` where its path stood before it branched, or −1, shape [n] int32; none in a first pass.
+        kept: What the pass before kept.
+    """
+
+    cells: np.ndarray
+    masks: np.ndarray
+    sources: np.ndarray
+    kept: _Kept
+
+    @classmethod
+    def from_light(cls, cells: np.ndarray, launcher: Launcher) -> _Paths:
+        """Those that refract always."""
+        nothing = _Kept(wp.empty(0, dtype=PathState, device=launcher.device), launcher.zeros(0, wp.vec3))
+        return cls(cells, np.zeros(len(cells), np.int32), np.zeros(0, np.int32), nothing)
+
+    def reported(self, reported: np.ndarray, kept: _Kept) -> _Paths:
+        """Those that branch from these, which reported them."""
+        return _Paths(*reported_paths(self.cells, self.masks, reported), kept_rows(reported), kept)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
+from functools import partial
+from typing import Protocol
 
+from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
+from tpdwarp.estimators import ESTIMATORS
+from tpdwarp.estimators.estimator import Part
+from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.rendering.light_groups import LightGroups
-from tpdwarp.scene.description import SceneSource
-from tpdwarp.scene.device.loading import SceneLoader
+from tpdwarp.rendering.shared_trace import SharedTrace
+from tpdwarp.scene.description import CameraAtShutter, SceneSource, Shutter
+from tpdwarp.scene.device.loading import LoadedScene, SceneLoader
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.light_splits import best_split_count
-from tpdwarp.trajectories.segments import Segmentation
+from tpdwarp.trajectories.segments import Segmentation, as_few_as_move
+
+
+class ViewSource(Protocol):
+    """Where a camera comes from."""
+
+    def camera_over(self, shutter: Shutter) -> CameraAtShutter:
+        """The camera over ``shutter``."""
+        ...
 
 
 class RenderContext:
@@ -33,6 +49,49 @@ class RenderContext:
         self.tracer = PhotonTracer(self.loader, settings, best_split_count)
         self.segmentation = Segmentation(self.tracer)
         self.light_groups = LightGroups.of(settings.light_groups, source)
+        self._view_source: ViewSource | None = None
+        self._shared: SharedTrace | None = None
+
+    def seen_by(self, source: ViewSource, settings: Settings, shared: SharedTrace) -> RenderContext:
+        """The same animation through another camera, whose views take scenes and photons from ``shared``.
+
+        Args:
+            source: Where the camera comes from.
+            settings: How to render; what photons depend on is as before (:func:`.shared_trace.may_share`).
+        """
+        other = copy(self)
+        other.settings, other._view_source, other._shared = settings, source, shared
+        return other
+
+    def scenes(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
+        """The scenes of the segments of ``shutter``; one where nothing moves.
+
+        Raises:
+            InputError: The scene, or the camera, cannot be used there.
+        """
+        if self._shared is None or self._view_source is None:
+            return self.segmentation.load(shutter, clock)
+        found = self._shared.scenes(shutter, lambda: self.segmentation.load_each(shutter, clock))
+        cameras = [self._view_source.camera_over(loaded.scene.shutter) for loaded in found]
+        seen = [self.loader.seen_by(loaded, camera) for loaded, camera in zip(found, cameras, strict=True)]
+        return as_few_as_move(seen)
+
+    def parts(
+        self, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize, clock: Clock
+    ) -> Iterator[tuple[Part, PixelSize | None]]:
+        """The parts of the exposure that the estimator gives, for the ``scenes`` of its segments.
+
+        Yields:
+            Each part, and the size of pixel that its light is still to be shaped for; None where it has been.
+        """
+        estimator = ESTIMATORS[self.settings.estimator]()
+        traced = partial(estimator.parts, self.tracer, shutter, scenes, pixel, clock)
+        if self._shared is None:
+            for part in traced():
+                yield part, None
+            return
+        for part, of_others in self._shared.parts(scenes, traced):
+            yield part, pixel if of_others else None
 
     def with_settings(self, settings: Settings) -> RenderContext:
         """The same animation with other photons, segments or AOVs; stills are not read again."""

@@ -145,7 +145,7 @@ def render_frame(
     clock = clock or Clock()
     settings = context.settings
     region = region or ImageRegion.whole(width, height)
-    scenes = context.segmentation.load(shutter, clock)
+    scenes = context.scenes(shutter, clock)
     camera = middle_camera(scenes)
     pixel = pixel_of(context, scenes, width, height)
     film = Film(
@@ -159,7 +159,7 @@ def render_frame(
         context.light_groups.names,
     )
     photons = FramePhotons()
-    for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
+    for part, unshaped in context.parts(shutter, scenes, pixel, clock):
         with clock.stage("view"):
             view = CameraView(
                 part.scenes,
@@ -171,7 +171,7 @@ def render_frame(
                 clock,
                 *((None, None) if region.is_whole else region_order(region)),
             )
-        fields = context.light_groups.fields(part, None, context.tracer, clock)
+        fields = context.light_groups.fields(part, unshaped, context.tracer, clock)
         part.energy.add(expose(film, fields, view.look(), part.weight, clock))
         photons.add(part)
         # Ten million footprints take more memory than their photons.

@@ -258,22 +258,29 @@ class Extent:
     spans_motion: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
 
 
+# Two degrees apart. Chosen, not derived: profiles of luminaires are given every 2.5 or 5 degrees.
+PROFILE_COUNT = 91
+
+
 @dataclass(frozen=True)
 class Shaping:
     """How a point light shines around its axis, −z of its frame.
 
     At an angle θ from the axis its intensity is that on the axis times cosᶠθ (f the focus; nothing behind, where f is
-    above 0) times 1 − smoothstep(angle · (1 − softness), angle, θ).
+    above 0) times 1 − smoothstep(angle · (1 − softness), angle, θ), times its profile at θ.
 
     Attributes:
         angle: Half the opening of its cone [rad]; nothing shines outside.
         softness: Share of the cone, from its rim inwards, over which light fades.
         focus: Exponent of the cosine.
+        profile: Factors at :data:`PROFILE_COUNT` angles θ spread evenly over 0 … π, between which it is linear; empty
+            for a factor of 1 everywhere.
     """
 
     angle: float
     softness: float = 0.0
     focus: float = 0.0
+    profile: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

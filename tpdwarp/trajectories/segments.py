@@ -115,8 +115,16 @@ class Segmentation:
 
     def load(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
         """The scenes of the segments of ``shutter``; one where nothing moves."""
-        scenes = [self._tracer.load(part, clock) for part in shutter.segments(self.count(shutter, clock))]
-        return scenes if any(scene.moves for scene in scenes) else scenes[:1]
+        return as_few_as_move(self.load_each(shutter, clock))
+
+    def load_each(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
+        """The scenes of all segments of ``shutter``, whatever moves."""
+        return [self._tracer.load(part, clock) for part in shutter.segments(self.count(shutter, clock))]
+
+
+def as_few_as_move(scenes: list[LoadedScene]) -> list[LoadedScene]:
+    """The scenes of the segments of a shutter, of which one stands for all where nothing moves."""
+    return scenes if any(scene.moves for scene in scenes) else scenes[:1]
 
 
 @dataclass(frozen=True, eq=False)

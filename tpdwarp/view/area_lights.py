@@ -19,7 +19,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.scene.description import ExtentShape, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.links import UNLIT
-from tpdwarp.scene.device.shaping import across_of, shaped
+from tpdwarp.scene.device.shaping import SHAPING_COUNT, ShapingValues, across_of, shaped, shaping_of_surface
 from tpdwarp.scene.device.textures import TextureArrays
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.view.lights import FAR, set_links
@@ -79,7 +79,7 @@ class AreaLightArrays:
     span_b_motion: wp.array(dtype=wp.vec3)
     facing: wp.array(dtype=wp.vec3)
     facing_motion: wp.array(dtype=wp.vec3)
-    shaping: wp.array(dtype=wp.vec3)
+    shaping: wp.array(dtype=ShapingValues)
     links: wp.array2d(dtype=wp.int32)
     link_row: wp.array(dtype=wp.int32)
 
@@ -111,12 +111,13 @@ def area_light_arrays(
         "span_b_motion": [scale * light.extent.spans_motion[1] for light in chosen],
         "facing": [-light.axes[2] for light in chosen],
         "facing_motion": [-light.axes_motion[2] for light in chosen],
-        "shaping": [shaping_of_area(light) for light in chosen],
     }
     out = AreaLightArrays()
     set_links(out, chosen, launcher, paths)
     for name, values in rows.items():
         setattr(out, name, launcher.array(np.array(values, np.float32).reshape(-1, 3), wp.vec3))
+    values = np.array([shaping_of_surface(light) for light in chosen], np.float32)
+    out.shaping = launcher.array(values.reshape(-1, SHAPING_COUNT), ShapingValues)
     out.distant = launcher.array(np.array(distant, np.int32), wp.int32)
     out.shape = launcher.array(np.array([light.extent.shape for light in chosen], np.int32), wp.int32)
     radii = [
@@ -125,12 +126,6 @@ def area_light_arrays(
     ]
     out.radius = launcher.array(np.array(radii, np.float32), wp.float32)
     return out
-
-
-def shaping_of_area(light: LightAtShutter) -> tuple[float, float, float]:
-    """Angle, softness and focus of a light for kernels, without its profile, which its shape says."""
-    shaping = light.shaping
-    return (-1.0, 0.0, 0.0) if shaping is None else (shaping.angle, shaping.softness, shaping.focus)
 
 
 @wp.struct

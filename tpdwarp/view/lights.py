@@ -14,7 +14,7 @@ from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import occluded
 from tpdwarp.scene.device.links import UNLIT, linked_share, links_of
 from tpdwarp.scene.device.presence import share_that_passes
-from tpdwarp.scene.device.shaping import is_shaped, shaped, shaping_axis, shaping_values
+from tpdwarp.scene.device.shaping import SHAPING_COUNT, ShapingValues, is_shaped, shaped, shaping_axis, shaping_values
 from tpdwarp.scene.device.textures import TextureArrays
 from tpdwarp.scene.normalization import Normalization
 
@@ -36,7 +36,7 @@ class LightArrays:
     place: wp.array(dtype=wp.vec3)
     place_motion: wp.array(dtype=wp.vec3)
     power: wp.array(dtype=wp.vec3)
-    shaping: wp.array(dtype=wp.vec3)
+    shaping: wp.array(dtype=ShapingValues)
     axis: wp.array(dtype=wp.vec3)
     axis_motion: wp.array(dtype=wp.vec3)
     links: wp.array2d(dtype=wp.int32)
@@ -69,7 +69,9 @@ def light_arrays(
     out.power = launcher.array(power.astype(np.float32), wp.vec3)
     chosen = lights if any(map(is_shaped, lights)) else ()
     axes = np.array([shaping_axis(light) for light in chosen]).reshape(-1, 2, 3).swapaxes(0, 1)
-    for name, rows in (("shaping", list(map(shaping_values, chosen))), ("axis", axes[0]), ("axis_motion", axes[1])):
+    values = np.array(list(map(shaping_values, chosen)), np.float32)
+    out.shaping = launcher.array(values.reshape(-1, SHAPING_COUNT), ShapingValues)
+    for name, rows in (("axis", axes[0]), ("axis_motion", axes[1])):
         setattr(out, name, launcher.array(np.array(rows, np.float32).reshape(-1, 3), wp.vec3))
     return out
 

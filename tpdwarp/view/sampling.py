@@ -12,6 +12,9 @@ from tpdwarp.io.image_region import ImageRegion
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 # Times of the shutter at which the view is taken at least; the scene's BVH is refitted for each. Chosen, not derived.
 LEAST_TIMES = 16
+# By how many of the eight ways to mirror a lattice each part of a pixel is on from the last: odd, so that neighbours
+# are mirrored differently, and some are transposed. Chosen, not derived.
+MIRRORED_BY = 3
 # Sides of the blocks, in pixels, in which pixels follow each other, and of the blocks within these: small, so that runs
 # of queries and their leaves are compact. Chosen, not derived.
 BLOCK, INNER_BLOCK = 8, 4
@@ -20,26 +23,30 @@ BLOCK, INNER_BLOCK = 8, 4
 def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: int, seed: int) -> np.ndarray:
     """Film coordinates [n, 2] in pixels of the given samples of the given pixels.
 
-    Samples of a pixel are a golden-ratio lattice that is symmetric about the centre: their mean is exact where light
-    varies linearly, as that of the centre alone is, and scattered positions' is not. Mirrored and ordered at random, it
-    differs from pixel to pixel.
+    Samples of each part of a pixel (:func:`part_count`) are a golden-ratio lattice that is symmetric about its centre:
+    their mean is exact where light varies linearly, as that of the centre alone is, and scattered positions' is not.
+    All parts have as many, so that the queries that they are merged to cover the pixel evenly: no part of a focus
+    within it counts more than another. Mirrored and ordered at random, lattices differ from part to part and from pixel
+    to pixel.
     """
-    t = np.arange(samples) - 0.5 * (samples - 1)
-    lattice = np.stack([t / samples, (GOLDEN * t + 0.5) % 1.0 - 0.5], axis=1)
+    across = part_count(samples)
+    count = samples // across**2
+    t = np.arange(count) - 0.5 * (count - 1)
+    lattice = np.stack([t / count, (GOLDEN * t + 0.5) % 1.0 - 0.5], axis=1)
     signs = 1.0 - 2.0 * (np.arange(4)[:, None] >> np.array([0, 1]) & 1)
     # One row for each of the eight ways to mirror it.
     offsets = np.concatenate([signs[:, None] * lattice, signs[:, None] * lattice[:, ::-1]])
-    order = (sample + (_uniform(pixels, seed) * samples).astype(np.int64)) % samples
-    mirrored = (_uniform(pixels, seed + 1) * 8).astype(np.int64)
-    films = offsets[mirrored, order]
-    films[:, 0] += pixels % width + 0.5
-    films[:, 1] += pixels // width + 0.5
+    order, part = np.divmod((sample + (_uniform(pixels, seed) * samples).astype(np.int64)) % samples, across**2)
+    mirrored = ((_uniform(pixels, seed + 1) * 8).astype(np.int64) + MIRRORED_BY * part) % 8
+    films = (np.stack([part % across, part // across], axis=1) + 0.5 + offsets[mirrored, order]) / across
+    films[:, 0] += pixels % width
+    films[:, 1] += pixels // width
     return films
 
 
 def part_count(samples: int) -> int:
-    """Into how many parts, along either side, a pixel is cut for its light: one for each four samples or more."""
-    return max(1, math.isqrt(samples) // 2)
+    """Into how many parts, along either side, a pixel is cut for its light: as many samples in each, four or more."""
+    return max((n for n in range(1, math.isqrt(samples) // 2 + 1) if samples % n**2 == 0), default=1)
 
 
 def parts_of(films: np.ndarray, pixels: np.ndarray, width: int, count: int) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, UsdGeom, UsdShade
 
-from tests.usd.stages import SmallStage
+from tests.usd.stages import SmallStage, set_inputs
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Interaction, Material, Shutter
@@ -542,3 +542,21 @@ def test_what_is_unlit_shines_and_reflects_nothing(tmp_path, unlit):
 
 def test_there_are_sixty_ways_to_author_the_ball():
     assert len(CLEAR) + len(APPROXIMATED) + len(PARTIAL) + len(OTHER) + len(ABSENT) >= 60
+
+
+@pytest.mark.parametrize(
+    ("kind", "weight"),
+    [("ND_standard_surface_surfaceshader", "coat"), ("ND_open_pbr_surface_surfaceshader", "coat_weight")],
+)
+def test_a_coat_tints_what_lies_below_as_far_as_it_covers_it(tmp_path, kind, weight):
+    small = SmallStage(tmp_path)
+    mesh = small.mesh()
+    shader = small.preview("/Material")
+    shader.CreateIdAttr(kind)
+    set_inputs(shader, base_color=(0.5, 0.5, 1.0), coat_color=(1.0, 0.5, 0.0), **{weight: 0.5})
+    small.bind(mesh, "/Material")
+    scene = small.open()
+    color = scene.at(Shutter.still(1)).meshes[0].materials[0].color
+    assert color == pytest.approx((0.5, 0.375, 0.5))
+    # Its own reflection is not there.
+    assert any(f"{weight}: is not rendered" in message for message in scene.warnings.messages)

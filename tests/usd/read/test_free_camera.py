@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade
 
 from tests.usd.stages import SmallStage
+from tpdwarp.jobs.live_scene import render_frame
 from tpdwarp.scene.description import LightKind, Shutter
 from tpdwarp.settings import Settings
 
@@ -38,6 +39,41 @@ def test_the_front_face_lies_in_the_circle_of_the_horizontal_field_of_view(small
     # The image has whole rows, 700 of them, and the window is widened to fit.
     np.testing.assert_allclose(camera.window[1], 0.5 * 20.955 / 50.0, rtol=1 / 700)
     np.testing.assert_allclose(camera.position[list(across)], 0.5 * (LOW + HIGH)[list(across)], atol=1e-12)
+
+
+FLAT = {
+    # Up axis, the axis along which a square has no thickness, and where its picture's right and upper sides point.
+    ("Y", 1): ((1, 0, 0), (0, 0, -1)),
+    ("Y", 0): ((0, 0, -1), (0, 1, 0)),
+    ("Y", 2): ((1, 0, 0), (0, 1, 0)),
+    ("Z", 2): ((1, 0, 0), (0, 1, 0)),
+    ("Z", 0): ((0, 1, 0), (0, 0, 1)),
+    ("Z", 1): ((1, 0, 0), (0, 0, 1)),
+}
+
+
+@pytest.mark.parametrize(("up", "thin"), FLAT)
+def test_what_is_flat_is_not_looked_at_from_its_edge(small, up, thin):
+    UsdGeom.SetStageUpAxis(small.stage, up)
+    square = [Gf.Vec3f(*(0.0 if axis == thin else (k >> (axis > thin)) & 1 for axis in range(3))) for k in range(4)]
+    mesh = small.mesh(points=[square[k] for k in (0, 1, 3, 2)])
+    # A lamp beside it makes the bounds thick that usdrecord frames, but not what is seen.
+    UsdLux.SphereLight.Define(small.stage, "/Lamp").AddTranslateOp().Set(Gf.Vec3d(*(0.2 * np.eye(3)[thin])))
+    mesh.CreateExtentAttr([Gf.Vec3f(0), Gf.Vec3f(*(0.0 if axis == thin else 1.0 for axis in range(3)))])
+    camera = small.open().at(Shutter.still(1)).camera
+    right, above = FLAT[up, thin]
+    np.testing.assert_array_equal(camera.axes[:2], [right, above])
+    np.testing.assert_allclose(np.cross(camera.axes[0], camera.axes[1]), camera.axes[2])
+    corners = (np.array(square) - camera.position) @ camera.axes.T
+    assert (np.hypot(*corners[:, :2].T) / -corners[:, 2] < 0.5 * 20.955 / 50.0 * (1 + 1e-6)).all()
+
+
+@pytest.mark.parametrize("extent", [(0.0, 0.0), (100.0, 101.0), (0.0, 0.01)], ids=["none", "elsewhere", "too small"])
+def test_extents_that_do_not_hold_what_is_drawn_are_passed_over(small, extent):
+    mesh = small.mesh(points=BOX)
+    right = small.open().at(Shutter.still(1)).camera.position
+    mesh.CreateExtentAttr([Gf.Vec3f(bound) for bound in extent])
+    np.testing.assert_allclose(small.open().at(Shutter.still(1)).camera.position, right, atol=1e-6)
 
 
 def test_the_free_camera_is_an_authored_one_of_the_same_place(small):
@@ -91,6 +127,27 @@ def test_without_a_light_that_shines_a_white_surface_that_faces_the_camera_has_r
         np.testing.assert_array_equal(light.axes, at.camera.axes)
         assert len(messages(scene, "light at the camera")) == 1
         assert scene.describe()["lights"][-1]["path"] == "camera light"
+
+
+def test_the_camera_light_comes_from_the_camera_and_not_from_what_lies_behind_it(tmp_path):
+    small = SmallStage(tmp_path, light=False)
+    small.mesh("/Seen")
+    room = UsdGeom.Cube.Define(small.stage, "/Room")
+    room.CreateSizeAttr(8.0)
+    UsdGeom.Camera.Define(small.stage, "/Camera").AddTranslateOp().Set(Gf.Vec3d(0.5, 0.5, 2))
+    (light,) = small.open().at(Shutter.still(1)).lights
+    assert light.passed == {"/Room"}
+    frame = render_frame(small.file, 1, image_width=8, samples=1, threads=1)
+    # The square of radiance .18 that stands before the camera, and the wall of the room behind it.
+    np.testing.assert_allclose(frame.beauty[..., :3], 0.18, rtol=1e-5)
+
+
+def test_of_several_cameras_the_primary_one_of_usd_comes_first(small):
+    small.mesh()
+    for path in ("/A", "/Rig/main_cam", "/Rig/other"):
+        UsdGeom.Camera.Define(small.stage, path)
+    scene = small.open()
+    assert scene.at(Shutter.still(1)).camera.path == "/Rig/main_cam" and messages(scene, "of 3 cameras") == []
 
 
 def test_the_camera_light_turns_with_the_camera(tmp_path):

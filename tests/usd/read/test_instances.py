@@ -134,6 +134,16 @@ def test_abstract_prototypes_are_drawn_only_where_they_are_instanced(small):
     assert [m.path for m in small.open().at(Shutter.still(1)).meshes] == ["/Many[0]/Ball", "/Many[1]/Ball"]
 
 
+def test_prototypes_that_an_over_hides_are_drawn_only_where_they_are_instanced(small):
+    instancer(small, prototypes=("/Hidden/Inner",), path="/Outer")
+    instancer(small, positions=((0, 0, 0), (0, 5, 0)), prototypes=("/Hidden/Ball",), path="/Hidden/Inner")
+    small.mesh("/Hidden/Ball/Mesh")
+    small.stage.GetPrimAtPath("/Hidden").SetSpecifier(Sdf.SpecifierOver)
+    found = small.open().at(Shutter.still(1)).meshes
+    assert [mesh.path for mesh in found] == [f"/Outer[{k}]/Inner[{j}]/Ball/Mesh" for k in (0, 1) for j in (0, 1)]
+    np.testing.assert_allclose(found[3].points, CORNERS + np.array([5, 5, 0]))
+
+
 def test_still_instances_are_the_same_objects_again(small):
     instancer(small)
     small.mesh("/Many/Ball")

@@ -10,7 +10,7 @@ from pxr import Gf, Sdf, UsdGeom, UsdLux
 
 from tests.usd.stages import SmallStage
 from tpdwarp.errors import InputError
-from tpdwarp.scene.description import EmissionProfile, ExtentShape, LightKind, Shaping, Shutter
+from tpdwarp.scene.description import PROFILE_COUNT, EmissionProfile, ExtentShape, LightKind, Shaping, Shutter
 
 
 @pytest.fixture
@@ -48,6 +48,23 @@ def test_distant_irradiance_is_intensity_times_exposure_times_colour(small):
     distant(small, Exposure=-2.0, Color=Gf.Vec3f(1, 0.5, 0.25))
     light, warnings = read(small)
     assert (light.kind, light.power, warnings) == (LightKind.DISTANT, (2.0, 1.0, 0.5), [])
+
+
+def test_names_of_before_usd_21_count_where_there_are_no_new_ones(small):
+    lamp = UsdLux.SphereLight.Define(small.stage, "/Lamp").GetPrim()
+    for name, kind, value in (
+        ("intensity", Sdf.ValueTypeNames.Float, 8.0),
+        ("color", Sdf.ValueTypeNames.Color3f, Gf.Vec3f(1, 0.5, 0.25)),
+        ("radius", Sdf.ValueTypeNames.Float, 0.0),
+        ("exposure", Sdf.ValueTypeNames.Float, 1.0),
+    ):
+        lamp.CreateAttribute(name, kind, custom=False).Set(value)
+    lamp.CreateAttribute("shaping:cone:angle", Sdf.ValueTypeNames.Float).Set(30.0)
+    UsdLux.SphereLight(lamp).CreateExposureAttr(-2.0)
+    light, warnings = read(small)
+    assert light.power == (2.0, 1.0, 0.5) and light.extent is None
+    assert light.shaping == Shaping(math.radians(30.0), 0.0, 0.0)
+    assert len(warnings) == 1 and "named as before USD 21.02" in warnings[0]
 
 
 @pytest.mark.parametrize("normalize", [False, True])
@@ -176,6 +193,39 @@ def test_other_lights_are_said_and_left_out(small, kind):
     light, warnings = read(small)
     assert light.path == "/Sun"
     assert len(warnings) == 1 and f"/Other: a {kind}" in warnings[0]
+
+
+def with_profile(small, tmp_path, **ies):
+    """A sphere of radiant intensity 8 in the light of a profile of 100 cd down to 0 at 90°, and 50 at 45°."""
+    (tmp_path / "lamp.ies").write_text("TILT=NONE\n1 -1 1.0 3 1 1 2 0 0 0\n1 1 50\n0 45 90\n0\n100 50 0\n")
+    lamp = UsdLux.ShapingAPI.Apply(sphere(small, 0.0).GetPrim())
+    lamp.CreateShapingIesFileAttr("./lamp.ies")
+    for name, value in ies.items():
+        getattr(lamp, f"CreateShapingIes{name}Attr")(value)
+    return read(small)
+
+
+def test_a_profile_of_a_luminaire_multiplies_the_light_by_its_candela(small, tmp_path):
+    light, warnings = with_profile(small, tmp_path)
+    assert light.power == pytest.approx((800.0,) * 3) and warnings == []
+    expected = np.interp(np.linspace(0, 180, PROFILE_COUNT), [0, 45, 90], [1.0, 0.5, 0.0])
+    np.testing.assert_allclose(light.shaping.profile, expected, atol=1e-12)
+
+
+def test_a_profile_is_normalized_by_its_mean_and_scaled_by_angle(small, tmp_path):
+    # ∫ (1 − 2θ/π) sinθ dθ from 0 to π/2 is 1 − 2/π.
+    light, _ = with_profile(small, tmp_path, Normalize=True)
+    assert light.power[0] == pytest.approx(8.0 / (1.0 - 2.0 / math.pi), rel=1e-3)
+    light, _ = with_profile(small, tmp_path, AngleScale=0.5)
+    expected = np.interp(np.linspace(0, 180, PROFILE_COUNT), [0, 22.5, 45], [1.0, 0.5, 0.0])
+    np.testing.assert_allclose(light.shaping.profile, expected, atol=1e-12)
+
+
+def test_a_profile_that_cannot_be_read_is_said(small):
+    UsdLux.ShapingAPI.Apply(sphere(small, 0.0).GetPrim()).CreateShapingIesFileAttr("./none.ies")
+    light, warnings = read(small)
+    assert light.power == (8.0,) * 3 and light.shaping is None
+    assert len(warnings) == 1 and "inputs:shaping:ies:file: cannot be read" in warnings[0]
 
 
 def test_shaping_of_suns_filters_and_shadows_of_their_own_are_said(small):

@@ -479,3 +479,16 @@ def test_a_circular_network_is_said(small):
     mesh, warnings = read(small)
     assert mesh.materials[0].interaction == Interaction.DIFFUSE
     assert any("circular" in message for message in warnings)
+
+
+def test_a_material_for_previews_is_better_than_none(small):
+    mesh = small.mesh()
+    small.preview("/Preview", diffuseColor=(1.0, 0.0, 0.0))
+    small.preview("/Whole", diffuseColor=(0.0, 1.0, 0.0))
+    api = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
+    api.Bind(UsdShade.Material(small.stage.GetPrimAtPath("/Preview")), materialPurpose=UsdShade.Tokens.preview)
+    scene = small.open()
+    assert scene.at(Shutter.still(1)).meshes[0].materials[0].color == (1.0, 0.0, 0.0)
+    assert any("has a material for previews alone" in message for message in scene.warnings.messages)
+    api.Bind(UsdShade.Material(small.stage.GetPrimAtPath("/Whole")))
+    assert small.open().at(Shutter.still(1)).meshes[0].materials[0].color == (0.0, 1.0, 0.0)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
 from tpdwarp.errors import InputError
 from tpdwarp.scene.coordinate_range import require_within_range
-from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter, reference_scenes
+from tpdwarp.scene.description import CameraAtShutter, SceneAtShutter, SceneSource, Shutter, reference_scenes
 from tpdwarp.scene.device.geometry import Geometry, geometry_of
 from tpdwarp.scene.device.textures import TextureArrays, TextureStore
 from tpdwarp.scene.nesting import nesting_of
@@ -88,6 +88,20 @@ class SceneLoader:
         with clock.stage("read"):
             scene = scene_at_opening(self.source, shutter)
         return self._packed(scene, clock)
+
+    def seen_by(self, loaded: LoadedScene, camera: CameraAtShutter) -> LoadedScene:
+        """A scene as another camera sees it over the same shutter; what is on the device stays there.
+
+        Raises:
+            InputError: The camera cannot be used there.
+        """
+        scene = replace(loaded.scene, camera=camera)
+        require_within_range(scene, self.normalization, self.source.file)
+        needs = requirements_of(scene, self._bounces)
+        geometry = loaded.geometry
+        if needs.view_motion and not loaded.moves:
+            geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=True)
+        return LoadedScene(scene, geometry, needs, loaded.textures)
 
     def _packed(self, scene: SceneAtShutter, clock: Clock, instead_of: LoadedScene | None = None) -> LoadedScene:
         with clock.stage("build"):

@@ -1,28 +1,46 @@
 """Lights that shine differently in different directions: cones, focused beams, flat and cylindrical surfaces."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
 
-from tpdwarp.scene.description import EmissionProfile, LightAtShutter
+from tpdwarp.scene.description import PROFILE_COUNT, EmissionProfile, LightAtShutter, Shaping
 
 # A smoothstep over less than this [rad] is a step.
 NARROWEST = wp.constant(1.0e-6)
+# The shaping of a light in kernels: angle, softness and focus, then the factors of its profile, the first of which is
+# below 0 where it has none.
+SHAPING_COUNT = 3 + PROFILE_COUNT
+ShapingValues = wp.types.vector(length=SHAPING_COUNT, dtype=wp.float32)
+PROFILE_STEP = wp.constant(math.pi / (PROFILE_COUNT - 1))
+LAST_OF_PROFILE = wp.constant(PROFILE_COUNT - 1)
 
 
-def shaping_values(light: LightAtShutter) -> tuple[float, float, float]:
-    """Angle, softness and focus of a light for kernels, with its profile.
+def shaping_values(light: LightAtShutter) -> list[float]:
+    """The shaping of a light for kernels, with the profile of its surface.
 
     The angle is below 0 for a light that shines alike in all directions. The cosine of a flat surface adds one to the
     focus; a focus below 0 stands for the sine of a cylinder, which has no cone.
     """
     if light.profile == EmissionProfile.SINE:
-        return 2.0 * math.pi, 0.0, -1.0
+        return _values(Shaping(2.0 * math.pi, 0.0, -1.0))
     cosine = 1.0 if light.profile == EmissionProfile.COSINE else 0.0
     if light.shaping is None:
-        return (2.0 * math.pi, 0.0, cosine) if cosine else (-1.0, 0.0, 0.0)
-    return light.shaping.angle, light.shaping.softness, light.shaping.focus + cosine
+        return _values(Shaping(2.0 * math.pi, 0.0, cosine) if cosine else None)
+    return _values(replace(light.shaping, focus=light.shaping.focus + cosine))
+
+
+def shaping_of_surface(light: LightAtShutter) -> list[float]:
+    """The shaping of a light for kernels, without the profile of its surface, which its shape says."""
+    return _values(light.shaping)
+
+
+def _values(shaping: Shaping | None) -> list[float]:
+    shaping = shaping or Shaping(-1.0)
+    profile = shaping.profile or (-1.0,) * PROFILE_COUNT
+    return [shaping.angle, shaping.softness, shaping.focus, *profile]
 
 
 def is_shaped(light: LightAtShutter) -> bool:
@@ -46,7 +64,7 @@ def across_of(w: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def shaped(shaping: wp.vec3, axis: wp.vec3, w: wp.vec3) -> float:
+def shaped(shaping: ShapingValues, axis: wp.vec3, w: wp.vec3) -> float:
     """Intensity along ω over that along the unit ``axis``, as :class:`tpdwarp.scene.description.Shaping` has it."""
     if shaping[0] < 0.0:
         return 1.0
@@ -63,4 +81,8 @@ def shaped(shaping: wp.vec3, axis: wp.vec3, w: wp.vec3) -> float:
     if fade > NARROWEST:
         s = wp.clamp((theta - shaping[0] + fade) / fade, 0.0, 1.0)
         intensity *= 1.0 - s * s * (3.0 - 2.0 * s)
+    if shaping[3] >= 0.0:
+        place = theta / PROFILE_STEP
+        below = wp.min(int(place), LAST_OF_PROFILE - 1)
+        intensity *= wp.lerp(shaping[3 + below], shaping[4 + below], place - float(below))
     return intensity

@@ -17,8 +17,8 @@ from tpdwarp.usd.read.primitives import is_primitive
 from tpdwarp.usd.read.transforms import Transforms
 from tpdwarp.usd.read.visibilities import may_be_visible
 
-# Prototypes are often abstract (class prims), which an ordinary traversal passes over.
-PROTOTYPE_PRIMS = Usd.PrimIsActive & Usd.PrimIsDefined & Usd.PrimIsLoaded
+# Prototypes are often abstract (class prims), or lie below an over that hides them: an ordinary traversal passes both.
+PROTOTYPE_PRIMS = Usd.PrimIsActive & Usd.PrimHasDefiningSpecifier & Usd.PrimIsLoaded
 # Boundable prims that draw nothing of their own.
 DRAWN_OTHERWISE = (UsdGeom.PointInstancer, UsdSkel.Root, UsdSkel.Skeleton)
 

@@ -77,12 +77,12 @@ class Dome(Light):
 
     def _picture(self, frame: float) -> np.ndarray | None:
         """The dome's picture, shape [h, w, 3]; None for a dome of one colour."""
-        attribute = self.prim.GetAttribute("inputs:texture:file")
+        attribute = self._input("texture:file")
         value = attribute.Get(frame) if attribute else None
         if not value or not value.path:
             return None
         path = value.resolvedPath or value.path
-        layout = text_at(self.prim.GetAttribute("inputs:texture:format"), frame)
+        layout = text_at(self._input("texture:format"), frame)
         if layout not in ("", "automatic", "latlong"):
             self._warnings(self.path, f"a picture laid out as {layout} is not read: the dome has one colour")
             return None

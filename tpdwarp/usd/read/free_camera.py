@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from functools import cached_property
 
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
-from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, Shutter
+from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, MeshAtShutter, Shutter
 from tpdwarp.usd.read.cameras import projection
 from tpdwarp.usd.read.render_settings import conformed
 
@@ -17,6 +18,10 @@ FREE_CAMERA, CAMERA_LIGHT = "free camera", "camera light"
 CAMERA_LIGHT_IRRADIANCE = math.pi
 # A stage of one point is looked at from a distance, not from within.
 SMALLEST_EXTENT = 1e-6
+# What is thinner than this part of its length shows hardly a pixel or two from its edge. Chosen, not derived.
+FLAT = 1e-2
+# Authored extents that are so much smaller than what is drawn show its inside. Chosen, not derived.
+STALE = 0.1
 
 
 class FreeCamera:
@@ -38,12 +43,15 @@ class FreeCamera:
     def __init__(
         self,
         stage: Usd.Stage,
+        start: float,
         up_axis: str,
         purposes: frozenset[str],
         points_at: Callable[[float], Iterable[np.ndarray]],
     ) -> None:
-        self._stage, self._up, self._purposes, self._points_at = stage, up_axis, sorted(purposes), points_at
+        self._stage, self._start, self._up = stage, start, up_axis
+        self._purposes, self._points_at = sorted(purposes), points_at
         self._lens = Gf.Camera()
+        self._first: tuple[np.ndarray, np.ndarray] | None = None
 
     def aspect(self, time: float) -> float:
         """Width of the aperture over its height."""
@@ -56,15 +64,14 @@ class FreeCamera:
     def over(self, shutter: Shutter, image_aspect: float, policy: str) -> CameraAtShutter:
         """The camera over ``shutter``; as :meth:`tpdwarp.usd.read.cameras.Camera.over`."""
         low, high = self._bounds(shutter.frame)
-        size = np.maximum(high - low, SMALLEST_EXTENT)
-        across, depth = ([0, 1], 2) if self._up == "Y" else ([0, 2], 1)
+        axes = self.axes
+        width, height, depth = np.abs(axes) @ np.maximum(high - low, SMALLEST_EXTENT)
         half_view = math.radians(0.5 * self._lens.GetFieldOfView(Gf.Camera.FOVHorizontal))
-        distance = 0.5 * float(np.linalg.norm(size[across])) / math.tan(half_view) + 0.5 * float(size[depth])
-        axes = np.eye(3) if self._up == "Y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+        distance = 0.5 * math.hypot(width, height) / math.tan(half_view) + 0.5 * depth
         position = 0.5 * (low + high) + distance * axes[2]
         bounds = self._lens.frustum.window
         window = conformed((bounds.min[0], bounds.max[0], bounds.min[1], bounds.max[1]), image_aspect, policy)
-        near, far = 0.1 * (distance - 0.5 * float(size[depth])), 2.0 * (distance + float(size[depth]))
+        near, far = 0.1 * (distance - 0.5 * depth), 2.0 * (distance + depth)
         to_camera = np.eye(4)
         to_camera[:3, :3], to_camera[3, :3] = axes.T, -(axes @ position)
         return CameraAtShutter(
@@ -79,22 +86,54 @@ class FreeCamera:
             world_to_ndc=to_camera @ projection(window, near, far, False),
         )
 
+    @cached_property
+    def axes(self) -> np.ndarray:
+        """Its axes to the right, up and back as rows, shape [3, 3], the same for all frames."""
+        right, up, back = np.eye(3) if self._up == "Y" else np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
+        low, high = self._drawn(self._start)
+        width, height, depth = np.abs([right, up, back]) @ (high - low)
+        least = FLAT * max(width, height, depth)
+        if depth > least and height <= least < width:
+            return np.array([right, -back, up])
+        if depth > least and width <= least < height:
+            return np.array([-back, up, right])
+        return np.array([right, up, back])
+
     def _bounds(self, frame: float) -> tuple[np.ndarray, np.ndarray]:
-        """Least and greatest corner of what is seen at a time code, shapes [3] and [3]."""
+        """Least and greatest corner of what is framed at a time code, shapes [3] and [3]."""
         cache = UsdGeom.BBoxCache(frame, self._purposes, useExtentsHint=True)
         found = cache.ComputeWorldBound(self._stage.GetPseudoRoot()).ComputeAlignedRange()
         low, high = np.array(found.GetMin()), np.array(found.GetMax())
-        if not found.IsEmpty() and np.isfinite(high - low).all():
-            return low, high
+        return self._drawn(frame) if found.IsEmpty() or self._hides(low, high) else (low, high)
+
+    def _hides(self, low: np.ndarray, high: np.ndarray) -> bool:
+        """Whether bounds are none, or do not hold what is drawn as the stage begins."""
+        if not np.isfinite(high - low).all():
+            return True
+        least, greatest = self._drawn(self._start)
+        apart = (least > high).any() or (greatest < low).any()
+        return bool(apart or (high - low).max() < STALE * (greatest - least).max())
+
+    def _drawn(self, frame: float) -> tuple[np.ndarray, np.ndarray]:
+        """Least and greatest corner of what is drawn at a time code, shapes [3] and [3]."""
+        if frame == self._start and self._first is not None:
+            return self._first
         parts = [points for points in self._points_at(frame) if len(points)]
-        if not parts:
-            return np.zeros(3), np.zeros(3)
-        together = np.concatenate(parts)
-        return together.min(axis=0), together.max(axis=0)
+        corners = np.array([[points.min(axis=0), points.max(axis=0)] for points in parts]).reshape(-1, 2, 3)
+        found = (corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)) if parts else (np.zeros(3), np.zeros(3))
+        if frame == self._start:
+            self._first = found
+        return found
 
 
-def camera_light(camera: CameraAtShutter) -> LightAtShutter:
-    """Parallel light along a camera's view, which turns with it."""
+def camera_light(camera: CameraAtShutter, meshes: Iterable[MeshAtShutter]) -> LightAtShutter:
+    """Parallel light along a camera's view, which turns with it.
+
+    It comes from the camera, not from behind: what lies behind the camera, as the walls around it do, lets it pass.
+    """
+    behind = (
+        mesh.path for mesh in meshes if np.max((mesh.points - camera.position) @ camera.axes[2], initial=0.0) > 0.0
+    )
     return LightAtShutter(
         CAMERA_LIGHT,
         LightKind.DISTANT,
@@ -103,4 +142,5 @@ def camera_light(camera: CameraAtShutter) -> LightAtShutter:
         camera.axes,
         camera.position_motion,
         camera.axes_motion,
+        passed=frozenset(behind),
     )

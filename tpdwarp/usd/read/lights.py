@@ -10,7 +10,9 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.io.ies import read_profile
 from tpdwarp.scene.description import (
+    PROFILE_COUNT,
     EmissionProfile,
     Extent,
     ExtentShape,
@@ -22,6 +24,7 @@ from tpdwarp.scene.description import (
 from tpdwarp.scene.light_places import tiles_of
 from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
 from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is_of_blender
+from tpdwarp.usd.read.light_inputs import PREFIX, light_input, old_inputs
 from tpdwarp.usd.read.links import LightLinks
 from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.samples import sample_times
@@ -44,6 +47,8 @@ PROFILES: dict[type, tuple[EmissionProfile, float]] = {
     UsdLux.DiskLight: (EmissionProfile.COSINE, 1.0),
     UsdLux.CylinderLight: (EmissionProfile.SINE, 1.0 / math.pi),
 }
+# What is shaped by profiles of luminaires.
+PROFILED = (UsdLux.SphereLight, UsdLux.RectLight, UsdLux.DiskLight)
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
 
@@ -99,12 +104,18 @@ class Light:
         self.kind = LightKind.DISTANT if prim.IsA(UsdLux.DistantLight) else LightKind.POINT
         self._shape = next((kind for kind in AREAS if prim.IsA(kind)), None)
         self.varies = transforms.span(prim) is not None
+        old = old_inputs(prim)
+        if old:
+            warnings(
+                f"{self.path}.{old[0]}", "is named as before USD 21.02, and read as what is inputs:… now", "old names"
+            )
         self._inputs = [
-            a for a in prim.GetAttributes() if a.GetName().startswith("inputs:") or a.GetName() == "treatAsPoint"
+            a for a in prim.GetAttributes() if a.GetName().startswith(PREFIX) or a.GetName() in ("treatAsPoint", *old)
         ]
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
         self._visibilities = changing_visibilities(prim)
         self._pictures: dict[str, np.ndarray | None] = {}
+        self._profiles: dict[tuple[str, float, bool], tuple[float, tuple[float, ...]] | None] = {}
         self._warn_unsupported()
 
     @property
@@ -170,7 +181,7 @@ class Light:
 
     def _picture(self, frame: float) -> np.ndarray | None:
         """A rectangle's picture, brought down to a few pixels, shape [h, w, 3]; None where it has none."""
-        attribute = UsdLux.RectLight(self.prim).GetTextureFileAttr()
+        attribute = self._input("texture:file")
         value = attribute.Get(frame) if attribute else None
         if not value or not value.path:
             return None
@@ -209,25 +220,60 @@ class Light:
     def _sizes(self, frame: float) -> list[float]:
         """The sizes in its own space of a light that has an area there."""
         names, _ = AREAS[self._shape]
-        return [self._number(self.prim.GetAttribute(f"inputs:{name}"), frame) for name in names]
+        return [self._number(self._input(name), frame) for name in names]
 
     def _shaping(self, frame: float) -> Shaping | None:
         """Cone and focus where they are authored, and narrow the light."""
-        api = UsdLux.ShapingAPI(self.prim)
         given = {}
         for name, attribute, neutral in (
-            ("angle", api.GetShapingConeAngleAttr(), 180.0),
-            ("softness", api.GetShapingConeSoftnessAttr(), 0.0),
-            ("focus", api.GetShapingFocusAttr(), 0.0),
+            ("angle", self._input("shaping:cone:angle"), 180.0),
+            ("softness", self._input("shaping:cone:softness"), 0.0),
+            ("focus", self._input("shaping:focus"), 0.0),
         ):
             authored = attribute and attribute.HasAuthoredValue()
             given[name] = self._number(attribute, frame) if authored else neutral
-        if given["angle"] >= 180.0 and given["focus"] == 0.0:
+        profile = self._profile(frame)
+        if given["angle"] >= 180.0 and given["focus"] == 0.0 and profile is None:
             return None
         # A rim of 180° is no rim, however soft.
         softness = min(given["softness"], 1.0) if given["angle"] < 180.0 else 0.0
         angle = math.radians(given["angle"]) if given["angle"] < 180.0 else 2.0 * math.pi
-        return Shaping(angle, softness, given["focus"])
+        return Shaping(angle, softness, given["focus"], () if profile is None else profile[1])
+
+    def _profile(self, frame: float) -> tuple[float, tuple[float, ...]] | None:
+        """The largest intensity of the light's IES profile, and the profile by that; None where it has none."""
+        attribute = self._input("shaping:ies:file")
+        value = attribute.Get(frame) if attribute and self._shape in PROFILED else None
+        if not value or not value.path:
+            return None
+        scale, normalize = (
+            number_at(found, frame) if (found := self._input(f"shaping:ies:{name}")) else 0.0
+            for name in ("angleScale", "normalize")
+        )
+        asked = value.resolvedPath or value.path, scale, bool(normalize)
+        if asked not in self._profiles:
+            self._profiles[asked] = self._read_profile(*asked)
+        return self._profiles[asked]
+
+    def _read_profile(self, path: str, scale: float, normalize: bool) -> tuple[float, tuple[float, ...]] | None:
+        found = read_profile(path)
+        name = f"{self.path}.inputs:shaping:ies:file"
+        if found is None:
+            self._warnings(name, "cannot be read: the light shines without it (name a file of photometric type C)")
+            return None
+        if not found.is_round:
+            self._warnings(name, "differs around the light's axis: its mean around it is rendered")
+        theta = np.linspace(0.0, math.pi, PROFILE_COUNT)
+        if scale > 0:
+            theta = theta / scale
+        elif scale < 0:
+            theta = (theta - math.pi) / -scale + math.pi
+        values = found.at(theta)
+        largest = float(values.max())
+        if not largest > 0:
+            return 0.0, (0.0,) * PROFILE_COUNT
+        factors = tuple(map(float, values / largest))
+        return largest / (found.mean() if normalize else 1.0), factors
 
     def _mean_power(self, shutter: Shutter) -> tuple[float, float, float]:
         """The mean of :meth:`power` over ``shutter``, with nothing where the light is invisible."""
@@ -251,20 +297,21 @@ class Light:
         Raises:
             InputError: An intensity or a colour that is negative, not finite or beyond all measure.
         """
-        intensity = self._number(self._api.GetIntensityAttr(), frame)
-        diffuse = self._number(self._api.GetDiffuseAttr(), frame)
-        exposure = self._number(self._api.GetExposureAttr(), frame, may_be_negative=True)
-        color = value_at(self._api.GetColorAttr(), frame, (3,))
+        intensity = self._number(self._input("intensity"), frame)
+        diffuse = self._number(self._input("diffuse"), frame)
+        exposure = self._number(self._input("exposure"), frame, may_be_negative=True)
+        color = value_at(self._input("color"), frame, (3,))
         if not np.isfinite(color).all() or color.min() < 0:
-            self._refuse(self._api.GetColorAttr(), f"holds {tuple(map(float, color))}")
-        asks = number_at(self._api.GetEnableColorTemperatureAttr(), frame)
-        kelvin = self._number(self._api.GetColorTemperatureAttr(), frame) if asks else None
+            self._refuse(self._input("color"), f"holds {tuple(map(float, color))}")
+        asks = number_at(self._input("enableColorTemperature"), frame)
+        kelvin = self._number(self._input("colorTemperature"), frame) if asks else None
         white = self._of_blender and kelvin == BLENDER_WHITE
         if kelvin is not None and not white:
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
-        scale *= self._factor(frame)
+        profile = self._profile(frame)
+        scale *= self._factor(frame) * (1.0 if profile is None else profile[0])
         with np.errstate(over="ignore", invalid="ignore"):
             power = scale * color
         if not power.max() <= LARGEST:
@@ -281,7 +328,7 @@ class Light:
 
     def _angle(self, frame: float) -> float:
         """Angle of a distant light's disc [degrees]."""
-        angle = self._number(UsdLux.DistantLight(self.prim).GetAngleAttr(), frame)
+        angle = self._number(self._input("angle"), frame)
         return angle * BLENDER_ANGLE if self._of_blender else angle
 
     def _distant_factor(self, frame: float) -> float:
@@ -289,7 +336,7 @@ class Light:
         host = BLENDER_SUN if self._of_blender else 1.0
         if angle == 0 or self._of_blender:
             return host
-        if number_at(self._api.GetNormalizeAttr(), frame):
+        if number_at(self._input("normalize"), frame):
             return 1.0
         return math.pi * math.sin(math.radians(0.5 * min(angle, 180.0))) ** 2
 
@@ -298,7 +345,7 @@ class Light:
         if self._shape is UsdLux.SphereLight and sizes == [0.0]:
             return 1.0
         _, by_area = PROFILES[self._shape]
-        if number_at(self._api.GetNormalizeAttr(), frame):
+        if number_at(self._input("normalize"), frame):
             return by_area
         return by_area * area_of(*sizes) * self._area_scale(frame)
 
@@ -312,6 +359,9 @@ class Light:
             return float(np.linalg.norm(x) * math.sqrt(np.linalg.norm(np.cross(y, z))))
         return float(np.linalg.norm(np.cross(x, y)))
 
+    def _input(self, name: str) -> Usd.Attribute:
+        return light_input(self.prim, name)
+
     def _number(self, attribute: Usd.Attribute, frame: float, may_be_negative: bool = False) -> float:
         value = number_at(attribute, frame)
         if not math.isfinite(value) or (value < 0 and not may_be_negative):
@@ -323,12 +373,11 @@ class Light:
         raise InputError(f"{why} (author {wanted})", self._warnings.file, str(attribute.GetPath()))
 
     def _warn_unsupported(self) -> None:
-        shaping, shadow = UsdLux.ShapingAPI(self.prim), UsdLux.ShadowAPI(self.prim)
-        tint = shaping.GetShapingFocusTintAttr()
+        tint = self._input("shaping:focusTint")
         if tint and tint.HasAuthoredValue() and np.any(value_at(tint, EARLIEST, (3,))):
             self._warnings(self.path, "the light's focusTint is not rendered")
-        asks_for_cone = _authored(shaping.GetShapingConeAngleAttr(), 180.0, below=True) or _authored(
-            shaping.GetShapingFocusAttr(), 0.0
+        asks_for_cone = _authored(self._input("shaping:cone:angle"), 180.0, below=True) or _authored(
+            self._input("shaping:focus"), 0.0
         )
         if self._of_blender and self.kind == LightKind.DISTANT:
             self._warnings(
@@ -338,17 +387,17 @@ class Light:
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
         if asks_for_cone and self._shape is UsdLux.CylinderLight:
             self._warnings(self.path, "the shaping of a cylinder is not rendered")
-        ies = shaping.GetShapingIesFileAttr()
-        if ies and ies.HasAuthoredValue():
+        ies = self._input("shaping:ies:file")
+        if ies and ies.HasAuthoredValue() and self._shape not in PROFILED:
             self._warnings(self.path, "the light's IES profile is not rendered")
-        if _authored(self._api.GetSpecularAttr(), 1.0):
+        if _authored(self._input("specular"), 1.0):
             self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
         if self._api.GetFiltersRel().GetTargets():
             self._warnings(self.path, "light filters are not rendered")
-        distance = shadow.GetShadowDistanceAttr()
+        distance = self._input("shadow:distance")
         if distance and distance.HasAuthoredValue() and number_at(distance, EARLIEST) >= 0:
             self._warnings(self.path, "shadow:distance is not taken into account")
-        color = shadow.GetShadowColorAttr()
+        color = self._input("shadow:color")
         if color and color.HasAuthoredValue() and np.any(value_at(color, EARLIEST, (3,))):
             self._warnings(self.path, "the light's shadows are black, whatever their colour")
 

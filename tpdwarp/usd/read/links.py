@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from pxr import Sdf, Usd, UsdLux
 
+from tpdwarp.usd.read.light_inputs import light_input
 from tpdwarp.usd.read.values import number_at, raw_at
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
@@ -24,7 +25,7 @@ class LightLinks:
     def __init__(self, api: UsdLux.LightAPI) -> None:
         self._lit = _query(api.GetLightLinkCollectionAPI())
         self._hiding = _query(api.GetShadowLinkCollectionAPI())
-        enabled = UsdLux.ShadowAPI(api.GetPrim()).GetShadowEnableAttr()
+        enabled = light_input(api.GetPrim(), "shadow:enable")
         self._shadowless = bool(enabled and enabled.HasAuthoredValue() and not number_at(enabled, EARLIEST, 1.0))
         self._known: dict[str, tuple[bool, bool]] = {}
 

@@ -16,6 +16,8 @@ EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
 # What RenderVars call the picture itself.
 BEAUTY = ("ci", "c.*", "lpe:c.*", "color", "beauty", "rgba", "rgb", "a", "alpha", "c", "lpe:c.*[lo]")
+# Names all products at once, also in the name of an image.
+EACH_PRODUCT = "<product>"
 # A window that holds the whole image.
 WHOLE = (0.0, 0.0, 1.0, 1.0)
 POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
@@ -56,7 +58,7 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce, wanted: str = 
     """The render settings at ``path``, or the stage's own where it is empty.
 
     Args:
-        wanted: Path or name of the product; empty takes the first.
+        wanted: Path or name of the product; empty takes the first, as :data:`EACH_PRODUCT` does without a word.
 
     Raises:
         InputError: No RenderSettings at ``path``, no such product, or values that mean nothing.
@@ -68,7 +70,7 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce, wanted: str = 
     else:
         settings = UsdRender.Settings.GetStageRenderSettings(stage)
         if not settings:
-            if wanted:
+            if wanted and wanted != EACH_PRODUCT:
                 raise InputError("the stage has no RenderSettings (leave --product out)", warnings.file, wanted)
             return RenderRequest()
     products = _products(stage, settings)
@@ -174,13 +176,13 @@ def _chosen(
     for product, name in zip(products, names, strict=True):
         if wanted and wanted in (str(product.GetPath()), product.GetPrim().GetName(), name):
             return product
-    if wanted:
+    if wanted and wanted != EACH_PRODUCT:
         raise InputError(f"no such product (there are {', '.join(names) or 'none'})", warnings.file, wanted)
-    for extra in products[1:]:
+    for extra in products[1:] if wanted != EACH_PRODUCT else ():
         warnings(
             str(extra.GetPath()),
             "is left out: the first product of the render settings is rendered "
-            "(choose with --product, or write <product> in the name of the image for all)",
+            f"(choose with --product, or write {EACH_PRODUCT} in the name of the image for all)",
         )
     return products[0] if products else None
 

@@ -16,8 +16,8 @@ from tpdwarp.usd.read.transforms import Transforms
 
 # Animations longer than this are looked at where they have samples alone.
 MOST_FRAMES = 1_000_000
-# Prototypes of instancers are often abstract.
-PREDICATE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsDefined & Usd.PrimIsLoaded)
+# Prototypes of instancers are often abstract, or lie below an over.
+PREDICATE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimHasDefiningSpecifier & Usd.PrimIsLoaded)
 
 
 Binding = tuple[UsdSkel.SkinningQuery, UsdSkel.SkeletonQuery, Usd.Prim]

@@ -6,16 +6,17 @@ import itertools
 import math
 import os
 from collections.abc import Iterable, Iterator
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, UsdUtils
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.io.image_region import ImageRegion
-from tpdwarp.scene.description import LightAtShutter, MeshAtShutter, SceneAtShutter, Shutter
+from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, MeshAtShutter, SceneAtShutter, Shutter
 from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.appearances import Appearances
 from tpdwarp.usd.read.blobs import Blobs, is_blob
@@ -144,12 +145,9 @@ class StageScene:
         self._lights = [Light(prim, self._transforms, self._animation, warnings) for prim in contents.lights]
         self._domes = [Dome(prim, self._transforms, self._animation, warnings) for prim in contents.domes]
         self._cameras = [str(prim.GetPath()) for prim in contents.cameras]
+        self._purposes = purposes
         self.camera_path = self._choose_camera()
-        self._camera: Camera | FreeCamera
-        if self.camera_path is None:
-            self._camera = FreeCamera(stage, self.up_axis, purposes, self._points_at)
-        else:
-            self._camera = Camera(stage.GetPrimAtPath(self.camera_path), self._transforms, self._animation, warnings)
+        self._camera = self._camera_at(self.camera_path)
         self._camera_light = not self._lit()
         if self._camera_light:
             warnings("", "no light shines: a light at the camera stands in (add a UsdLux light)")
@@ -196,6 +194,38 @@ class StageScene:
             source._kept = kept
             return source
 
+    def with_product(self, product: str) -> StageScene:
+        """The same stage as another product of its render settings shows it, by its path; what was read is shared.
+
+        Raises:
+            InputError: No such product, or it asks for what cannot be used.
+        """
+        other = copy(self)
+        # Whether anything changes depends on the camera where a light stands at it.
+        other.__dict__.pop("_changes", None)
+        other._settings = replace(self._settings, product=product)
+        with usd_diagnostics(self.warnings):
+            other._request = read_request(self._stage, self._settings.render_settings, self.warnings, product)
+            other.camera_path = other._choose_camera()
+            if other.camera_path != self.camera_path:
+                other._camera = other._camera_at(other.camera_path)
+        return other
+
+    @property
+    def lit_by_camera(self) -> bool:
+        """Whether a light at the camera stands in for the stage's own."""
+        return self._camera_light
+
+    def camera_over(self, shutter: Shutter) -> CameraAtShutter:
+        """The camera of :meth:`at`.
+
+        Raises:
+            InputError: It cannot be used there.
+        """
+        with usd_diagnostics(self.warnings):
+            width, height = self._resolution()
+            return self._camera.over(shutter, width * self._request.pixel_aspect / height, self._request.policy)
+
     def at(self, shutter: Shutter) -> SceneAtShutter:
         """The scene over ``shutter``; what does not move is the same object on every call.
 
@@ -206,15 +236,13 @@ class StageScene:
             self._warn_outside(shutter)
             meshes = self._meshes_over(shutter)
             lights = tuple(found for light in self._lights_at(shutter.frame) for found in light.all_over(shutter))
-            width, height = self._resolution()
-            aspect = width * self._request.pixel_aspect / height
-            camera = self._camera.over(shutter, aspect, self._request.policy)
+            camera = self.camera_over(shutter)
             if self._mesh_lights_at(shutter.frame):
                 meshes, more = self._shining(meshes, shutter)
                 lights += more
             lights = self._linked(lights, shutter)
             if self._camera_light:
-                lights = (camera_light(camera),)
+                lights = (camera_light(camera, meshes),)
             domes = tuple(found for dome in self._domes if (found := dome.at(shutter)) is not None)
             if domes and any(mesh.specular for mesh in meshes):
                 self.warnings(domes[0].path, "light of a dome shines through glass straight, and makes no caustics")
@@ -657,6 +685,12 @@ class StageScene:
         if not span[0] <= shutter.frame <= span[1] and self._changes:
             self.warnings("", f"frames outside the animation, {span[0]:g} … {span[1]:g}, show its first or last moment")
 
+    def _camera_at(self, path: str | None) -> Camera | FreeCamera:
+        """The camera at a path; one that frames the stage without."""
+        if path is None:
+            return FreeCamera(self._stage, self.start, self.up_axis, self._purposes, self._points_at)
+        return Camera(self._stage.GetPrimAtPath(path), self._transforms, self._animation, self.warnings)
+
     def _choose_camera(self) -> str | None:
         wanted = self._settings.camera
         there_are = f"there are {', '.join(self._cameras)}" if self._cameras else "the stage has none"
@@ -674,11 +708,13 @@ class StageScene:
                 what = "is no camera" if exists else "no such camera"
                 raise InputError(f"{what} ({there_are})", self.file, path)
             return path
-        if len(self._cameras) > 1:
+        primary = str(UsdUtils.GetPrimaryCameraName())
+        first = next((path for path in self._cameras if path.rsplit("/", 1)[-1] == primary), "")
+        if len(self._cameras) > 1 and not first:
             self.warnings(
                 self._cameras[0], f"is used, the first of {len(self._cameras)} cameras (choose with --camera)"
             )
-        return self._cameras[0] if self._cameras else None
+        return first or (self._cameras[0] if self._cameras else None)
 
     def _with_proxies(self, purposes: frozenset[str], contents: Contents) -> tuple[frozenset[str], Contents]:
         """The purposes and contents of a stage that shows nothing for ``purposes``: its proxies, if it has any."""

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Usd, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.usd.read.materials.coordinates import Coordinates, placed, scaled_turned_moved
@@ -22,6 +22,7 @@ DEFAULTS = ("fallback", "default", "missing_color")
 # What the identifiers of nodes that read primvars hold: USD's, MaterialX's and Arnold's.
 PRIMVAR_READERS = ("primvarreader", "geompropvalue", "geomcolor", "user_data_rgb")
 FILES = ("file", "filename", "in", "texture")
+_FILE_NAMES = (str, Sdf.AssetPath)
 
 
 @dataclass(frozen=True)
@@ -296,7 +297,8 @@ class Inputs:
         fallback = inner.value(*DEFAULTS)
         instead = "default" if fallback is None or fallback.numbers is None else "fallback"
         named = kind or "a shading node"
-        why = "whose file cannot be read" if attributes and raw_at(attributes[0], self.frame) else "which is not read"
+        named_file = raw_at(attributes[0], self.frame) if attributes else None
+        why = "whose file cannot be read" if named_file and isinstance(named_file, _FILE_NAMES) else "which is not read"
         self.warnings(asking, f"is connected to {named}, {why}; its {instead} is used")
         if instead == "default":
             return Value(None, True)

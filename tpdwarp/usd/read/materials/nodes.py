@@ -64,6 +64,34 @@ def _remap(value: np.ndarray, *ends: np.ndarray) -> np.ndarray:
     return out_low + (value - low) * (out_high - out_low) / (high - low)
 
 
+def _smoothstep(value: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """From 0 at ``low`` to 1 at ``high``; a step where these are one."""
+    part = np.clip((value - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0)
+    return np.where(high > low, part * part * (3.0 - 2.0 * part), value >= high)
+
+
+def _hsv(value: np.ndarray) -> np.ndarray:
+    """Hue, saturation and value of a colour, all in 0 … 1."""
+    most, least = value.max(axis=-1, keepdims=True), value.min(axis=-1, keepdims=True)
+    range_ = np.where(most > least, most - least, 1.0)
+    r, g, b = (_channel(value, k) for k in range(3))
+    hue = np.where(r == most, (g - b) / range_, np.where(g == most, 2.0 + (b - r) / range_, 4.0 + (r - g) / range_))
+    hue = np.where(most > least, (hue / 6.0) % 1.0, 0.0)
+    return np.concatenate([hue, np.where(most > 0, (most - least) / np.where(most > 0, most, 1.0), 0.0), most], axis=-1)
+
+
+def _of_hsv(value: np.ndarray) -> np.ndarray:
+    """The colour of a hue, saturation and value."""
+    hue, saturation, most = (_channel(value, k) for k in range(3))
+    around = (hue * 6.0 + np.array([5.0, 3.0, 1.0])) % 6.0
+    return most * (1.0 - saturation * np.clip(np.minimum(around, 4.0 - around), 0.0, 1.0))
+
+
+def _blended(compute: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Callable[..., np.ndarray]:
+    """What blends a foreground over a background, by how much ``mix`` says."""
+    return lambda bg, fg, mix: bg + mix * (compute(fg, bg) - bg)
+
+
 def _luminance(value: np.ndarray) -> np.ndarray:
     grey = (value[..., :3] @ LUMINANCE)[..., None] if value.shape[-1] >= 3 else value[..., :1]
     return np.repeat(grey, 3, axis=-1)
@@ -160,7 +188,38 @@ OPERATIONS: dict[str, Operation] = {
     "ifgreatereq": _choose(lambda a, b: a >= b),
     "ifequal": _choose(lambda a, b: a == b),
     "switch": _of(lambda *v: v[int(v[-1].flat[0])], *_INS, ("which", 0.0)),
-}
+    "smoothstep": _of(_smoothstep, ("in", 0.0), ("low", 0.0), ("high", 1.0)),
+    "modulo": _pair(lambda a, b: a - b * np.floor(a / b), 1.0),
+    "fract": _unary(lambda value: value - np.floor(value)),
+    "sign": _unary(np.sign),
+    "round": _unary(np.round),
+    "sin": _unary(np.sin),
+    "cos": _unary(np.cos),
+    "tan": _unary(np.tan),
+    "asin": _unary(np.arcsin),
+    "acos": _unary(np.arccos),
+    "safepower": _pair(lambda a, b: np.sign(a) * np.abs(a) ** b, 1.0),
+    "magnitude": _unary(lambda value: np.linalg.norm(value, axis=-1, keepdims=True)),
+    "dotproduct": _pair(lambda a, b: (a * b).sum(axis=-1, keepdims=True), 0.0),
+    "hsvtorgb": _unary(_of_hsv),
+    "rgbtohsv": _unary(_hsv),
+    "hsvadjust": _of(
+        lambda value, amount: _of_hsv(_hsv(value) * (0, 1, 1) * amount + (_hsv(value) + amount) * (1, 0, 0)),
+        ("in", 0.0), ("amount", None),
+    ),
+    **{
+        name: _of(_blended(compute), ("bg", 0.0), ("fg", 0.0), ("mix", 1.0))
+        for name, compute in (
+            ("plus", lambda fg, bg: bg + fg),
+            ("minus", lambda fg, bg: bg - fg),
+            ("difference", lambda fg, bg: np.abs(bg - fg)),
+            ("burn", lambda fg, bg: 1.0 - (1.0 - bg) / fg),
+            ("dodge", lambda fg, bg: bg / (1.0 - fg)),
+            ("screen", lambda fg, bg: 1.0 - (1.0 - fg) * (1.0 - bg)),
+            ("overlay", lambda fg, bg: np.where(bg < 0.5, 2.0 * fg * bg, 1.0 - 2.0 * (1.0 - fg) * (1.0 - bg))),
+        )
+    },
+}  # fmt: skip
 
 
 def _arnold_pair(compute: Callable[..., np.ndarray], neutral: float) -> Operation:
@@ -184,6 +243,11 @@ ARNOLD: dict[str, Operation] = {
     "pow": _of(lambda value, exponent: value**exponent, ("base", 0.0), ("exponent", 1.0)),
     "abs": _arnold(np.abs),
     "negate": _arnold(np.negative),
+    "sign": _arnold(np.sign),
+    "fraction": _arnold(lambda value: value - np.floor(value)),
+    "clamp": _of(lambda value, low, high: np.clip(value, low, high), ("input", 0.0), ("min", 0.0), ("max", 1.0)),
+    # Seen, it is a surface; where it feeds an input, it is its colour.
+    "flat": _of(lambda value: value, ("color", 1.0)),
     "complement": _arnold(lambda value: 1.0 - value),
     "reciprocal": _arnold(lambda value: 1.0 / value),
     "sqrt": _arnold(np.sqrt),

@@ -85,6 +85,10 @@ class Materials:
             InputError: An index of refraction that means nothing, or an input that holds something else than numbers.
         """
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(self.purpose)
+        if not material and self.purpose == UsdShade.Tokens.full:
+            material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(UsdShade.Tokens.preview)
+            if material:
+                self.warnings(str(prim.GetPath()), "has a material for previews alone, which is rendered")
         if not material:
             return UNBOUND
         path = str(material.GetPath())

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from tpdwarp.usd.read.materials.dialects.table import Dialect, Field
+from tpdwarp.usd.read.materials.dialects.table import Dialect, Field, tint_below_coat
 from tpdwarp.usd.read.materials.inputs import Inputs
 
 
 def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
     values["abbe"] = values["abbe"] / values["dispersion"] if values["dispersion"] > 0 else 0.0
+    tint_below_coat(values)
 
 
 DIALECT = Dialect(
@@ -27,6 +28,8 @@ DIALECT = Dialect(
         "thin_walled": Field(("geometry_thin_walled",), False),
         "presence": Field(("geometry_opacity",), 1.0),
         "emission": Field(("emission_color",), (1.0, 1.0, 1.0), ("emission_luminance", 0.0)),
+        "coat": Field(("coat_weight",), 0.0),
+        "coat_color": Field(("coat_color",), (1.0, 1.0, 1.0)),
     },
     ignored={
         "coat_weight": 0.0,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from tpdwarp.usd.read.materials.dialects.table import Dialect, Field
+from tpdwarp.usd.read.materials.dialects.table import Dialect, Field, tint_below_coat
 from tpdwarp.usd.read.materials.inputs import Inputs
 
 
@@ -14,6 +14,10 @@ def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
         values.pop("base_image", None)
     # Its roughness is that of the highlight: mirrors and glass have none but their own.
     values["roughness"] = values["transmission_roughness"] if values["transmission"] >= 0.5 else 0.0
+
+
+def _tint(inputs: Inputs, values: dict[str, Any]) -> None:
+    tint_below_coat(values)
 
 
 STANDARD = Dialect(
@@ -45,7 +49,10 @@ DIALECT = Dialect(
         "thin_walled": Field(("thin_walled",), False),
         "presence": Field(("opacity",), 1.0),
         "emission": Field(("emission_color",), (1.0, 1.0, 1.0), ("emission", 0.0)),
+        "coat": Field(("coat",), 0.0),
+        "coat_color": Field(("coat_color",), (1.0, 1.0, 1.0)),
     },
+    adjust=_tint,
     ignored={
         "coat": 0.0,
         "sheen": 0.0,

@@ -114,6 +114,17 @@ class Dialect:
             )
 
 
+def tint_below_coat(values: dict[str, Any]) -> None:
+    """Multiplies what lies below a coat by its colour, as far as the coat covers it, in place."""
+    tint = 1.0 + values.pop("coat") * (np.array(values.pop("coat_color")) - 1.0)
+    if (tint == 1.0).all():
+        return
+    for name in ("base_color", "tint"):
+        values[name] = tuple(map(float, np.array(values[name]) * tint))
+    if "base_image" in values:
+        values["base_image"] = values["base_image"].mapped(lambda pixels: pixels * tint)
+
+
 def _value(inputs: Inputs, name: str, where: Field) -> float | bool | Color:
     default = where.default
     weight = 1.0 if where.weight is None else inputs.number((where.weight[0],), where.weight[1])

@@ -1,0 +1,64 @@
+"""Where a path stands before it meets a surface, so that branches begin there and not at the light again.
+
+All of a path before a branch is that of the path which reported it (:mod:`tpdwarp.photons.branching`). Inside of
+solids, where branches branch again, that is most of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from tpdwarp.photons.beam import Beam
+from tpdwarp.photons.light_columns import LightColumns
+
+# States that a path keeps for those that branch from it; where it reports more branches, the others start from the
+# light. Light that goes straight through a tumbler of water reports six.
+KEPT_STATES = 8
+
+
+@wp.struct
+class PathState:
+    """A path on its way from one surface to the next, with all that its photon is made of where it lands.
+
+    ``start`` is where along the beam the next surface is looked for, ``inside`` are the media that it is in,
+    ``decision`` is the number of its next decision, ``count`` that of its interactions, ``bounce`` of surfaces met.
+    """
+
+    beam: Beam
+    columns: LightColumns
+    emitted: wp.vec3
+    flux: wp.vec3
+    shift: wp.vec2
+    path: wp.uint32
+    start: float
+    inside: int
+    decision: int
+    count: int
+    bounce: int
+
+
+@wp.func
+def keep_state(states: wp.array(dtype=PathState), row: int, kept: int, state: PathState) -> int:
+    """Keeps a ``state``, as that number ``kept`` of its row, where there is room; how many the row has then."""
+    if kept < wp.static(KEPT_STATES):
+        states[kept * (states.shape[0] // wp.static(KEPT_STATES)) + row] = state
+    return kept + 1
+
+
+def kept_rows(reported: np.ndarray) -> np.ndarray:
+    """Where the states of reported branches were kept, in the order of ``reported_paths``, shape [m] int32.
+
+    Args:
+        reported: Decisions of each path that it reported, as bits, shape [n] int32.
+
+    Returns:
+        Rows of the array of states; −1 where there was no room.
+    """
+    rows, before = [np.zeros(0, np.int32)], np.zeros(len(reported), np.int32)
+    for decision in range(int(reported.max(initial=0)).bit_length()):
+        chosen = np.flatnonzero(reported & (1 << decision))
+        kept = before[chosen]
+        rows.append(np.where(kept < KEPT_STATES, kept * len(reported) + chosen, -1).astype(np.int32))
+        before[chosen] += 1
+    return np.concatenate(rows)
