@@ -23,7 +23,7 @@ from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.retraced import Window, cells_of
 
-# Cells side by side may drift apart by less than this [cells] within the shutter. Chosen, not derived: with half as much
+# Cells side by side may drift apart by less than this [cells] within the shutter. Chosen, not derived: with half of it
 # a torus that turns by 10 degrees takes half as long again, for nothing.
 LARGEST_DRIFT_APART = 1.0
 # Of how far cells drift apart at rifts, this quantile is the width of the field to either side: where light grazes they
