@@ -5,7 +5,7 @@ the steps from one to the next would show. So σ1 ≥ σ2, the lengths of a foot
 is that of a cell: all of it for σ1 ≤ 1 and σ2 ≤ ½, none for σ1 ≥ 2 or σ2 ≥ 1, and in between a part that changes
 evenly, lest a seam shows where light goes over from one to the other. A photon that is both has two footprints.
 
-Cells that are parts of those of the lattice (:mod:`tpdwarp.trajectories.edges`) are told apart as half of the whole ones
+Cells that are parts of those of the lattice (:mod:`tpdwarp.trajectories.edges`) are told apart as half of whole ones
 would be, and stand for these as B-splines. Of cells between half a pixel and two pixels they so share more than those
 beside them do, where pixels hide that these do not fit together.
 
