@@ -51,7 +51,7 @@ def density(footprints) -> np.ndarray:
 
 def bounds(footprints) -> np.ndarray:
     """Lower and upper corners of all pieces of each footprint together, shape [2, n, 3]."""
-    owner = footprints.pieces.footprint.numpy()
+    owner = footprints.pieces.rows.numpy()["footprint"]
     low, high = np.full((footprints.count, 3), np.inf), np.full((footprints.count, 3), -np.inf)
     np.minimum.at(low, owner, footprints.pieces.lower.numpy())
     np.maximum.at(high, owner, footprints.pieces.upper.numpy())
@@ -259,8 +259,14 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
         corners /= np.maximum(np.linalg.norm(corners, axis=1, keepdims=True), 1e-9)
         corners *= 0.999
     assert np.all(static_kernel(kernel, corners) > 0)
-    pieces, number = found.pieces.footprint.numpy(), found.pieces.number.numpy()
-    low, high = found.pieces.lower.numpy()[:, None], found.pieces.upper.numpy()[:, None]
+    # Those of a footprint one after the other, as they lie along it.
+    parts = found.pieces.rows.numpy()
+    order = np.lexsort((parts["number"], parts["footprint"]))
+    parts, pieces, number = parts[order], parts["footprint"][order], parts["number"][order]
+    low, high = (corner.numpy()[order][:, None] for corner in (found.pieces.lower, found.pieces.upper))
+    later = np.flatnonzero(number > 0)
+    np.testing.assert_array_equal(parts["low_before"][later], low[later - 1, 0])
+    np.testing.assert_array_equal(parts["high_before"][later], high[later - 1, 0])
     assert len(pieces) > 1.2 * found.count
     for tau in (-0.5, 0.0, 0.2, 0.5):
         stretched = np.einsum("nij,kj->nki", np.eye(2) + tau * rate, corners)

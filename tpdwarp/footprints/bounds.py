@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import warp as wp
 
@@ -13,17 +15,31 @@ MOST_PIECES = 32
 
 
 @wp.struct
-class PieceArrays:
-    """Swept footprints cut across their long axis, one row a piece: what is long and oblique fills its box badly.
+class Piece:
+    """A part of a swept footprint, which is cut across its long axis: what is long and oblique fills its box badly.
 
-    Pieces of a footprint follow each other, ``number`` counts them. They are equal boxes on a line, so that those
-    that meet another box follow each other, too.
+    ``number`` counts the pieces of a footprint along the axis; ``low_before`` and ``high_before`` are the box of the
+    one before. They are equal boxes on a line, so that those that meet another box follow each other.
     """
 
-    footprint: wp.array(dtype=wp.int32)
-    number: wp.array(dtype=wp.int32)
-    lower: wp.array(dtype=wp.vec3)
-    upper: wp.array(dtype=wp.vec3)
+    footprint: int
+    number: int
+    low_before: wp.vec3
+    high_before: wp.vec3
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The pieces of all footprints, neighbours side by side, as walks through a tree find them together.
+
+    Attributes:
+        rows: One for each.
+        lower, upper: Their boxes.
+    """
+
+    rows: wp.array
+    lower: wp.array
+    upper: wp.array
 
 
 @wp.kernel(enable_backward=False)
@@ -32,32 +48,57 @@ def bound_pieces(
     # In
     footprints: FootprintArrays,
     counts: wp.array(dtype=wp.int32),
+    owners: wp.array(dtype=wp.int32),
+    numbers: wp.array(dtype=wp.int32),
     # Out
-    out: PieceArrays,
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
 ):
     """Bounds of the pieces of what a footprint sweeps over in the photon's own part of the shutter."""
     i = base + wp.tid()
-    j = out.footprint[i]
+    j = owners[i]
     count = counts[j]
     extent = footprints.half_extent[j]
     n = footprints.normal[j]
     axis = footprints.long_axis[j]
     other = wp.cross(n, axis)
     half = extent[0] / float(count)
-    center = footprints.center[j] + ((2.0 * float(out.number[i]) + 1.0) * half - extent[0]) * axis
+    center = footprints.center[j] + ((2.0 * float(numbers[i]) + 1.0) * half - extent[0]) * axis
     for k in range(3):
         size = half * wp.abs(axis[k]) + extent[1] * wp.abs(other[k]) + extent[2] * wp.abs(n[k])
-        out.lower[i][k] = center[k] - size
-        out.upper[i][k] = center[k] + size
+        lower[i][k] = center[k] - size
+        upper[i][k] = center[k] + size
 
 
-def pieces_of(footprints: FootprintArrays, launcher: Launcher) -> PieceArrays:
+def pieces_of(footprints: FootprintArrays, launcher: Launcher) -> Pieces:
     """The pieces of all ``footprints``: as many as a footprint is longer than wide, or than others are wide."""
     along, across = footprints.half_extent.numpy().T[:2]
     counts = np.ceil(along / np.maximum(across, np.median(across))).clip(1, MOST_PIECES).astype(np.int32)
     owners = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
     numbers = np.arange(len(owners), dtype=np.int32) - np.repeat(np.cumsum(counts, dtype=np.int32) - counts, counts)
-    pieces = launcher.rows(PieceArrays, len(owners), but=("footprint", "number"))
-    pieces.footprint, pieces.number = launcher.array(owners, wp.int32), launcher.array(numbers, wp.int32)
-    launcher(bound_pieces, len(owners), [footprints, launcher.array(counts, wp.int32), pieces])
-    return pieces
+    lower, upper = (launcher.zeros(len(owners), wp.vec3) for _ in range(2))
+    inputs = [launcher.array(values, wp.int32) for values in (counts, owners, numbers)]
+    launcher(bound_pieces, len(owners), [footprints, *inputs, lower, upper])
+    low, high = lower.numpy(), upper.numpy()
+    rows = np.zeros(len(owners), Piece.numpy_dtype())
+    rows["footprint"], rows["number"] = owners, numbers
+    rows["low_before"][1:], rows["high_before"][1:] = low[:-1], high[:-1]
+    order = _side_by_side(0.5 * (low + high))
+    return Pieces(
+        wp.array(rows[order], dtype=Piece, device=launcher.device),
+        launcher.array(low[order], wp.vec3),
+        launcher.array(high[order], wp.vec3),
+    )
+
+
+def _side_by_side(places: np.ndarray) -> np.ndarray:
+    """An order of places [n, 3] in which neighbours follow each other: that of Morton codes of ten bits an axis."""
+    low = places.min(axis=0)
+    scaled = (places - low) * np.float32(1023.0 / max(float((places.max(axis=0) - low).max()), 1e-30))
+    codes = np.zeros(len(places), np.uint32)
+    for axis, code in enumerate(scaled.astype(np.uint32).T):
+        # Two zeros between any two bits.
+        for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+            code = (code | (code << np.uint32(shift))) & np.uint32(mask)
+        codes |= code << np.uint32(axis)
+    return np.argsort(codes, kind="stable")

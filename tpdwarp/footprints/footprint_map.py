@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.bounds import PieceArrays, pieces_of
+from tpdwarp.footprints.bounds import Pieces, pieces_of
 from tpdwarp.footprints.cell_parts import told_apart
 from tpdwarp.footprints.light_images import axes_in_light, images_of
 from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, footprint_kernel
@@ -57,12 +57,12 @@ class FootprintMap(Footprints):
     """Footprints with the BVH over their swept bounds.
 
     Attributes:
-        pieces: The parts that ``bvh`` is built over.
+        pieces: The parts that ``bvh`` is built over; None where there are none.
         bvh: Bounds of the pieces, swept over their own part of the shutter; None where there are none.
         run_size: Half the typical size of a piece: queries this close together are gathered together.
     """
 
-    pieces: PieceArrays
+    pieces: Pieces | None
     bvh: wp.Bvh | None
     run_size: float
 
@@ -70,7 +70,7 @@ class FootprintMap(Footprints):
     def of(cls, footprints: Footprints, launcher: Launcher) -> FootprintMap:
         """Builds the BVH."""
         if not footprints.count:
-            return cls(**vars(footprints), pieces=PieceArrays(), bvh=None, run_size=0.0)
+            return cls(**vars(footprints), pieces=None, bvh=None, run_size=0.0)
         pieces = pieces_of(footprints.arrays, launcher)
         size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
         # On the CPU it is built in half the time that the default takes, and walked through no slower.

@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.bounds import PieceArrays
+from tpdwarp.footprints.bounds import Piece
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.lanes import (
@@ -68,10 +68,10 @@ def boxes_meet(lower: wp.vec3, upper: wp.vec3, low: wp.vec3, high: wp.vec3) -> b
 
 
 @wp.func
-def found_before(pieces: PieceArrays, piece: int, low: wp.vec3, high: wp.vec3) -> bool:
+def found_before(piece: Piece, low: wp.vec3, high: wp.vec3) -> bool:
     """Whether an earlier piece of the same footprint meets the box, too: the first one adds its term to Eq. 8."""
-    if pieces.number[piece] > 0:
-        return boxes_meet(pieces.lower[piece - 1], pieces.upper[piece - 1], low, high)
+    if piece.number > 0:
+        return boxes_meet(piece.low_before, piece.high_before, low, high)
     return False
 
 
@@ -233,7 +233,7 @@ def gather_kernel(
         # In
         bvh: wp.uint64,
         footprints: FootprintArrays,
-        pieces: PieceArrays,
+        pieces: wp.array(dtype=Piece),
         durations: wp.array(dtype=wp.float32),
         run_size: float,
         windows: wp.array(dtype=TimeWindow),
@@ -256,12 +256,13 @@ def gather_kernel(
                 radius = 0.5 * wp.length(run.high - run.low)
                 run_since = run.window.center - run.window.time
                 parabola = Parabola()
-                piece = int(0)
+                number = int(0)
                 query = wp.bvh_query_aabb(bvh, run.low - margin, run.high + margin)
-                while wp.bvh_query_next(query, piece):
-                    if not found_before(pieces, piece, run.low - margin, run.high + margin):
+                while wp.bvh_query_next(query, number):
+                    piece = pieces[number]
+                    if not found_before(piece, run.low - margin, run.high + margin):
                         # ---- Clip the shutter, place the footprint on its trajectory
-                        j = pieces.footprint[piece]
+                        j = piece.footprint
                         placed = place(footprints, durations, j, run.window)
 
                         # ---- Cull
@@ -351,9 +352,9 @@ def gathered(
         moves = footprints.moves or lookup.query_moves
         shaded = footprints.shaded and has_shading_normals(queries)
         kernel = gather_kernel(form, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
-        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces, footprints.durations, footprints.run_size]
+        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces.rows, footprints.durations]
         sums = launcher.rows(LeafSums, leaves.middle.shape[0])
-        inputs = [*photons, looks, group_size, count, queries, leaves, sums, out]
+        inputs = [*photons, footprints.run_size, looks, group_size, count, queries, leaves, sums, out]
         launcher(kernel, -(-count // group_size), inputs, smallest_chunk=1)
     return out
 
