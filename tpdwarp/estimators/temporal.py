@@ -37,6 +37,8 @@ class Temporal:
     ) -> Iterator[Part]:
         settings, count = tracer.settings, len(scenes)
         plan = tracer.plan(max(1, settings.photons // count), clock)
+        for seen in scenes:
+            plan = plan.foreseeing(seen.scene)
         maps: list[PhotonMap] = []
         energy = EnergyAccount()
         for number, seen in enumerate(scenes):

@@ -5,8 +5,9 @@ the steps from one to the next would show. So σ1 ≥ σ2, the lengths of a foot
 is that of a cell: all of it for σ1 ≤ 1 and σ2 ≤ ½, none for σ1 ≥ 2 or σ2 ≥ 1, and in between a part that changes
 evenly, lest a seam shows where light goes over from one to the other. A photon that is both has two footprints.
 
-Cells that are parts of those of the lattice (:mod:`tpdwarp.trajectories.edges`) are told apart as the whole ones are,
-and stand for these as B-splines.
+Cells that are parts of those of the lattice (:mod:`tpdwarp.trajectories.edges`) are told apart as half of whole ones
+would be, and stand for these as B-splines. Of cells between half a pixel and two pixels they so share more than those
+beside them do, where pixels hide that these do not fit together.
 
 The cell of a light with extent is as much larger as makes up for the variance of the light's image.
 
@@ -81,7 +82,7 @@ def told_apart(maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher) -> t
     found: tuple[list[PhotonMap], list[PhotonMap]] = [], []
     for photons in (some for some in maps if len(some)):
         whole = photons.in_whole_cells
-        parts = _parts(whole, pixel, launcher)
+        parts = _parts(whole if photons.finer == 1 else _halved(whole), pixel, launcher)
         for taken, part, shaped in zip(found, (1.0 - parts, parts), (whole, photons), strict=True):
             if part.min() == 1.0:
                 taken.append(shaped)
@@ -90,6 +91,12 @@ def told_apart(maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher) -> t
                 taken.append(replace(rows, flux=rows.flux * part[part > 0.0, None]))
     splines, cells = found
     return [*splines, *cells], np.repeat(np.int32([0, 1]), [len(splines), len(cells)])
+
+
+def _halved(photons: PhotonMap) -> PhotonMap:
+    """Photons with half of their columns."""
+    half = np.float32(0.5)
+    return replace(photons, dxdu=half * photons.dxdu, dxdv=half * photons.dxdv)
 
 
 def _parts(photons: PhotonMap, pixel: PixelSize, launcher: Launcher) -> np.ndarray:

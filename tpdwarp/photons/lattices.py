@@ -116,6 +116,22 @@ class EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
         return _planned(self.candidates, photons, self.normalization, self.splits)
 
+    def foreseeing(self, scene: SceneAtShutter) -> EmissionPlan:
+        """The plan with lattices for those lights of ``scene`` that shine in none of the stills; just it where all do.
+
+        Their photons have neighbours and trajectories then, as those of other lights; their ids do not last.
+        """
+        scene = split_lights(scene, self.splits)
+        corners = specular_corners(scene, self.normalization)
+        known = {lattice.light for lattice in self.lattices}
+        new = [light for light in scene.lights if any(light.power) and light.path not in known]
+        if not new or not len(corners):
+            return self
+        found = [c for light in new for c in _candidates(light.path, [(light, corners)], self.normalization)]
+        made = _lattices([candidate for candidate in found if not candidate.spare], self.photons, self.planned_ids)
+        used = max((lattice.first_id + math.prod(lattice.wrap) for lattice in made), default=self.planned_ids)
+        return replace(self, lattices=(*self.lattices, *made), planned_ids=used)
+
     def finer(self, count: int) -> EmissionPlan:
         """The same lattices with ``count`` × ``count`` cells in each of theirs."""
         lattices = [

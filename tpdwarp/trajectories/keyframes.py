@@ -114,7 +114,7 @@ class ShutterKeyframes:
             min(plan.photons, max(FEWEST_KEYFRAME_PHOTONS, plan.photons // PHOTONS_PER_KEYFRAME_PHOTON)),
             clock,
             shared=False,
-        )
+        ).foreseeing(loaded.scene)
         opening, _, closing = (tracer.load(end, clock) for end in keyframe_shutters(loaded.scene.shutter))
         with clock.stage("plan"):
             tags = PathTags(loaded.scene, plan.photons)

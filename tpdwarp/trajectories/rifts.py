@@ -23,9 +23,12 @@ from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.retraced import Window, cells_of
 
-# Cells side by side may drift apart by less than this [cells] within the shutter: as far as an edge goes through a cell
-# in any case.
-LARGEST_DRIFT_APART = 0.5
+# Cells side by side may drift apart by less than this [cells] within the shutter. Chosen, not derived: with half of it
+# a torus that turns by 10 degrees takes half as long again, for nothing.
+LARGEST_DRIFT_APART = 1.0
+# Nor do they count that drift apart by less than this part of the lattice, however fine its cells: so little light is
+# missing there. Chosen, not derived: silhouettes of a torus that turns by 10 degrees do, and gain nothing.
+LEAST_PART = 1.0 / 64.0
 # Of how far cells drift apart at rifts, this quantile is the width of the field to either side: where light grazes they
 # may do so without bound. Chosen, not derived.
 WIDTH_QUANTILE = 0.9
@@ -34,10 +37,11 @@ WIDTH_QUANTILE = 0.9
 def rift_cells(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The cells around rifts of a field of shifts [u, v, 2], shape [u, v] bool, and the field that they ride along."""
     across: list[np.ndarray] = []
+    least = max(LARGEST_DRIFT_APART, LEAST_PART * max(field.shape[:2]))
     rift = np.zeros(field.shape[:2], bool)
     for axis in (0, 1):
         apart = np.linalg.norm(np.diff(field, axis=axis), axis=2)
-        torn = apart > LARGEST_DRIFT_APART
+        torn = apart > least
         across.append(apart[torn])
         for cut in (slice(1, None), slice(None, -1)):
             rift[(cut, slice(None)) if axis == 0 else (slice(None), cut)] |= torn
