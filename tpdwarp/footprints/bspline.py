@@ -155,9 +155,9 @@ class Trajectory:
     are those of mid shutter times 1 + s jacobian_rate; its flux is that of mid shutter times 1 + s gain. Only the
     B-spline's trajectory curves, and only its axes and its flux grow.
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
-    stay. Where the last is below zero it is a disc (:func:`disc_widths`); where ``is_cell`` is 1 a cell.
-    Both are averaged over the pixel whose sides are the columns of ``pixel``, which stays, too. ``straight`` is
-    set where it does not curve and its axes do not grow.
+    stay. Where the last is below zero it is a disc (:func:`disc_widths`); where ``is_cell`` is 1 a cell. Both are
+    averaged over the pixel whose sides are the columns of ``pixel``, which stays, too. ``straight`` is set where it
+    does not curve and its axes do not grow.
     """
 
     velocity: wp.vec2

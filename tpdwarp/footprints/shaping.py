@@ -608,6 +608,9 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             growth1 = wp.min(j.s1 / axes.t1, 1.0) * wp.dot(first, rate1) / axes.t1
             growth2 = wp.min(wp.abs(j.s2) / axes.t2, 1.0) * wp.dot(second, rate2) / axes.t2
             if wp.static(radial is None):
+                # Axes that stand for more than J may point the other way.
+                if wp.dot(first, wp.cos(j.left) * frame.e1 + wp.sin(j.left) * frame.e2) < 0.0:
+                    growth1 = -growth1
                 # Thin axes leave out the sign of s2, which the second one of J's own axes carries.
                 if wp.dot(second, -wp.sin(j.left) * frame.e1 + wp.cos(j.left) * frame.e2) * j.s2 < 0.0:
                     growth2 = -growth2
