@@ -94,7 +94,9 @@ def edge_cells(
 def resting_edges(
     photons: PhotonMap, plan: EmissionPlan, resting: Cells, besides: RetracedCells | None = None
 ) -> RetracedCells | None:
-    """Cells at edges ``resting`` that are traced again; None where their light is hardly any.
+    """Cells at edges ``resting`` that are traced again; None where their light is hardly any, or they nearly all.
+
+    Their finer cells are no more than there are cells, lest a frame take twice the photons that were asked for.
 
     Args:
         besides: Cells that are traced again already.
@@ -102,6 +104,8 @@ def resting_edges(
     cells = RetracedCells({number: ChosenCells(found) for number, found in resting.items()}, plan)
     if besides is not None:
         cells = cells.without(besides)
+    if FINER**2 * len(cells) > plan.photons:
+        return None
     light = float(photons.flux.sum(dtype=np.float64))
     chosen = {number: mine.cell for number, mine in cells.cells.items()}
     return cells if flux_in(photons, plan, chosen) > LEAST_LIGHT * light else None
