@@ -116,8 +116,7 @@ class FootprintLight:
     @property
     def longest_way(self) -> float:
         """How far a query may move within its window and be looked up at once: through a run, or anywhere."""
-        footprints = self._all_that_moves
-        return footprints.run_size / (1.0 + float(LARGEST_DEVIATION)) if footprints.count else math.inf
+        return _longest_way(self._all_that_moves)
 
     def of_photons(self, maps: list[PhotonMap]) -> FootprintLight:
         """The light of other photons, evaluated as this one is."""
@@ -141,8 +140,7 @@ class FootprintLight:
 
     def _along_ways(self, footprints: FootprintMap, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """What ``footprints`` add up to along the ways of queries, looked up piece by piece at once."""
-        longest = footprints.run_size / (1.0 + float(LARGEST_DEVIATION))
-        counts = piece_counts(queries, lookup, longest if lookup.query_moves else 0.0)
+        counts = piece_counts(queries, lookup, _longest_way(footprints))
 
         def looked_up(at: QueryArrays, windows: np.ndarray | None = None) -> Irradiance:
             sums = gathered([footprints], at, self._form, self._launcher, lookup, windows)
@@ -191,6 +189,11 @@ class FootprintLight:
                 found.motion += more.motion
                 found.weight += more.weight
                 found.photons += more.photons
+
+
+def _longest_way(footprints: FootprintMap) -> float:
+    """How far a query may move within its window and be looked up at once among ``footprints``."""
+    return footprints.run_size / (1.0 + float(LARGEST_DEVIATION)) if footprints.count else math.inf
 
 
 def _square(side: float) -> PixelSize:

@@ -39,6 +39,36 @@ class PathState:
 
 
 @wp.func
+def path_state(
+    beam: Beam,
+    columns: LightColumns,
+    emitted: wp.vec3,
+    flux: wp.vec3,
+    shift: wp.vec2,
+    path: wp.uint32,
+    start: float,
+    inside: int,
+    decision: int,
+    count: int,
+    bounce: int,
+) -> PathState:
+    """The state of these parts."""
+    out = PathState()
+    out.beam = beam
+    out.columns = columns
+    out.emitted = emitted
+    out.flux = flux
+    out.shift = shift
+    out.path = path
+    out.start = start
+    out.inside = inside
+    out.decision = decision
+    out.count = count
+    out.bounce = bounce
+    return out
+
+
+@wp.func
 def keep_state(states: wp.array(dtype=PathState), row: int, kept: int, state: PathState) -> int:
     """Keeps a ``state``, as that number ``kept`` of its row, where there is room; how many the row has then."""
     if kept < wp.static(KEPT_STATES):

@@ -30,7 +30,7 @@ from tpdwarp.photons.light_columns import (
     scatter_columns,
     transfer_columns,
 )
-from tpdwarp.photons.path_state import KEPT_STATES, PathState, keep_state, kept_rows
+from tpdwarp.photons.path_state import KEPT_STATES, PathState, keep_state, kept_rows, path_state
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.photons.rough_lobes import widened, widened_by_sheet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
@@ -279,20 +279,11 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if dark:
                 fate = FATE_DIRECT
                 break
-            state = PathState()
             if wp.static(partial):
                 # ---- Where another share of the surface acts, a path begins here
-                state.beam = beam
-                state.columns = columns
-                state.emitted = emitted
-                state.flux = flux
-                state.shift = shift
-                state.path = path
-                state.start = start
-                state.inside = inside
-                state.decision = decision
-                state.count = count
-                state.bounce = bounce
+                state = path_state(
+                    beam, columns, emitted, flux, shift, path, start, inside, decision, count, bounce
+                )
             # ---- Transfer to the next surface (Eqs. 3, 4)
             hit = closest_hit(
                 surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, FAR, wp.static(moves), stream
@@ -454,20 +445,15 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 reported = reported | branch.reported
                 if branch.reported != 0:
                     # ---- What is reflected goes on from here
-                    state.beam = scatter(beam, hit, at, True, True, wp.static(moves))
-                    state.columns = columns
+                    other = scatter(beam, hit, at, True, True, wp.static(moves))
+                    others = columns
                     if wp.static(extended):
-                        state.columns = columns_after(columns, beam.w, state.beam.w, hit, at, True, material, textures)
-                    state.emitted = emitted
-                    state.flux = branch.other
-                    state.shift = shift
-                    state.path = prolonged(path, 1)
-                    state.start = 0.0
-                    state.inside = inside
-                    state.decision = decision + 1
-                    state.count = count + 1
-                    state.bounce = bounce + 1
-                    kept = keep_state(states, i, kept, state)
+                        others = columns_after(columns, beam.w, other.w, hit, at, True, material, textures)
+                    of_branch = path_state(
+                        other, others, emitted, branch.other, shift, prolonged(path, 1), 0.0, inside, decision + 1,
+                        count + 1, bounce + 1,
+                    )  # fmt: skip
+                    kept = keep_state(states, i, kept, of_branch)
                 culled += branch.culled
                 decision += branch.decided
                 if wp.static(tints):
