@@ -19,6 +19,7 @@ from tpdwarp.footprints.leaves import LEAF
 from tpdwarp.footprints.placing import PLANE_ROUNDING, TimeWindow
 from tpdwarp.footprints.planes import SAME_NORMAL, Plane
 from tpdwarp.footprints.shaping import tangent_frame
+from tpdwarp.footprints.ways import MOST_PIECES
 from tpdwarp.footprints.weights import GatherForm
 
 # Corners of a tile along u and v: together the queries of one thread of the gather.
@@ -33,8 +34,9 @@ FLAT = wp.constant(1.0 - SAME_NORMAL)
 STENCIL = wp.constant(4)
 # So far from the ends of rasters there are corners all around: the coarsest of squares have two there.
 MARGIN = wp.constant(2.0 * float(COARSEST_SQUARE))
-# Places along its way that a query looks at: as many as pieces that it would be cut into (tpdwarp.footprints.ways).
-MOST_PLACES = wp.constant(16)
+# Places along its way that a query looks at, at most: sixteen for each of the pieces that it would be cut into
+# (tpdwarp.footprints.ways).
+MOST_PLACES = wp.constant(16 * MOST_PIECES)
 # What becomes of a query: its receiver has no background light; or it lies on no raster and is gathered itself.
 ELSEWHERE = wp.constant(-1)
 OFF_RASTER = wp.constant(-2)
