@@ -12,15 +12,18 @@ from pxr import Sdf, Usd, UsdShade
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.usd.read.materials.coordinates import Coordinates, placed, scaled_turned_moved
 from tpdwarp.usd.read.materials.nodes import operation_of
+from tpdwarp.usd.read.materials.patterns import curve_of, mean_of, pattern_of
 from tpdwarp.usd.read.materials.physical import Color
-from tpdwarp.usd.read.materials.textures import Image, Textures, combined
+from tpdwarp.usd.read.materials.textures import LARGEST_HALF, Image, Textures, combined
 from tpdwarp.usd.read.values import raw_at, text_at, value_at
 
 # Networks deeper than this count as circular. Chosen, not derived: hand-made networks have a few.
 DEEPEST = 64
 DEFAULTS = ("fallback", "default", "missing_color")
 # What the identifiers of nodes that read primvars hold: USD's, MaterialX's and Arnold's.
-PRIMVAR_READERS = ("primvarreader", "geompropvalue", "geomcolor", "user_data_rgb")
+PRIMVAR_READERS = ("primvarreader", "geompropvalue", "geomcolor", "user_data_")
+# How a warning ends that a picture is not spread over the surface.
+ITS_MEAN = "its mean is rendered"
 FILES = ("file", "filename", "in", "texture")
 _FILE_NAMES = (str, Sdf.AssetPath)
 
@@ -122,8 +125,12 @@ class Inputs:
             self._as_images = False
 
     def output(self) -> Value:
-        """What the shader itself computes, where it is a node that computes a value."""
-        return self._computed(self.shader, "out", self.path, 0)
+        """What the shader itself computes, where it is a node that computes a value; over the surface if it differs."""
+        self._as_images = True
+        try:
+            return self._computed(self.shader, "out", self.path, 0)
+        finally:
+            self._as_images = False
 
     def number(self, names: tuple[str, ...], default: float) -> float:
         """A number at the first of these inputs that is authored; the mean of a colour.
@@ -170,6 +177,7 @@ class Inputs:
 
     def coordinates(self, depth: int = 0) -> Coordinates:
         """Where the coordinates of this texture come from: the mesh's ``st`` where nothing else is said."""
+        uv_set = self.text("uvset")
         for name in ("st", "texcoord", "in"):
             node = self.node(name)
             if node is None or depth > DEEPEST:
@@ -194,7 +202,7 @@ class Inputs:
             self.varies |= inner.varies
             break
         else:
-            found = Coordinates()
+            found = Coordinates(uv_set or "st")
         if "tiledimage" in str(self.shader.GetShaderId() or ""):
             tiling, offset = self.pair("uvtiling", 1.0), self.pair("uvoffset", 0.0)
             size = self.pair("realworldtilesize", 1.0) / self.pair("realworldimagesize", 1.0)
@@ -263,9 +271,36 @@ class Inputs:
             if "geomcolor" in kind:
                 name = "displayColor"
             return Value(None if value is None else value.numbers, True, name)
-        value = self._texture(inner, output, asking, kind)
+        value = self._drawn(inner, output, asking, kind, depth)
+        if value is None:
+            value = self._texture(inner, output, asking, kind)
         self.varies |= inner.varies
         return value
+
+    def _drawn(self, inner: Inputs, output: str, asking: str, kind: str, depth: int) -> Value | None:
+        """What a node draws over the surface by itself; None for one that does not."""
+        curve = curve_of(kind, inner)
+        if curve is not None:
+            given = self._argument(inner.shader, "input", 0.0, depth)
+            if given.numbers is None:
+                return Value(None, True)
+            if given.image is None:
+                return Value(_channel(curve(given.numbers), output, kind), given.spread)
+            image = given.image.mapped(lambda pixels: _channel(curve(pixels), output, kind))
+            return Value(image.mean, True, image=image)
+        pattern = pattern_of(kind, inner)
+        if pattern is not None:
+            pixels = np.clip(_channel(pattern.pixels, output, kind), -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
+            placed = inner.coordinates().then(pattern.matrix)
+            image = Image({(0, 0): pixels}, (pattern.wrap, pattern.wrap), np.zeros(pixels.shape[-1]), placed)
+            if not self._as_images:
+                self.warnings(asking, "is a pattern, which is not spread over the surface: " + ITS_MEAN)
+            return Value(image.mean, True, image=image if self._as_images else None)
+        mean = mean_of(kind, inner)
+        if mean is None:
+            return None
+        self.warnings(asking, "is noise, which is not drawn: the middle of what it lies between is rendered")
+        return Value(_channel(mean, output, kind), True)
 
     def _argument(self, node: UsdShade.Shader, name: str, default: float | None, depth: int) -> Value:
         found = self.of(node).find(name)
@@ -292,7 +327,7 @@ class Inputs:
         mean = self.textures.mean(attributes[0], self.frame, encoding) if attributes else None
         if mean is not None:
             if not self._as_images:
-                self.warnings(asking, "is a texture, which is not spread over the surface: its mean is rendered")
+                self.warnings(asking, "is a texture, which is not spread over the surface: " + ITS_MEAN)
             return Value(_channel(_adjusted(inner, mean), output, kind), True)
         fallback = inner.value(*DEFAULTS)
         instead = "default" if fallback is None or fallback.numbers is None else "fallback"
