@@ -128,6 +128,16 @@ def test_patterns_are_what_their_definitions_say(small, kind, given, expected):
         np.testing.assert_allclose(at(s, t), expected(s, t), atol=TEXEL)
 
 
+def test_a_pattern_in_the_place_of_a_surface_is_seen_as_it_is(small):
+    material = UsdShade.Material.Define(small.stage, "/Material")
+    pattern = node(small, "arnold:checkerboard", color1=RED, color2=BLUE)
+    material.CreateSurfaceOutput("arnold").ConnectToSource(pattern.ConnectableAPI(), "out")
+    small.bind(small.mesh(), "/Material")
+    found = mesh_named(small.open().at(Shutter.still(1)), "/Mesh").materials[0]
+    (pixels,) = found.emission_map.tiles.values()
+    assert found.color == (0.0, 0.0, 0.0) and {tuple(row) for row in pixels.reshape(-1, 3)} == {RED, BLUE}
+
+
 def test_noise_is_the_middle_of_its_ends_and_said(small):
     found, said = drawn(small, "arnold:noise", color1=RED, color2=BLUE)
     assert found == pytest.approx((0.5, 0.0, 0.5))

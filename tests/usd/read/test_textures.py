@@ -147,6 +147,20 @@ def test_tiles_lie_by_their_numbers(small):
         np.testing.assert_allclose(tiles[place], parts[number][..., :3], atol=HALF)
 
 
+@pytest.mark.parametrize(("reach", "words"), [(2.0, 0), (3.0, 1)])
+def test_tiles_without_a_file_are_said_where_a_mesh_lies_on_them(small, reach, words):
+    for number in (1001, 1002):
+        write(small, pixels_of(2, 2), f"t.{number}.exr")
+    textured(small, None, "t.<UDIM>.exr")
+    primvar = UsdGeom.PrimvarsAPI(small.stage.GetPrimAtPath("/Mesh")).GetPrimvar("st")
+    # The middles of its triangles lie at a third and two thirds of its width.
+    primvar.Set([Gf.Vec2f(s * reach, t) for s, t in CORNERS])
+    mesh = small.open()
+    mesh.at(Shutter.still(1))
+    said = [message for message in mesh.warnings.messages if "UDIM" in message]
+    assert len(said) == words
+
+
 def test_the_reader_names_the_primvar(small):
     texture = textured(small, pixels_of())
     link(texture, "st", shader(small, "Reader", "UsdPrimvarReader_float2", varname="map1"), "result", TYPES.Float2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from pxr import Sdf, Usd, UsdShade
@@ -61,6 +61,17 @@ class _Held(WarnOnce):
         self._held_back.append((prim, message))
 
 
+@dataclass
+class _Walk:
+    """A walk through a network: what is being computed, and what has been since it began, with whether that varies.
+
+    So that networks whose branches meet again are walked once, and circular ones end.
+    """
+
+    open: set[tuple[str, str, bool]] = field(default_factory=set)
+    known: dict[tuple[str, str, bool], tuple[Value, bool]] = field(default_factory=dict)
+
+
 class Inputs:
     """Reads the inputs of one shader.
 
@@ -69,12 +80,21 @@ class Inputs:
         frame: Time code.
         textures: Mean colours of textures.
         warnings: Takes what is not supported, and names the file in errors.
+        walk: Where in the network one is that asks for these inputs.
     """
 
-    def __init__(self, shader: UsdShade.Shader, frame: float, textures: Textures, warnings: WarnOnce) -> None:
+    def __init__(
+        self,
+        shader: UsdShade.Shader,
+        frame: float,
+        textures: Textures,
+        warnings: WarnOnce,
+        walk: _Walk | None = None,
+    ) -> None:
         self.shader, self.frame, self.textures, self.warnings = shader, frame, textures, warnings
         self.varies = False
         self._as_images = False
+        self._walk = _Walk() if walk is None else walk
 
     @contextmanager
     def warnings_held(self, held: list[tuple[str, str]] | None) -> Iterator[None]:
@@ -95,7 +115,7 @@ class Inputs:
 
     def of(self, shader: UsdShade.Shader) -> Inputs:
         """The inputs of another shader of the same network; ``varies`` is to be taken over."""
-        return Inputs(shader, self.frame, self.textures, self.warnings)
+        return Inputs(shader, self.frame, self.textures, self.warnings, self._walk)
 
     def find(self, *names: str) -> UsdShade.Input | None:
         """The first input of these names that is connected or has an authored value."""
@@ -207,6 +227,9 @@ class Inputs:
             tiling, offset = self.pair("uvtiling", 1.0), self.pair("uvoffset", 0.0)
             size = self.pair("realworldtilesize", 1.0) / self.pair("realworldimagesize", 1.0)
             found = found.then(np.column_stack([np.diag(tiling * size), -offset * size]))
+        if not np.isfinite(found.matrix).all():
+            self.warnings(self.path, "places a texture by no finite numbers, and as it is instead")
+            return Coordinates(found.primvar)
         return found
 
     def pair(self, name: str, default: float) -> np.ndarray:
@@ -242,10 +265,28 @@ class Inputs:
         return value
 
     def _computed(self, node: UsdShade.Shader, output: str, asking: str, depth: int) -> Value:
-        kind = str(node.GetShaderId() or "")
-        if depth > DEEPEST:
+        walk, key = self._walk, (str(node.GetPath()), output, self._as_images)
+        if key in walk.known:
+            value, varies = walk.known[key]
+            self.varies |= varies
+            return value
+        if depth > DEEPEST or key in walk.open:
             self.warnings(asking, "is fed by a network that is too deep, or circular; its default is used")
             return Value(None)
+        walk.open.add(key)
+        varied, self.varies = self.varies, False
+        try:
+            value = self._compute(node, output, asking, depth)
+            walk.known[key] = value, self.varies
+        finally:
+            walk.open.discard(key)
+            self.varies |= varied
+            if not walk.open:
+                walk.known.clear()
+        return value
+
+    def _compute(self, node: UsdShade.Shader, output: str, asking: str, depth: int) -> Value:
+        kind = str(node.GetShaderId() or "")
         operation = operation_of(kind)
         if operation is not None:
             arguments = [self._argument(node, name, default, depth) for name, default in operation.arguments]
@@ -291,7 +332,8 @@ class Inputs:
         pattern = pattern_of(kind, inner)
         if pattern is not None:
             pixels = np.clip(_channel(pattern.pixels, output, kind), -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
-            placed = inner.coordinates().then(pattern.matrix)
+            matrix = pattern.matrix if np.isfinite(pattern.matrix).all() else np.eye(2, 3)
+            placed = inner.coordinates().then(matrix)
             image = Image({(0, 0): pixels}, (pattern.wrap, pattern.wrap), np.zeros(pixels.shape[-1]), placed)
             if not self._as_images:
                 self.warnings(asking, "is a pattern, which is not spread over the surface: " + ITS_MEAN)
