@@ -481,6 +481,36 @@ def test_a_circular_network_is_said(small):
     assert any("circular" in message for message in warnings)
 
 
+@pytest.mark.parametrize(
+    ("inputs", "interaction"),
+    [
+        ({"ior": 9.0, "diffuseColor": (0.0, 0.0, 0.0), "roughness": 0.0}, Interaction.MIRROR),
+        ({"ior": 9.0, "diffuseColor": (0.0, 0.0, 0.0), "roughness": 0.9}, Interaction.DIFFUSE),
+        ({"ior": 9.0, "diffuseColor": (0.8, 0.8, 0.8), "roughness": 0.0}, Interaction.DIFFUSE),
+        ({"ior": 1.5, "diffuseColor": (0.0, 0.0, 0.0), "roughness": 0.0}, Interaction.DIFFUSE),
+    ],
+)
+def test_what_shines_more_than_any_dielectric_by_its_index_is_a_metal(small, inputs, interaction):
+    material, _ = read_preview(small, **inputs)
+    assert material.interaction == interaction
+    if interaction == Interaction.MIRROR:
+        # Fresnel's reflectance at normal incidence.
+        assert material.color == pytest.approx((0.64,) * 3)
+
+
+def test_a_metal_of_the_specular_workflow_reflects_by_its_specular_texture_alone(small):
+    pixels = np.full((2, 2, 3), 0.75, np.float32)
+    pixels[0] = 1.0
+    shader, texture = textured(small, pixels, "texture.exr")
+    shader.CreateInput("specularColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(texture.ConnectableAPI(), "rgb")
+    shader.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set((0.0, 0.0, 0.0))
+    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.0)
+    small.bind(small.mesh(), "/Material")
+    (material,) = read(small)[0].materials
+    assert material.interaction == Interaction.MIRROR and set(material.texture.tiles[0, 0].ravel()) == {0.75, 1.0}
+
+
 def wide(small, surface, kind, asking, inputs, count):
     """A surface fed by a row of nodes, each by two inputs from the next, and the last from the first."""
     material = UsdShade.Material.Define(small.stage, "/Material")

@@ -22,6 +22,8 @@ MIRROR_LIKE = 0.3 + 1e-6
 HALF_UP = 1.0 + 2.0**-11
 # Less metal than this is left out: it would reflect no more than varnish does.
 LEAST_METAL = 0.05
+# No dielectric of an index below 2.6 reflects more than this at normal incidence: what does is a metal.
+MOST_DIELECTRIC_REFLECTANCE = 0.2
 # Weights are authored in single precision and by hand: this near to 0 or 1 they are.
 NEARLY = 0.01
 # A tint of nothing would absorb without end: after its depth this much is left, which is no step of eight bits.
@@ -70,6 +72,11 @@ def _present(physical: Physical, path: str, warn: Callable[[str, str], None], wa
         return _partly(_dielectric(physical, path, warn, warnings), clear, physical)
     if isinstance(metal, Image) or metal >= LEAST_METAL:
         return _partly(_mirror(physical, path, warn), metal, physical)
+    reflectance = ((physical.ior - 1.0) / (physical.ior + 1.0)) ** 2 if physical.ior > 0 else 0.0
+    if reflectance > max(MOST_DIELECTRIC_REFLECTANCE, *physical.base_color) and physical.roughness <= MIRROR_LIKE:
+        # What is darker than it shines is a metal that is authored by its index.
+        grey = replace(physical, base_color=(min(reflectance, 1.0),) * 3, base_image=None)
+        return _mirror(grey, path, warn)
     if physical.metalness > NEARLY and not physical.images.keys() & {"metalness", "roughness"}:
         warn("metalness", "metal that is rough, or hardly any, is rendered as diffuse")
     return diffuse

@@ -141,6 +141,12 @@ def tint_below_coat(values: dict[str, Any]) -> None:
         values["base_image"] = values["base_image"].mapped(lambda pixels: pixels * tint)
 
 
+def reflect_by(inputs: Inputs, values: dict[str, Any], name: str, color: Color) -> None:
+    """Makes metal of a surface, in place, that reflects by the input ``name``, whose mean is ``color``."""
+    values["metalness"], values["base_color"] = 1.0, color
+    values["base_image"] = _base_image(inputs, Field((name,), color))
+
+
 def _value(inputs: Inputs, name: str, where: Field) -> float | bool | Color:
     default = where.default
     weight = 1.0 if where.weight is None else inputs.number((where.weight[0],), where.weight[1])
