@@ -24,6 +24,8 @@ DEFAULTS = ("fallback", "default", "missing_color")
 PRIMVAR_READERS = ("primvarreader", "geompropvalue", "geomcolor", "user_data_")
 # How a warning ends that a picture is not spread over the surface.
 ITS_MEAN = "its mean is rendered"
+# Types of inputs that take four numbers.
+FOUR = ("float4", "color4f")
 FILES = ("file", "filename", "in", "texture")
 _FILE_NAMES = (str, Sdf.AssetPath)
 
@@ -258,7 +260,7 @@ class Inputs:
             value = value_at(attributes[0], self.frame)
             return Value(None if value is None else np.atleast_1d(value))
         value = self._computed(node, output, str(found.GetAttr().GetPath()), depth + 1)
-        if value.numbers is not None and value.numbers.size == 4 and found.GetTypeName() != "float4":
+        if value.numbers is not None and value.numbers.size == 4 and str(found.GetTypeName()) not in FOUR:
             # A texture has four channels whatever it feeds.
             image = None if value.image is None else value.image.mapped(lambda pixels: pixels[..., :3])
             return Value(value.numbers[:3], value.spread, value.primvar, image)
