@@ -7,20 +7,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 
 from tpdwarp.scene.description import Wrap
-
-if TYPE_CHECKING:
-    from tpdwarp.usd.read.materials.inputs import Inputs
+from tpdwarp.usd.read.materials.physical import Color
 
 # Texels of a ramp, and of a side of a picture with edges. Chosen, not derived: a level of eight bits a texel.
 FINE = 256
 CENTERS = (np.arange(FINE) + 0.5) / FINE
 CONSTANT = 0
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+
+
+class Inputs(Protocol):
+    """The inputs of a node, as :class:`tpdwarp.usd.read.materials.inputs.Inputs` has them."""
+
+    def value(self, *names: str) -> Any: ...
+    def number(self, names: tuple[str, ...], default: float) -> float: ...
+    def color(self, names: tuple[str, ...], default: Color) -> Color: ...
+    def pair(self, name: str, default: float) -> np.ndarray: ...
+    def flag(self, name: str, default: bool = False) -> bool: ...
+    def text(self, name: str) -> str: ...
 
 
 @dataclass(frozen=True)
