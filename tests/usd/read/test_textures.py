@@ -375,6 +375,15 @@ def test_what_a_surface_gives_off_is_spread_over_it(small):
     np.testing.assert_allclose(tile(material.emission_map), pixels, rtol=2 * HALF)
 
 
+@pytest.mark.parametrize("weight", [0.0, 0.5])
+def test_what_a_surface_gives_off_is_read_only_where_it_has_a_weight(small, weight):
+    pixels = RANDOM.uniform(0.5, 1.0, (2, 2, 3)).astype(np.float32)
+    material, said = spread(small, STANDARD, {"emission": weight}, "emission_color", pixels, TYPES.Color3f, "rgb")
+    assert (material.emission_map is None, len(said)) == (weight == 0, weight > 0)
+    if weight:
+        np.testing.assert_allclose(tile(material.emission_map), weight * pixels, atol=HALF)
+
+
 def test_a_texture_of_one_value_is_that_value(small):
     material, said = spread(small, PREVIEW, {"metallic": 1.0}, "roughness", np.full((2, 2, 1), 0.2, np.float32))
     assert (material.roughness_map, material.roughness, said) == (None, pytest.approx(0.04, abs=HALF), [])

@@ -101,6 +101,10 @@ class Dialect:
         for name in filter(held.__contains__, SPREAD):
             if name in ONLY_SPECULAR and not _specular(values):
                 continue
+            weight = self.fields[name].weight
+            if weight is not None and inputs.number((weight[0],), weight[1]) == 0.0:
+                held[name].clear()
+                continue
             # What a dialect gives another meaning is no longer what its picture shows.
             image = _spread_image(inputs, name, self.fields[name]) if values.get(name) == read[name] else None
             if image is not None:
