@@ -1,6 +1,7 @@
 """Visibility: visible points on diffuse surfaces, through and in specular ones, and the direct light there.
 
-Camera paths branch at dielectrics as photons do (see :mod:`tpdwarp.photons.branching`).
+Camera paths branch at dielectrics as photons do (see :mod:`tpdwarp.photons.branching`); of faint branches, samples of a
+pixel share those that they follow (:mod:`tpdwarp.view.shared_branches`).
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
+from tpdwarp.view.shared_branches import follows, samples_served
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
 from tpdwarp.view.view_state import ViewState, keep_view, view_state
 
@@ -171,6 +173,7 @@ def visible_kernel(
         segments: float,
         radiance_power: float,
         sample_side: float,
+        samples: int,
         # Out
         queries: QueryArrays,
         out: VisibleArrays,
@@ -421,17 +424,20 @@ def visible_kernel(
                     branch = take_branch(mask, decision, first_open, reflectance, throughput, smallest_throughput)
                     reflected = branch.reflected
                     throughput = branch.throughput
+                    served = samples_served(branch.other, samples)
+                    if reflected and branch.decided != 0:
+                        throughput *= float(samples_served(throughput, samples))
                     if not reflected:
                         if not sheet:
                             throughput = throughput * wp.pow(at.eta, radiance_power)
                         if wp.static(tinted):
                             throughput = wp.cw_mul(throughput, textures.transmittances[material])
-                    reported = reported | branch.reported
-                    if branch.reported != 0:
+                    if branch.reported != 0 and follows(films[item], item % samples, mask | branch.reported, served):
+                        reported = reported | branch.reported
                         # ---- What is reflected goes on from here
                         other = scatter(beam, hit, at, True, False, wp.static(moves))
                         of_branch = view_state(
-                            other, branch.other, stream, 0.0, FAR, passed_by, travelled, depth_scale,
+                            other, float(served) * branch.other, stream, 0.0, FAR, passed_by, travelled, depth_scale,
                             out.first_depth[i], inside, decision + 1, bounce + 1, flags & MET_MOTION,
                         )  # fmt: skip
                         kept = keep_view(states, tid, kept, of_branch)
@@ -571,7 +577,7 @@ def visible_points(
         lit = [surfaces, lights, area_lights, camera]
         scene = [*lit, textures or TextureArrays(), domes or DomeArrays(), films]
         limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
-        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, out.queries, out.arrays, kept])
+        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, samples, out.queries, out.arrays, kept])
         if out.surfaces is not None:
             found = out.queries, out.arrays, device_rows
             find_surfaces(*lit, *found, aovs, launcher, moves, segments, out.surfaces)
