@@ -339,6 +339,7 @@ def gathered(
 
     Args:
         windows: Time, and middle and length of the window, of each query in the place of the lookup's, shape [n, 3].
+            Where those that follow each other share a window, they are looked up together.
     """
     count = queries.position.shape[0]
     out = irradiance_arrays(count, lookup.with_motion, launcher)
@@ -347,7 +348,7 @@ def gathered(
         return out
     leaves = leaves_of(queries, count, lookup.query_moves, launcher)
     group_size = GPU_GROUP if launcher.device.is_cuda else GROUP
-    looks = _windows(lookup, windows, launcher)
+    looks = time_windows(lookup.windows() if windows is None else windows, launcher)
     for footprints in maps:
         moves = footprints.moves or lookup.query_moves
         shaded = footprints.shaded and has_shading_normals(queries)
@@ -359,10 +360,8 @@ def gathered(
     return out
 
 
-def _windows(lookup: Lookup, windows: np.ndarray | None, launcher: Launcher) -> wp.array:
-    """One window for all queries, or one for each."""
-    if windows is None:
-        return wp.array([time_window(lookup)], dtype=TimeWindow, device=launcher.device)
+def time_windows(windows: np.ndarray, launcher: Launcher) -> wp.array:
+    """Time, and middle and length of the window, of each query or of all, shape [n, 3], on the device."""
     rows = np.zeros(len(windows), TimeWindow.numpy_dtype())
     rows["time"], rows["center"], rows["length"] = windows.T
     return wp.array(rows, dtype=TimeWindow, device=launcher.device)
