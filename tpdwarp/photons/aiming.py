@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
 from tpdwarp.photons.lattice_shape import specular_faces, turned
@@ -50,6 +53,38 @@ def spread_of(light: LightAtShutter, corners: np.ndarray, axis: np.ndarray, norm
     return float(np.arccos(np.clip((offsets @ axis / lengths).min(), -1.0, 1.0)))
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Triangles as a point light sees them, whichever way it looks.
+
+    Attributes:
+        corners: From the light, in the tracer's units, shape [k, 3, 3].
+        centres: Their middles, shape [k, 3].
+        edges: Lengths of their edges, shape [k, 3].
+        angles: The largest angle [rad] that each may span, shape [k].
+    """
+
+    corners: np.ndarray
+    centres: np.ndarray
+    edges: np.ndarray
+    angles: np.ndarray
+
+    @classmethod
+    def of(cls, corners: np.ndarray) -> Seen:
+        """Triangles whose corners are given from the light."""
+        lengths = np.linalg.norm(corners, axis=2)
+        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        angles = edges.max(axis=1) / np.maximum(lengths.min(axis=1), 1e-9)
+        return cls(corners, corners.mean(axis=1), edges, angles)
+
+
+def seen_from(light: LightAtShutter, corners: np.ndarray, normalization: Normalization) -> Seen | None:
+    """What a point light sees of triangles; None for parallel light, which sees them by their corners alone."""
+    if light.kind == LightKind.DISTANT:
+        return None
+    return Seen.of(corners - normalization.points(light.position[None])[0])
+
+
 def bounds_of(
     light: LightAtShutter,
     axes: np.ndarray | None,
@@ -57,53 +92,65 @@ def bounds_of(
     corners: np.ndarray,
     normalization: Normalization,
     turn: float = 0.0,
+    seen: Seen | None = None,
 ) -> Bounds | None:
     """Patch coordinates (u0, u1, v0, v1) that reach ``corners`` at mid shutter; None if none do.
 
-    The patch of a distant light is turned by ``turn`` [rad] from the light's own axes.
+    The patch of a distant light is turned by ``turn`` [rad] from the light's own axes. ``seen`` is what
+    :func:`seen_from` gives, where several patches of a light are bounded.
     """
     if light.kind == LightKind.DISTANT:
         uv = corners.reshape(-1, 3) @ turned(light.axes, turn)[:2].T
     else:
-        uv = _angles(corners - normalization.points(light.position[None])[0], axes, limit)
+        uv = _angles(seen or seen_from(light, corners, normalization), axes, limit)
     if not len(uv):
         return None
     lower, upper = uv.min(axis=0), uv.max(axis=0)
     return float(lower[0]), float(upper[0]), float(lower[1]), float(upper[1])
 
 
-def _angles(corners: np.ndarray, axes: np.ndarray, limit: float) -> np.ndarray:
-    """(u, v) angles that bound the parts of triangles [k, 3, 3] (seen from the origin) inside the patch, shape [m, 2].
+def _within(corners: np.ndarray, slope: float) -> np.ndarray:
+    """Whether corners [k, 3, 3] lie on the inner side of the planes x, y = ±slope z, shape [k, 3, 4]."""
+    x, y, reach = corners[..., 0], corners[..., 1], slope * corners[..., 2]
+    return np.stack([x <= reach, -x <= reach, y <= reach, -y <= reach], axis=-1)
+
+
+def _angles(seen: Seen, axes: np.ndarray, limit: float) -> np.ndarray:
+    """(u, v) angles that bound the parts of triangles inside the patch, shape [m, 2].
 
     Triangles that look large from the light are cut across their longest edge until they look small, so that bounds
     stay tight where a surface surrounds the light.
     """
-    local = corners @ axes.T
-    if len(local) and local[..., 2].min() > 0.0:
+    if len(seen.corners) and (seen.corners @ axes[2]).min() > 0.0:
         # All of it lies before the patch: tangents are greatest and least at corners.
-        flat = local.reshape(-1, 3)
+        flat = (seen.corners @ axes.T).reshape(-1, 3)
         tangents = flat[:, :2] / flat[:, 2:]
         ends = flat[np.concatenate([tangents.argmin(axis=0), tangents.argmax(axis=0)])]
         uv = np.arctan2(ends[:, :2], ends[:, 2:])
         if np.abs(uv).max() <= limit:
             return uv
     found = []
+    # Most triangles lie on another side of the light: only the others are turned to the patch.
+    parts = seen
+    centre = parts.centres @ axes.T
+    turn = axes.T
     for _ in range(24):
-        lengths = np.linalg.norm(local, axis=2)
-        edges = np.linalg.norm(local - np.roll(local, -1, axis=1), axis=2)
-        angle = edges.max(axis=1) / np.maximum(lengths.min(axis=1), 1e-9)
-        centre = local.mean(axis=1)
         reach = np.arctan2(np.maximum(np.abs(centre[:, 0]), np.abs(centre[:, 1])), centre[:, 2])
-        near = (reach <= limit + angle) | (angle > 1.0)
-        small = angle <= FINEST_ANGLE
-        found.append(local[near & small].reshape(-1, 3))
-        local, edges = local[near & ~small], edges[near & ~small]
+        near = (reach <= limit + parts.angles) | (parts.angles > 1.0)
+        local, edges, small = parts.corners[near] @ turn, parts.edges[near], parts.angles[near] <= FINEST_ANGLE
+        # What lies inside as a whole is bounded by its corners; of what lies outside as a whole nothing is kept below.
+        inside = _within(local, math.tan(limit)).all(axis=(1, 2))
+        outside = (~_within(local, math.tan(limit + FINEST_ANGLE))).all(axis=1).any(axis=1)
+        found.append(local[inside | small].reshape(-1, 3))
+        cut = ~(inside | small | outside)
+        local, edges = local[cut], edges[cut]
         if not len(local) or len(local) > 200_000:
             break
         rows, longest = np.arange(len(local)), edges.argmax(axis=1)
         a, b, c = (local[rows, (longest + corner) % 3] for corner in range(3))
         middle = 0.5 * (a + b)
-        local = np.concatenate([np.stack(part, axis=1) for part in ((a, middle, c), (middle, b, c))])
+        parts = Seen.of(np.concatenate([np.stack(part, axis=1) for part in ((a, middle, c), (middle, b, c))]))
+        centre, turn = parts.centres, np.eye(3)
     found.append(local.reshape(-1, 3))
     points = np.concatenate(found)
     points = points[points[:, 2] > 0.0]

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import warp as wp
@@ -21,6 +22,7 @@ from tpdwarp.photons.aiming import (
     area_of,
     bounds_of,
     cube_axes,
+    seen_from,
     specular_corners,
     spread_of,
 )
@@ -111,6 +113,10 @@ class EmissionPlan:
     normalization: Normalization
     candidates: tuple[_Candidate, ...] = ()
     splits: int = 1
+    # What scenes that are still in use emit is found once: it is asked for by each that traces or looks for edges.
+    _found: WeakKeyDictionary[SceneAtShutter, _Emitted] = field(
+        default_factory=WeakKeyDictionary, init=False, repr=False, compare=False
+    )
 
     def with_photons(self, photons: int) -> EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
@@ -179,17 +185,32 @@ class EmissionPlan:
         broader side to the light) get lattices of this shutter's own, and as many photons as all others together;
         their ids do not last.
         """
-        scene = split_lights(scene, self.splits)
+        if scene not in self._found:
+            self._found[scene] = self._emitted(split_lights(scene, self.splits))
+        found = self._found[scene]
+        return [
+            (lattice, _patch(lattice, light, bounds, found.behind, found.magnitude, self.normalization))
+            for lattice, light, bounds in found.parts
+        ]
+
+    def _emitted(self, scene: SceneAtShutter) -> _Emitted:
+        """What a scene emits, whose lights are split already."""
         corners = specular_corners(scene, self.normalization)
         if not len(corners):
-            return []
+            return _Emitted()
         norm = self.normalization
         lights = {light.path: light for light in scene.lights if any(light.power)}
         foreseen: list[tuple[Lattice, Bounds | None]] = []
         unforeseen: list[_Candidate] = []
+        of_light: dict[str, list[Lattice]] = {}
+        for lattice in self.lattices:
+            of_light.setdefault(lattice.light, []).append(lattice)
         for light in lights.values():
-            planned = [lattice for lattice in self.lattices if lattice.light == light.path]
-            bounds = [bounds_of(light, lattice.axes, lattice.limit, corners, norm, lattice.turn) for lattice in planned]
+            planned = of_light.get(light.path, [])
+            seen = seen_from(light, corners, norm)
+            bounds = [
+                bounds_of(light, lattice.axes, lattice.limit, corners, norm, lattice.turn, seen) for lattice in planned
+            ]
             pairs = list(zip(planned, bounds, strict=True))
             if pairs and all(self._holds(light, corners, *pair) for pair in pairs):
                 foreseen += pairs
@@ -198,12 +219,9 @@ class EmissionPlan:
         made = _lattices(unforeseen, self.photons, self.planned_ids)
         found = [bounds_of(lights[lattice.light], lattice.axes, lattice.limit, corners, norm) for lattice in made]
         behind = 2.0 * _radius(scene, norm) + 1.0
-        magnitude = np.abs(corners).max(axis=(0, 1))
-        return [
-            (lattice, _patch(lattice, lights[lattice.light], bounds, behind, magnitude, norm))
-            for lattice, bounds in (*foreseen, *zip(made, found, strict=True))
-            if bounds is not None
-        ]
+        pairs = *foreseen, *zip(made, found, strict=True)
+        parts = [(lattice, lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
+        return _Emitted(parts, behind, np.abs(corners).max(axis=(0, 1)))
 
     def _holds(self, light: LightAtShutter, corners: np.ndarray, lattice: Lattice, bounds: Bounds | None) -> bool:
         """Whether ``lattice`` suits what ``light`` sees: nothing outside of it, and not far more than was foreseen."""
@@ -318,6 +336,21 @@ def _lattices(candidates: Sequence[_Candidate], photons: int, first_id: int) -> 
     return lattices
 
 
+@dataclass(frozen=True, eq=False)
+class _Emitted:
+    """What a scene emits.
+
+    Attributes:
+        parts: Lattices, each with its light and the bounds of its cells.
+        behind: How far before the origin light from afar starts.
+        magnitude: How large the coordinates of what is specular are, shape [3].
+    """
+
+    parts: Sequence[tuple[Lattice, LightAtShutter, Bounds]] = ()
+    behind: float = 0.0
+    magnitude: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
 @dataclass(frozen=True)
 class _Candidate:
     """A patch that a light could use: where it lies, the largest domain seen there and the power through it.
@@ -351,8 +384,12 @@ def _candidates(
         spread = max(spread_of(light, there, cube[0][2], normalization) for light, there in views)
         faces, limit = (cube[:1], WIDEST_SINGLE_PATCH) if spread < WIDEST_SINGLE_PATCH else (cube, CUBE_FACE)
     found = []
+    sights = [(light, there, seen_from(light, there, normalization)) for light, there in views]
     for number, axes in enumerate(faces):
-        bounds = [(light, bounds_of(light, axes, limit, there, normalization, shape.turn)) for light, there in views]
+        bounds = [
+            (light, bounds_of(light, axes, limit, there, normalization, shape.turn, sight))
+            for light, there, sight in sights
+        ]
         seen = [(light, b) for light, b in bounds if b is not None]
         if not seen:
             continue
