@@ -30,9 +30,14 @@ from tpdwarp.scene.device.textures import (
     TextureArrays,
     absorbed_in_media,
     absorbed_within,
+    diffuse_share_at,
+    emission_at,
     mapped_normal,
+    mirror_tint,
     on_plane,
+    roughness_at,
     textured_color,
+    transmittance_at,
 )
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
@@ -145,9 +150,11 @@ def visible_kernel(
     rough: bool = False,
     clipped: bool = False,
     normal_maps: bool = False,
+    mapped: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular, branches = refraction and reflection, refraction or reflection, refraction or partial
+    placed = textured or mapped
     arrives = share_that_arrives(linked, partial)
     from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
 
@@ -263,7 +270,7 @@ def visible_kernel(
                 if wp.static(domed):
                     out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                 break
-            if wp.static(textured):
+            if wp.static(placed):
                 travelled += hit.distance
             if wp.static(nested and tinted):
                 throughput = wp.cw_mul(throughput, absorbed_in_media(textures, inside, hit.distance))
@@ -323,8 +330,19 @@ def visible_kernel(
                 out.first_depth[i] = depth * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
+            across = wp.vec3(0.0, 0.0, 0.0)
+            down = wp.vec3(0.0, 0.0, 0.0)
+            if wp.static(placed):
+                # What a sample stands for is taken to be as wide as it would be without what bent its ray.
+                width = sample_side
+                if camera.orthographic == 0:
+                    width *= travelled * depth_scale
+                across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
+                down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
             if wp.static(partial):
                 diffuse = textures.diffuse_shares[material]
+                if wp.static(mapped):
+                    diffuse = diffuse_share_at(textures, material, hit, across, down)
                 part = take_share(mask, decision, first_open, diffuse, throughput, smallest_throughput)
                 throughput = part.throughput
                 reported = reported | part.reported
@@ -339,12 +357,6 @@ def visible_kernel(
                 n = faced_normal(surfaces, hit, n_g, wp.static(moves))
                 albedo = diffuse_color(surfaces, hit)
                 if wp.static(textured):
-                    # What a sample stands for is taken to be as wide as it would be without what bent its ray.
-                    width = sample_side
-                    if camera.orthographic == 0:
-                        width *= travelled * depth_scale
-                    across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
-                    down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
                     albedo = textured_color(textures, material, hit, albedo, across, down)
                     if wp.static(normal_maps):
                         n = mapped_normal(textures, material, hit, n, across, down)
@@ -370,7 +382,10 @@ def visible_kernel(
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 if wp.static(emission):
-                    out.direct[i] += wp.cw_mul(throughput, textures.emissions[material])
+                    shining = textures.emissions[material]
+                    if wp.static(textured):
+                        shining = emission_at(textures, material, hit, across, down)
+                    out.direct[i] += wp.cw_mul(throughput, shining)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
                 queries.normal[i] = n_g
                 if wp.static(smooth_receivers):
@@ -403,11 +418,15 @@ def visible_kernel(
                 at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
                 u = float(0.0)
                 v = float(0.0)
+                roughness = float(0.0)
                 if wp.static(rough):
                     u = wp.randf(stream)
                     v = wp.randf(stream)
-                    if textures.roughnesses[material] > 0.0:
-                        at = facet(at, hit, beam.w, dielectric, textures.roughnesses[material], u, v)
+                    roughness = textures.roughnesses[material]
+                    if wp.static(mapped):
+                        roughness = roughness_at(textures, material, hit, across, down)
+                    if roughness > 0.0:
+                        at = facet(at, hit, beam.w, dielectric, roughness, u, v)
                 reflected = True
                 if dielectric:
                     if wp.static(tinted):
@@ -431,7 +450,10 @@ def visible_kernel(
                         if not sheet:
                             throughput = throughput * wp.pow(at.eta, radiance_power)
                         if wp.static(tinted):
-                            throughput = wp.cw_mul(throughput, textures.transmittances[material])
+                            passing = textures.transmittances[material]
+                            if wp.static(mapped):
+                                passing = transmittance_at(textures, material, hit, across, down)
+                            throughput = wp.cw_mul(throughput, passing)
                     if branch.reported != 0 and follows(films[item], item % samples, mask | branch.reported, served):
                         reported = reported | branch.reported
                         # ---- What is reflected goes on from here
@@ -445,7 +467,10 @@ def visible_kernel(
                         flags = flags | CULLED
                     decision += branch.decided
                 else:
-                    throughput = wp.cw_mul(throughput, surfaces.tint[material])
+                    tint = surfaces.tint[material]
+                    if wp.static(mapped):
+                        tint = mirror_tint(textures, material, hit, tint, across, down)
+                    throughput = wp.cw_mul(throughput, tint)
                 if wp.static(nested):
                     if not reflected:
                         inside = beyond
@@ -454,7 +479,7 @@ def visible_kernel(
                 if sheet and not reflected:
                     beam = passed(beam, hit)
                     if wp.static(rough):
-                        beam.w = behind_sheet(beam.w, surfaces.ior[material], textures.roughnesses[material], u, v)
+                        beam.w = behind_sheet(beam.w, surfaces.ior[material], roughness, u, v)
                 else:
                     beam = scatter(beam, hit, at, reflected, False, wp.static(moves))
             else:
@@ -561,6 +586,7 @@ def visible_points(
         rough=needs.rough,
         clipped=needs.clipped,
         normal_maps=needs.normal_maps,
+        mapped=needs.specular_maps,
     )
     first = True
     while len(items):
