@@ -3,7 +3,8 @@
 A sphere of one radiance sends the same light, ray by ray, as a cloud of points that shine alike in all directions, of a
 density 1/√(R² − r²) at the distance r from its middle: the integral of that along any chord is the same. So its places
 lie in it, and not on it, and none of them is ever turned away. A cylinder (its side) is such a cloud about its axis.
-Its parts are those of the disc as which it is seen from what is specular.
+Parts are pieces of the disc, or of the rectangle, that they are as seen from what is specular, each at a depth of its
+own along that view, as places of the cloud are: so they have their width from the side, too.
 
 Beyond the paper, whose lights are points or parallel.
 """
@@ -23,6 +24,9 @@ PLASTIC = (0.7548776662466927, 0.5698402909980532)
 # Footprints from N parts of a light, whose lattices interleave, are N to this power as wide as their cells. Chosen, not
 # derived: sums of them then ripple by less than two hundredths (tests/footprints/test_light_images.py).
 NARROWING_POWER = -1.0 / 8.0
+# Axes of the parts of a lamp that is seen along the last of them, from below and aside whether y is up or z: parts would
+# jump within a shutter in which a lamp passes the opposite direction, from straight below.
+FROM_ABOVE = np.array([[1.0, 0.0, 0.0], [0.0, -0.8, 0.6], [0.0, -0.6, -0.8]])
 # Steps of the table that inverts the distribution of radii in a sphere.
 TABLE = np.linspace(0.0, 0.5 * math.pi, 4097)
 
@@ -31,10 +35,10 @@ def split_lights(scene: SceneAtShutter, count: int) -> SceneAtShutter:
     """``scene`` with each light that has an extent cut into about ``count`` smaller ones, which cover it together."""
     if count == 1 or all(light.extent is None for light in scene.lights):
         return scene
-    middle = _middle_of_glass(scene)
+    middles = _middles_of_glass(scene)
     lights: list[LightAtShutter] = []
     for light in scene.lights:
-        lights += [light] if light.extent is None else parts_of(light, count, middle)
+        lights += [light] if light.extent is None else parts_of(light, count, middles)
     return replace(scene, lights=tuple(lights))
 
 
@@ -50,29 +54,41 @@ def place_lights(scene: SceneAtShutter, number: int, count: int) -> SceneAtShutt
 def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = None) -> list[LightAtShutter]:
     """About ``count`` lights of equal power that make up ``light``; their paths are its own with a number.
 
-    Rectangles are cut into rectangles, cylinders along their axis, and what is round into a disc in its middle and
-    rings of pieces around it, nearly rectangles of its area. A sphere is the disc that is seen from ``seen_from``.
+    Rectangles are cut into rectangles, cylinders along their axis and across it, and what is round into a disc in its
+    middle and rings of pieces around it, nearly rectangles of its area.
+
+    Args:
+        seen_from: From where spheres and cylinders are seen as discs and rectangles, as the shutter opens and closes,
+            shape [2, 3].
     """
     extent = light.extent
-    if extent.shape in (ExtentShape.RECT, ExtentShape.CYLINDER):
-        a, b = np.linalg.norm(extent.spans, axis=1)
-        across = count
-        if extent.shape == ExtentShape.RECT:
-            across = round(max(1.0, min(math.sqrt(count * a / b), count)))
+    spans, motions = _spans(light, seen_from)
+    shape, round_pieces = extent.shape, extent.shape in (ExtentShape.ROUND, ExtentShape.DISK)
+    if round_pieces:
+        pieces = pieces_of_disc(count)
+    else:
+        a, b = (float(np.linalg.norm(span)) for span in spans[:2])
+        across = round(max(1.0, min(math.sqrt(count * a / b), count)))
         down = max(1, round(count / across))
         steps = [(2.0 * np.arange(n) + 1.0) / n - 1.0 for n in (across, down)]
-        size = np.array([[1.0 / across, 0.0], [0.0, 1.0 / down]])
+        size = np.diag([1.0 / across, 1.0 / down])
+        if extent.shape == ExtentShape.CYLINDER and down == 1:
+            # As wide as the whole: a cylinder, from everywhere.
+            size[1, 1] = 0.0
+        else:
+            shape = ExtentShape.RECT
         pieces = [(np.array([u, v]), size) for v in steps[1] for u in steps[0]]
-        shapes = [extent.shape] * len(pieces)
-    else:
-        pieces = pieces_of_disc(count)
-        shapes = [ExtentShape.DISK] + [ExtentShape.RECT] * (len(pieces) - 1)
-    spans, motions = _spans_across(light, seen_from)
+    depths = np.zeros(len(pieces))
+    if light.kind != LightKind.DISTANT and extent.shape == ExtentShape.ROUND:
+        depths = _depths_in_ball(pieces)
+    elif extent.shape == ExtentShape.CYLINDER and down > 1:
+        depths = np.concatenate([math.sqrt(1.0 - v**2) * _depths(across) for v in steps[1]])
     found = []
-    for number, ((place, sides), shape) in enumerate(zip(pieces, shapes, strict=True)):
-        part = _at(light, place, spans, motions)
+    for number, ((place, sides), depth) in enumerate(zip(pieces, depths, strict=True)):
+        part = _at(light, np.append(place, depth), spans, motions)
         power = tuple(channel / len(pieces) for channel in part.power)
-        smaller = Extent(shape, extent.radius, sides @ spans, sides @ motions)
+        kind = shape if not round_pieces else ExtentShape.RECT if number else ExtentShape.DISK
+        smaller = Extent(kind, extent.radius, sides @ spans[:2], sides @ motions[:2])
         found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller))
     return found
 
@@ -123,31 +139,94 @@ def pieces_of_disc(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
     return pieces
 
 
-def _middle_of_glass(scene: SceneAtShutter) -> np.ndarray | None:
-    """The middle of what is specular; None where nothing is."""
-    corners = [bound for mesh in scene.meshes if mesh.specular for bound in (mesh.points.min(0), mesh.points.max(0))]
-    return 0.5 * (np.min(corners, axis=0) + np.max(corners, axis=0)) if corners else None
+def _depths(count: int) -> np.ndarray:
+    """Depths of ``count`` pieces side by side, by half of the chords through them, shape [count].
+
+    A cloud of the density 1/√(h² − z²) along a chord from −h to h is at h cos(π u) for u spread evenly over 0 … 1.
+    """
+    step = next(step for step in range(max(1, round(GOLDEN * count)), 2 * count + 1) if math.gcd(step, count) == 1)
+    return np.cos(math.pi * (np.arange(count) * step % count + 0.5) / count)
 
 
-def _spans_across(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Half of a light along two axes [2, 3] and their motion; of a sun, sines along its x and y."""
+def _depths_in_ball(pieces: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Depths of the pieces of a unit disc (:func:`pieces_of_disc`) as which a ball is seen, shape [n].
+
+    Pieces on opposite sides of a ring lie equally deep, so that no ring is tilted.
+    """
+    depths = [np.zeros(1)]
+    while sum(map(len, depths)) < len(pieces):
+        depths.append(np.tile(_depths(3 * len(depths)), 2))
+    squares = np.array([place @ place + (sides**2).sum() / 3.0 for place, sides in pieces])
+    return np.sqrt(np.maximum(1.0 - squares, 0.0)) * np.concatenate(depths)
+
+
+def _middles_of_glass(scene: SceneAtShutter) -> np.ndarray | None:
+    """The middle of what is specular as the shutter opens and closes, shape [2, 3]; None where nothing is."""
+    middles = []
+    for part in (-0.5, 0.5):
+        ends = [
+            mesh.points if mesh.motions is None else mesh.points + part * mesh.motions
+            for mesh in scene.meshes
+            if mesh.specular and len(mesh.points)
+        ]
+        if not ends:
+            return None
+        corners = [bound for points in ends for bound in (points.min(axis=0), points.max(axis=0))]
+        middles.append(0.5 * (np.min(corners, axis=0) + np.max(corners, axis=0)))
+    return np.array(middles, dtype=np.float64)
+
+
+def _spans(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Half of a light along two axes, and what its depth is measured by, [3, 3], and their motion; of a sun, sines."""
     extent = light.extent
     if light.kind == LightKind.DISTANT:
-        sine = math.sin(extent.radius)
-        return sine * light.axes[:2], sine * light.axes_motion[:2]
-    if extent.shape != ExtentShape.ROUND:
-        return extent.spans, extent.spans_motion
-    direction = light.axes[2] if seen_from is None else seen_from - light.position
-    w = direction / max(float(np.linalg.norm(direction)), np.finfo(float).tiny)
-    u = np.cross(np.eye(3)[int(np.argmin(np.abs(w)))], w)
-    u /= np.linalg.norm(u)
-    return extent.radius * np.array([u, np.cross(w, u)]), np.zeros((2, 3))
+        sine = math.sin(extent.radius) * np.diag([1.0, 1.0, 0.0])
+        return sine @ light.axes, sine @ light.axes_motion
+    if extent.shape in (ExtentShape.RECT, ExtentShape.DISK):
+        none = np.zeros((1, 3))
+        return np.concatenate([extent.spans, none]), np.concatenate([extent.spans_motion, none])
+    opened, middle, closed = (_spans_across(light, seen_from, part) for part in (-0.5, 0.0, 0.5))
+    return middle, closed - opened
+
+
+def _spans_across(light: LightAtShutter, seen_from: np.ndarray | None, part: float) -> np.ndarray:
+    """Half of a sphere or cylinder across and along where it is seen from at the part ``part`` of the shutter, [3, 3].
+
+    A cylinder spans its axis, and its radius across and along the view.
+    """
+    extent, view = light.extent, light.axes[2]
+    if seen_from is not None:
+        view = (0.5 - part) * seen_from[0] + (0.5 + part) * seen_from[1] - light.position - part * light.position_motion
+    axes = _axes_across(view)
+    if extent.shape == ExtentShape.ROUND:
+        return extent.radius * axes
+    axis = extent.spans[0] + part * extent.spans_motion[0]
+    along = axis / max(float(np.linalg.norm(axis)), np.finfo(float).tiny)
+    across = np.cross(along, axes[2])
+    # Seen along its axis, it is as wide from all sides.
+    across = across if across @ across > 1e-12 else np.cross(along, axes[0])
+    across /= max(float(np.linalg.norm(across)), np.finfo(float).tiny)
+    return np.stack([axis, extent.radius * across, extent.radius * np.cross(across, along)])
+
+
+def _axes_across(direction: np.ndarray) -> np.ndarray:
+    """Rows are unit axes u, v across ``direction`` and w along it, shape [3, 3], which turn steadily as that does.
+
+    They are ``FROM_ABOVE``, turned the shortest way: only where that is all the way round do they jump.
+    """
+    length = float(np.linalg.norm(direction))
+    w = direction / length if length > 0.0 else FROM_ABOVE[2]
+    along = FROM_ABOVE[2] + w
+    # The turn by half of the way, twice.
+    square = max(float(along @ along), np.finfo(float).tiny)
+    half = 2.0 * np.outer(along, along) / square - np.eye(3)
+    return np.stack([-half @ FROM_ABOVE[0], -half @ FROM_ABOVE[1], w])
 
 
 def _at(light: LightAtShutter, place: np.ndarray, spans: np.ndarray, motions: np.ndarray) -> LightAtShutter:
-    """The light at one place of it, by coordinates [2] along its spans."""
+    """The light at one place of it, by coordinates along its spans; of parallel light shape [3], the last of them 0."""
     if light.kind == LightKind.DISTANT:
-        return _without_extent(light, np.append(place, 0.0))
+        return _without_extent(light, place)
     return replace(
         light,
         position=light.position + place @ spans,
