@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -11,8 +12,11 @@ from tpdwarp.scene.description import (
     EmissionProfile,
     Extent,
     ExtentShape,
+    Interaction,
     LightAtShutter,
     LightKind,
+    Material,
+    MeshAtShutter,
     SceneAtShutter,
     Shutter,
 )
@@ -53,8 +57,8 @@ def variance(light: LightAtShutter) -> np.ndarray:
         return 0.25 * extent.radius**2 * np.eye(3)
     if extent.shape == ExtentShape.CYLINDER:
         axis = np.outer(extent.spans[0], extent.spans[0])
-        # Of one radiance from everywhere: an interval across.
-        return axis / 3.0 + extent.radius**2 / 3.0 * np.diag([0.0, 1.0, 1.0])
+        # All of its surface, of which half is seen from any one side.
+        return axis / 3.0 + extent.radius**2 / 2.0 * np.diag([0.0, 1.0, 1.0])
     return (0.25 if extent.shape == ExtentShape.DISK else 1.0 / 3.0) * extent.spans.T @ extent.spans
 
 
@@ -65,7 +69,7 @@ def places(lights: list[LightAtShutter]) -> np.ndarray:
     return np.array([light.position for light in lights])
 
 
-@pytest.mark.parametrize("name", LIGHTS)
+@pytest.mark.parametrize("name", [name for name in LIGHTS if name not in ("tube", "drum")])
 @pytest.mark.parametrize("count", [7, 19, 64])
 def test_parts_have_the_power_the_middle_and_the_variance_of_the_whole(name, count):
     light = LIGHTS[name]
@@ -76,7 +80,7 @@ def test_parts_have_the_power_the_middle_and_the_variance_of_the_whole(name, cou
     spread = np.cov(there.T, bias=True) + np.mean([variance(part) for part in parts], axis=0)
     whole = variance(light)
     # Rectangles are wider than pieces of rings of their area.
-    allowed = 1e-12 if name in ("rect", "tube", "drum") else 0.03
+    allowed = 1e-12 if name in ("rect",) else 0.03
     across = slice(None) if name == "sun" or light.extent.shape in FLAT else slice(0, 2)
     np.testing.assert_allclose(spread[across, across], whole[across, across], atol=allowed * np.trace(whole))
     if name != "sun":
@@ -95,23 +99,47 @@ def test_the_parts_of_a_sphere_are_a_cloud_of_its_depth():
         assert np.linalg.norm(there, axis=1).max() < radius
 
 
-def test_the_parts_of_a_cylinder_are_a_cloud_of_its_depth():
-    """The variance R²/3 of what is of one radiance; d rows of parts err by 1/(2 d²) of it, as chords are not straight."""
-    parts = parts_of(DRUM, 19, np.array([PLACE - [0.0, 0.0, 3.0]] * 2))
-    there = places(parts) - PLACE
-    rows = len(np.unique(there[:, 1].round(9)))
-    assert rows > 2
-    assert np.mean(there[:, 2] ** 2) == pytest.approx(DRUM.extent.radius**2 / 3, rel=0.5 / rows**2 + 1e-9)
-    assert np.linalg.norm(there[:, 1:], axis=1).max() < DRUM.extent.radius
+@pytest.mark.parametrize(("light", "count"), [(TUBE, 7), (TUBE, 64), (DRUM, 19)])
+def test_the_parts_of_a_cylinder_shine_as_it_does_all_around(light, count):
+    """I sin α; a prism of n faces is as wide as a cylinder within 1 − cos(π/n) or so."""
+    parts = parts_of(light, count)
+    faces = len({tuple(part.axes[2].round(9)) for part in parts})
+    for part in parts:
+        np.testing.assert_allclose(part.axes @ part.axes.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(part.axes) > 0
+        # On the surface, or along the axis.
+        offset = part.position - PLACE
+        assert np.linalg.norm(offset[1:]) == pytest.approx(light.extent.radius if faces > 1 else 0.0, rel=0.1)
+    assert len({part.path for part in parts}) == len(parts)
+    for direction in np.random.default_rng(3).normal(size=(50, 3)):
+        w = direction / np.linalg.norm(direction)
+        sine = math.sqrt(1 - w[0] ** 2)
+        if faces == 1:
+            total = sum(part.power[0] for part in parts) * sine
+        else:
+            total = sum(part.power[0] * max(0.0, -part.axes[2] @ w) for part in parts)
+        assert total == pytest.approx(light.power[0] * sine, rel=1e-12 if faces == 1 else 1 - math.cos(math.pi / faces))
 
 
-@pytest.mark.parametrize("name", ["sphere", "drum"])
-def test_parts_of_a_lamp_that_the_glass_goes_round_move_steadily_with_it(name):
+def test_faces_of_a_cylinder_that_shine_away_from_the_glass_are_left_out():
+    glass = MeshAtShutter(
+        "/glass",
+        np.array([[1.0, 2.0, 1.0], [2.0, 2.0, 1.0], [1.0, 3.0, 1.0]]),
+        np.array([[0, 1, 2]], np.int32),
+        materials=(Material(Interaction.DIELECTRIC),),
+    )
+    lit = split_lights(SceneAtShutter(Shutter.still(0), (glass,), (DRUM,)), 19).lights
+    assert 0.4 * len(parts_of(DRUM, 19)) < len(lit) < 0.7 * len(parts_of(DRUM, 19))
+    assert all(((glass.points - part.position) @ -part.axes[2]).max() > -1e-3 for part in lit)
+
+
+def test_parts_of_a_sphere_that_the_glass_goes_round_move_steadily_with_it():
     """By so much as they would between two shutters before and after, to second order; none jumps."""
     turns = np.linspace(0.0, 2.0 * math.pi, 33)
     ring = PLACE + np.stack([3 * np.cos(turns), 3 * np.sin(turns), np.full(33, -2.0)], axis=1)
-    for opened, closed in zip(ring, ring[1:], strict=False):
-        parts = [parts_of(LIGHTS[name], 19, np.array(seen)) for seen in ((opened,) * 2, (opened, closed), (closed,) * 2)]
+    for opened, closed in itertools.pairwise(ring):
+        views = (opened,) * 2, (opened, closed), (closed,) * 2
+        parts = [parts_of(SPHERE, 19, np.array(view)) for view in views]
         first, _, last = (places(found) for found in parts)
         motion = np.array([part.position_motion for part in parts[1]])
         np.testing.assert_allclose(motion, last - first, atol=0.1 * (turns[1] * 0.5) ** 2)

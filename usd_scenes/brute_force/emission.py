@@ -44,8 +44,8 @@ class Emission:
     a·e1 + b·e2 + e3, and their flux falls with the cube of the cosine to e3. (a, b) lie in ``corner`` + [0, ``size``].
     Lights with extent: photons meet the ball of ``radius`` about ``middle``. Those of a sun, of a half angle with the
     sine ``extent``, go along e3 but for that. Those of a sphere of radius ``extent``, of a rectangle or an ellipse with
-    half of its sides ``span_a`` and ``span_b``, which shines along e3, or of the side of a cylinder of radius ``extent``
-    about ± ``span_a`` leave its surface about ``origin``.
+    half of its sides ``span_a`` and ``span_b``, which shines along e3, or of the side of a cylinder of radius
+    ``extent`` about ± ``span_a`` leave its surface about ``origin``.
     ``flux`` is that of a photon along e3, of lights with extent π times their radiance by the number of photons;
     ``seed`` that of the sequence. Times lie in ``start`` + [0, ``duration``], parts of the shutter, over all of which
     the origin moves by ``motion``.
