@@ -69,7 +69,7 @@ def test_glass_that_turns_the_middle_of_a_sun_back_is_lit_by_its_rim():
     """
     points, triangles = shapes.prism(0.8, 0.8)
     glass = Material(Interaction.DIELECTRIC, ior=1.5)
-    prism = MeshAtShutter("/prism", points + [0, 0, 0.6], triangles.astype(np.int32), materials=(glass,))
+    prism = MeshAtShutter("/prism", points + np.array([0.0, 0.0, 0.6]), triangles.astype(np.int32), materials=(glass,))
     sun = replace(SUN, extent=Extent(ExtentShape.ROUND, np.radians(10.0)))
     source = steady([floor(4.0), prism], (sun,), looking_down((-2.0, 2.0, -2.0, 2.0), height=0.15))
     options = {"photons": 1 << 14, "samples": 1, "threads": 1, "aovs": ("irradiance",)}
