@@ -17,7 +17,7 @@ MIDDLES = np.cumsum(LENGTHS) - 0.5 * LENGTHS
 @pytest.mark.parametrize("way", [8.0, 24.0])
 def test_cells_that_an_edge_passes_are_lit_for_as_long_as_it_has_not_passed_them(angle, way):
     """A straight edge goes evenly by ``way`` cells within the shutter, and leaves behind it what is dark."""
-    u, v = np.indices(SHAPE) - np.array(SHAPE)[:, None, None] / 2
+    u, v = np.indices(SHAPE) - (np.array(SHAPE)[:, None, None] - 1) / 2
     along = np.cos(angle) * u + np.sin(angle) * v
     there = along[None] > way * (MIDDLES - 0.5)[:, None, None]
     known = np.abs(along) < 0.5 * way + 4
@@ -25,7 +25,7 @@ def test_cells_that_an_edge_passes_are_lit_for_as_long_as_it_has_not_passed_them
     exact = np.clip(along / way + 0.5, 0, 1)
     # Where the grid cuts edges off, nothing is known of what is beside them.
     inside = np.pad(np.ones(np.subtract(SHAPE, 8), bool), 4) & (np.abs(along) < 0.4 * way)
-    # Edges are known to a cell, and to an octagon in place of a circle: a twelfth of the way from one part to the next.
+    # Edges are known to a cell, and to octagons in place of circles: a twelfth of the way from one part to the next.
     worst = (0.5 + way / PARTS / 12) / way
     assert np.abs(lit - exact)[inside].max() < worst + 0.5 / way
     assert (lit - exact)[inside].mean() == pytest.approx(0.0, abs=0.1 * worst)

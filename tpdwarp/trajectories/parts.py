@@ -104,7 +104,7 @@ def traced_in_parts(
 def _shining(
     photons: PhotonMap, extents: np.ndarray, rushing: RetracedCells, energy: EnergyAccount
 ) -> PhotonMap:
-    """The photons with the flux of the parts ``extents`` [n] of their part, but for those of cells that are cut again."""
+    """The photons with the flux of the parts ``extents`` [n] of their part, but those of ``rushing`` cells."""
     ends = extents != 1.0
     if len(rushing):
         ends &= ~rushing.holds(photons)
