@@ -17,6 +17,7 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import Piece
+from tpdwarp.footprints.courses import Course, passes_by
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.lanes import (
@@ -234,6 +235,7 @@ def gather_kernel(
         bvh: wp.uint64,
         footprints: FootprintArrays,
         pieces: wp.array(dtype=Piece),
+        courses: wp.array(dtype=Course),
         durations: wp.array(dtype=wp.float32),
         run_size: float,
         windows: wp.array(dtype=TimeWindow),
@@ -260,7 +262,11 @@ def gather_kernel(
                 query = wp.bvh_query_aabb(bvh, run.low - margin, run.high + margin)
                 while wp.bvh_query_next(query, number):
                     piece = pieces[number]
-                    if not found_before(piece, run.low - margin, run.high + margin):
+                    wanted = not found_before(piece, run.low - margin, run.high + margin)
+                    if wp.static(query_moves):
+                        if wanted:
+                            wanted = not passes_by(courses[piece.footprint], run.window, run.middle, run.half)
+                    if wanted:
                         # ---- Clip the shutter, place the footprint on its trajectory
                         j = piece.footprint
                         placed = place(footprints, durations, j, run.window)
@@ -353,7 +359,8 @@ def gathered(
         moves = footprints.moves or lookup.query_moves
         shaded = footprints.shaded and has_shading_normals(queries)
         kernel = gather_kernel(form, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
-        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces.rows, footprints.durations]
+        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces.rows]
+        photons += [footprints.courses if lookup.query_moves else launcher.zeros(0, Course), footprints.durations]
         sums = launcher.rows(LeafSums, leaves.middle.shape[0])
         inputs = [*photons, footprints.run_size, looks, group_size, count, queries, leaves, sums, out]
         launcher(kernel, -(-count // group_size), inputs, smallest_chunk=1)
