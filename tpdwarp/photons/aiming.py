@@ -72,10 +72,9 @@ class Seen:
     @classmethod
     def of(cls, corners: np.ndarray) -> Seen:
         """Triangles whose corners are given from the light."""
-        lengths = np.linalg.norm(corners, axis=2)
-        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-        angles = edges.max(axis=1) / np.maximum(lengths.min(axis=1), 1e-9)
-        return cls(corners, corners.mean(axis=1), edges, angles)
+        lengths, edges = _lengths(corners), _lengths(corners - corners[:, (1, 2, 0)])
+        angles = _largest(edges) / np.maximum(-_largest(-lengths), 1e-9)
+        return cls(corners, (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0, edges, angles)
 
 
 def seen_from(light: LightAtShutter, corners: np.ndarray, normalization: Normalization) -> Seen | None:
@@ -109,10 +108,27 @@ def bounds_of(
     return float(lower[0]), float(upper[0]), float(lower[1]), float(upper[1])
 
 
-def _within(corners: np.ndarray, slope: float) -> np.ndarray:
-    """Whether corners [k, 3, 3] lie on the inner side of the planes x, y = ±slope z, shape [k, 3, 4]."""
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """Lengths of vectors [..., 3], shape [...]."""
+    return np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2 + vectors[..., 2] ** 2)
+
+
+def _largest(corners: np.ndarray) -> np.ndarray:
+    """The largest of each row of [k, 3], shape [k]: column by column, which is several times as fast."""
+    return np.maximum(np.maximum(corners[:, 0], corners[:, 1]), corners[:, 2])
+
+
+def _inside(corners: np.ndarray, slope: float) -> np.ndarray:
+    """Whether triangles [k, 3, 3] lie within |x|, |y| ≤ slope · z as a whole, shape [k]."""
+    x, y, z = corners[..., 0], corners[..., 1], corners[..., 2]
+    return _largest(np.maximum(np.abs(x), np.abs(y)) - slope * z) <= 0.0
+
+
+def _outside(corners: np.ndarray, slope: float) -> np.ndarray:
+    """Whether triangles [k, 3, 3] lie beyond one of the planes x, y = ±slope · z as a whole, shape [k]."""
     x, y, reach = corners[..., 0], corners[..., 1], slope * corners[..., 2]
-    return np.stack([x <= reach, -x <= reach, y <= reach, -y <= reach], axis=-1)
+    sides = (_largest(reach - part) < 0.0 for part in (x, -x, y, -y))
+    return np.logical_or.reduce(list(sides))
 
 
 def _angles(seen: Seen, axes: np.ndarray, limit: float) -> np.ndarray:
@@ -139,8 +155,7 @@ def _angles(seen: Seen, axes: np.ndarray, limit: float) -> np.ndarray:
         near = (reach <= limit + parts.angles) | (parts.angles > 1.0)
         local, edges, small = parts.corners[near] @ turn, parts.edges[near], parts.angles[near] <= FINEST_ANGLE
         # What lies inside as a whole is bounded by its corners; of what lies outside as a whole nothing is kept below.
-        inside = _within(local, math.tan(limit)).all(axis=(1, 2))
-        outside = (~_within(local, math.tan(limit + FINEST_ANGLE))).all(axis=1).any(axis=1)
+        inside, outside = _inside(local, math.tan(limit)), _outside(local, math.tan(limit + FINEST_ANGLE))
         found.append(local[inside | small].reshape(-1, 3))
         cut = ~(inside | small | outside)
         local, edges = local[cut], edges[cut]
