@@ -131,6 +131,29 @@ def _outside(corners: np.ndarray, slope: float) -> np.ndarray:
     return np.logical_or.reduce(list(sides))
 
 
+def _widened(low: np.ndarray, high: np.ndarray, points: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of tangents within the patch, [2] and [2], with those of more points [n, 3]."""
+    points = points[points[:, 2] > 0.0]
+    tangents = points[:, :2] / points[:, 2:]
+    kept = tangents[(np.abs(tangents) <= math.tan(limit + FINEST_ANGLE)).all(axis=1)]
+    if not len(kept):
+        return low, high
+    slope = math.tan(limit)
+    return np.minimum(low, kept.min(axis=0).clip(-slope, slope)), np.maximum(high, kept.max(axis=0).clip(-slope, slope))
+
+
+def _widen(corners: np.ndarray, low: np.ndarray, high: np.ndarray, limit: float) -> np.ndarray:
+    """Whether what triangles [k, 3, 3] show of themselves in the patch may lie outside of bounds of tangents, [k]."""
+    x, y, z = corners[..., 0], corners[..., 1], corners[..., 2]
+    front, slope = _largest(-z) < 0.0, math.tan(limit)
+    wider = ~front
+    for axis, part in enumerate((x, y)):
+        tangents = part / np.where(z > 0.0, z, 1.0)
+        wider |= np.minimum(_largest(tangents), slope) > high[axis]
+        wider |= np.maximum(-_largest(-tangents), -slope) < low[axis]
+    return wider
+
+
 def _angles(seen: Seen, axes: np.ndarray, limit: float) -> np.ndarray:
     """(u, v) angles that bound the parts of triangles inside the patch, shape [m, 2].
 
@@ -146,6 +169,7 @@ def _angles(seen: Seen, axes: np.ndarray, limit: float) -> np.ndarray:
         if np.abs(uv).max() <= limit:
             return uv
     found = []
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
     # Most triangles lie on another side of the light: only the others are turned to the patch.
     parts = seen
     centre = parts.centres @ axes.T
@@ -157,7 +181,9 @@ def _angles(seen: Seen, axes: np.ndarray, limit: float) -> np.ndarray:
         # What lies inside as a whole is bounded by its corners; of what lies outside as a whole nothing is kept below.
         inside, outside = _inside(local, math.tan(limit)), _outside(local, math.tan(limit + FINEST_ANGLE))
         found.append(local[inside | small].reshape(-1, 3))
+        low, high = _widened(low, high, found[-1], limit)
         cut = ~(inside | small | outside)
+        cut[cut] = _widen(local[cut], low, high, limit)
         local, edges = local[cut], edges[cut]
         if not len(local) or len(local) > 200_000:
             break
