@@ -108,12 +108,39 @@ def ring_sun(stage: Usd.Stage) -> None:
 
 def rectangle_beside(stage: Usd.Stage) -> None:
     """A rectangle as wide as the glass, half of its width above it, in the place of the stage's lamp."""
-    stage.RemovePrim(_light(stage).GetPath())
-    light = UsdLux.RectLight.Define(stage, "/World/Panel")
+    light = _in_place_of_lamp(stage, UsdLux.RectLight)
     light.CreateWidthAttr(0.6)
     light.CreateHeightAttr(0.4)
-    light.CreateIntensityAttr(40.0)
     light.AddTranslateOp().Set(Gf.Vec3d(0.1, 0.05, 1.5))
+
+
+def sphere_beside(stage: Usd.Stage) -> None:
+    """A sphere half as wide as the glass, a seventh of its own width above it."""
+    light = _in_place_of_lamp(stage, UsdLux.SphereLight)
+    light.CreateRadiusAttr(0.25)
+    light.AddTranslateOp().Set(Gf.Vec3d(0.1, 0.05, 1.72))
+
+
+def disc_beside(stage: Usd.Stage) -> None:
+    """A disc a little wider than half of the glass, as near to it as the rectangle."""
+    light = _in_place_of_lamp(stage, UsdLux.DiskLight)
+    light.CreateRadiusAttr(0.3)
+    light.AddTranslateOp().Set(Gf.Vec3d(0.1, 0.05, 1.5))
+
+
+def tube_beside(stage: Usd.Stage) -> None:
+    """A tube as long as three quarters of the glass is wide, a fifth as wide as it is long."""
+    light = _in_place_of_lamp(stage, UsdLux.CylinderLight)
+    light.CreateRadiusAttr(0.08)
+    light.CreateLengthAttr(0.75)
+    light.AddTranslateOp().Set(Gf.Vec3d(0.1, 0.05, 1.55))
+
+
+def _in_place_of_lamp(stage: Usd.Stage, kind: type) -> UsdLux.BoundableLightBase:
+    stage.RemovePrim(_light(stage).GetPath())
+    light = kind.Define(stage, "/World/Panel")
+    light.CreateIntensityAttr(40.0)
+    return light
 
 
 def _light(stage: Usd.Stage) -> Usd.Prim:
@@ -134,9 +161,13 @@ CASES = {
     "ring-lamp": Case(RING, lamp(0.1), 0.04),
     "ball-lamp": Case("ball-gliding", lamp(0.1), 0.04),
     "ball-rectangle": Case("ball-gliding", rectangle_beside, 0.06),
+    "ball-sphere-beside": Case("ball-gliding", sphere_beside, 0.06),
+    "ball-disc-beside": Case("ball-gliding", disc_beside, 0.06),
+    "ball-tube-beside": Case("ball-gliding", tube_beside, 0.06),
     "wave-sun-5-moving": Case("wave", sun(5.0), 0.02, 1.0, 64, 1 << 14),
     "ball-sun-5-moving": Case(BALL, sun(5.0), 0.02, 1.0),
     "torus-sun-0.53-moving": Case(TORUS, sun(0.53), 0.02, 1.0),
+    "torus-sun-5-moving": Case(TORUS, sun(5.0), 0.02, 1.0),
     "ring-lamp-moving": Case(RING, lamp(0.1), 0.04, 1.0),
     "ball-rectangle-moving": Case("ball-gliding", rectangle_beside, 0.06, 1.0),
 }
@@ -211,10 +242,20 @@ def _light_of_oracle(stage: Usd.Stage, exposure: float) -> brute_force.Light:
     if prim.IsA(UsdLux.SphereLight):
         radius = float(UsdLux.SphereLight(prim).GetRadiusAttr().Get())
         return brute_force.Light(str(prim.GetPath()), math.pi * radius**2 * power, position=places, radius=radius)
-    panel = UsdLux.RectLight(prim)
-    width, height = panel.GetWidthAttr().Get(), panel.GetHeightAttr().Get()
-    spans = np.array([[0.5 * width, 0.0, 0.0], [0.0, 0.5 * height, 0.0]])
-    return brute_force.Light(str(prim.GetPath()), width * height * power, position=places, spans=spans)
+    given: dict[str, object] = {}
+    if prim.IsA(UsdLux.CylinderLight):
+        tube = UsdLux.CylinderLight(prim)
+        radius, half = float(tube.GetRadiusAttr().Get()), 0.5 * tube.GetLengthAttr().Get()
+        area, sides, given["radius"] = 4.0 * radius * half, (half, 0.0), radius
+    elif prim.IsA(UsdLux.DiskLight):
+        radius = UsdLux.DiskLight(prim).GetRadiusAttr().Get()
+        area, sides, given["rounded"] = math.pi * radius**2, (radius, radius), True
+    else:
+        panel = UsdLux.RectLight(prim)
+        sides = 0.5 * panel.GetWidthAttr().Get(), 0.5 * panel.GetHeightAttr().Get()
+        area = 4.0 * sides[0] * sides[1]
+    spans = np.array([[sides[0], 0.0, 0.0], [0.0, sides[1], 0.0]])
+    return brute_force.Light(str(prim.GetPath()), area * power, position=places, spans=spans, **given)
 
 
 def _sum_of_places(case: Case) -> tuple[np.ndarray, float]:
@@ -296,7 +337,7 @@ def _stages(case: Case) -> tuple[Usd.Stage, Usd.Stage]:
             elif light.IsA(UsdLux.SphereLight):
                 UsdLux.SphereLight(light).CreateTreatAsPointAttr(True)
             else:
-                place = UsdLux.RectLight(light).ComputeLocalToWorldTransform(FRAME).ExtractTranslation()
+                place = UsdGeom.Xformable(light).ComputeLocalToWorldTransform(FRAME).ExtractTranslation()
                 stage.RemovePrim(light.GetPath())
                 point = UsdLux.SphereLight.Define(stage, light.GetPath())
                 point.CreateTreatAsPointAttr(True)

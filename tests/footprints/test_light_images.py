@@ -225,6 +225,27 @@ def test_images_that_move_and_curve_are_gathered_as_they_are_plainly():
     np.testing.assert_allclose(found, plain, rtol=2e-3, atol=2e-3 * plain.max())
 
 
+@pytest.mark.parametrize("signs", [(1, 1), (-1, 1), (1, -1), (-1, -1)])
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize(("thin", "light", "side"), [(0.3, 0.02, 0.007), (0.01, 0.08, 0.007), (0.01, 0.02, 0.06)])
+def test_what_grows_on_its_way_is_longer_where_it_ends_whichever_way_columns_point(thin, light, side, swapped, signs):
+    """A footprint across its way goes one unit and grows by 0.6 of itself: (1 ± 0.24)² of its square at ± 0.4."""
+    columns = [signs[0] * np.array([0.0, 0.2, 0.0]), signs[1] * np.array([0.2 * thin, 0.0, 0.0])]
+    columns = columns[::-1] if swapped else columns
+    photons = photon_map(
+        [(0, 0, 0)], *columns, (1, 0, 0), trajectory=[(1e-3, 0, 0), (0, 0, 0), *(0.6 * column for column in columns)]
+    )
+    footprints = shaped(lit(photons, (light, 0, 0), (0, light, 0)), half_pixel=side / math.sqrt(12), moves=True)
+    squares = []
+    for x in (-0.4, 0.4):
+        positions, _ = grid((x - 0.02, -0.8), (x + 0.02, 0.8), (8, 400))
+        weights = first_channel(footprints, positions, EXTENDED)
+        squares.append(float((weights * positions[:, 1] ** 2).sum() / weights.sum()))
+    around = 0.25 * light**2 + side**2 / 12
+    expected = [0.25 * (0.2 * (1.0 + 0.6 * x)) ** 2 + around for x in (-0.4, 0.4)]
+    np.testing.assert_allclose(squares, expected, rtol=0.12)
+
+
 @pytest.mark.parametrize("kernel", ["epanechnikov", "gaussian"])
 def test_radial_kernels_are_widened_by_the_light(kernel):
     photons = lit(photon_map([(0, 0, 0)], (0.1, 0, 0), (0, 0.1, 0)), (0.1, 0, 0), (0, 0.1, 0))

@@ -64,7 +64,8 @@ def directions_across(light: LightAtShutter, w: np.ndarray, origin: np.ndarray) 
         return 0.5 * extent.radius * frames / d
     if extent.shape == ExtentShape.CYLINDER:
         across = np.cross(extent.spans[0], w)
-        across *= 0.5 * extent.radius / np.linalg.norm(across, axis=1, keepdims=True)
+        # Of one radiance, it is as bright all across.
+        across *= extent.radius / math.sqrt(3) / np.linalg.norm(across, axis=1, keepdims=True)
         spans = np.stack([np.broadcast_to(extent.spans[0] / math.sqrt(3), w.shape), across], axis=1)
     else:
         deviation = 0.5 if extent.shape == ExtentShape.DISK else 1 / math.sqrt(3)

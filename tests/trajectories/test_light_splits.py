@@ -8,13 +8,24 @@ import numpy as np
 import pytest
 
 from tests.footprints.photons import photon_map
-from tests.view.scenes import WATER, bumpy, floor, looking_down, steady
+from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, steady
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
-from tpdwarp.scene.description import EmissionProfile, Extent, ExtentShape, LightAtShutter, LightKind, Shutter
+from tpdwarp.scene.description import (
+    EmissionProfile,
+    Extent,
+    ExtentShape,
+    Interaction,
+    LightAtShutter,
+    LightKind,
+    Material,
+    MeshAtShutter,
+    Shutter,
+)
 from tpdwarp.scene.light_places import pieces_of_disc
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.light_splits import LEFT_OUT, LEFT_OUT_POWER, _squares
+from usd_scenes import shapes
 
 SPANS = np.array([[0.4, 0.0, 0.0], [0.0, 0.25, 0.0]])
 
@@ -49,3 +60,26 @@ def test_a_light_near_the_water_is_split_and_one_far_off_is_not(height, least):
     context = RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1))
     parts = render_frame(context, Shutter(0, 0, 0), 8, 8).energy.counts.get("parts of each light with extent", 1)
     assert parts == 1 if least == 1 else parts >= least
+
+
+def test_glass_that_turns_the_middle_of_a_sun_back_is_lit_by_its_rim():
+    """A prism reflects all that falls straight on it, and lets some of a sun 20 degrees wide through.
+
+    Within the glass, that is light more than 45° − 41.81° off the middle, by 1.5 sin 3.19° = .083 of the sine σ = .174.
+    """
+    points, triangles = shapes.prism(0.8, 0.8)
+    glass = Material(Interaction.DIELECTRIC, ior=1.5)
+    prism = MeshAtShutter("/prism", points + np.array([0.0, 0.0, 0.6]), triangles.astype(np.int32), materials=(glass,))
+    sun = replace(SUN, extent=Extent(ExtentShape.ROUND, np.radians(10.0)))
+    source = steady([floor(4.0), prism], (sun,), looking_down((-2.0, 2.0, -2.0, 2.0), height=0.15))
+    options = {"photons": 1 << 14, "samples": 1, "threads": 1, "aovs": ("irradiance",)}
+
+    def light(**changes) -> np.ndarray:
+        context = RenderContext(source, Settings(**{**options, **changes}))
+        return render_frame(context, Shutter(0, 0, 0), 16, 16).channels["irradiance.R"].astype(np.float64)
+
+    by_places = light(estimator="accumulation", accumulation_times=64, photons=1 << 10)
+    found, unsplit = light(), light(light_splits=1)
+    assert unsplit.mean() < 0.1 * by_places.mean()
+    # Some 40 of the 64 places are dark, and some 20 of the parts: what lies at the edge of them is a tenth.
+    assert found.mean() == pytest.approx(by_places.mean(), rel=0.15)

@@ -8,7 +8,6 @@ Kernels have them only where a scene has lights with extent, or rough glass or m
 Beyond the paper, whose lights are points or parallel.
 """
 
-import math
 from enum import IntEnum
 
 import warp as wp
@@ -40,8 +39,6 @@ IMAGE_LOBE = wp.constant(int(LightImage.LOBE))
 ROUND = wp.constant(int(ExtentShape.ROUND))
 DISK = wp.constant(int(ExtentShape.DISK))
 CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
-# Across a cylinder places are as dense as chords of a circle, whose variance is R²/4; that of an interval is h²/3.
-CHORD = wp.constant(math.sqrt(0.75))
 # Variance of places along either axis of a disc, and of an interval.
 VARIANCE_OF_DISC = wp.constant(0.25)
 VARIANCE_OF_INTERVAL = wp.constant(1.0 / 3.0)
@@ -90,7 +87,7 @@ def columns_at(patch: Patch, beam: Beam) -> LightColumns:
     elif patch.extent_shape != DISK:
         out.image = IMAGE_PARALLELOGRAM
         if patch.extent_shape == CYLINDER:
-            b = CHORD * patch.extent_radius * wp.normalize(wp.cross(a, beam.w))
+            b = patch.extent_radius * wp.normalize(wp.cross(a, beam.w))
     out.dwda = (beam.w * wp.dot(beam.w, a) - a) / d
     out.dwdb = (beam.w * wp.dot(beam.w, b) - b) / d
     return out

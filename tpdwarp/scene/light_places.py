@@ -2,8 +2,10 @@
 
 A sphere of one radiance sends the same light, ray by ray, as a cloud of points that shine alike in all directions, of a
 density 1/√(R² − r²) at the distance r from its middle: the integral of that along any chord is the same. So its places
-lie in it, and not on it, and none of them is ever turned away. A cylinder (its side) is such a cloud about its axis.
-Its parts are those of the disc as which it is seen from what is specular.
+lie in it, and not on it, and none of them is ever turned away. Its parts are pieces of the disc as which it is seen
+from what is specular, each at a depth of its own along that view, as places of the cloud are: so they have their width
+from the side, too. A cylinder (its side) is such a cloud about its axis, but for its ends: so its places lie on its
+surface, and so do its parts, flat ones, unless it is thin.
 
 Beyond the paper, whose lights are points or parallel.
 """
@@ -15,7 +17,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from tpdwarp.scene.description import Extent, ExtentShape, LightAtShutter, LightKind, SceneAtShutter
+from tpdwarp.scene.description import (
+    EmissionProfile,
+    Extent,
+    ExtentShape,
+    LightAtShutter,
+    LightKind,
+    MeshAtShutter,
+    SceneAtShutter,
+)
 
 # Fractions of the whole by which consecutive places step, for one, two and three dimensions (Roberts 2018).
 GOLDEN = 0.6180339887498949
@@ -23,6 +33,12 @@ PLASTIC = (0.7548776662466927, 0.5698402909980532)
 # Footprints from N parts of a light, whose lattices interleave, are N to this power as wide as their cells. Chosen, not
 # derived: sums of them then ripple by less than two hundredths (tests/footprints/test_light_images.py).
 NARROWING_POWER = -1.0 / 8.0
+# Axes of the parts of a sphere that is seen along the last of them, from below and aside whether y is up or z: parts
+# jump within a shutter in which it passes the opposite direction, so that is none in which a lamp stands.
+FROM_ABOVE = np.array([[1.0, 0.0, 0.0], [0.0, -0.8, 0.6], [0.0, -0.6, -0.8]])
+# A prism that stands for a cylinder has no fewer faces: one of six is as wide as that within a tenth, from anywhere.
+# Chosen, not derived.
+FEWEST_FACES = 6
 # Steps of the table that inverts the distribution of radii in a sphere.
 TABLE = np.linspace(0.0, 0.5 * math.pi, 4097)
 
@@ -31,10 +47,13 @@ def split_lights(scene: SceneAtShutter, count: int) -> SceneAtShutter:
     """``scene`` with each light that has an extent cut into about ``count`` smaller ones, which cover it together."""
     if count == 1 or all(light.extent is None for light in scene.lights):
         return scene
-    middle = _middle_of_glass(scene)
+    middles = _middles_of_glass(scene)
     lights: list[LightAtShutter] = []
     for light in scene.lights:
-        lights += [light] if light.extent is None else parts_of(light, count, middle)
+        parts = [light] if light.extent is None else parts_of(light, count, middles)
+        if light.extent is not None and light.extent.shape == ExtentShape.CYLINDER:
+            parts = [part for part in parts if not _is_turned_away(part, scene)]
+        lights += parts
     return replace(scene, lights=tuple(lights))
 
 
@@ -50,31 +69,119 @@ def place_lights(scene: SceneAtShutter, number: int, count: int) -> SceneAtShutt
 def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = None) -> list[LightAtShutter]:
     """About ``count`` lights of equal power that make up ``light``; their paths are its own with a number.
 
-    Rectangles are cut into rectangles, cylinders along their axis, and what is round into a disc in its middle and
-    rings of pieces around it, nearly rectangles of its area. A sphere is the disc that is seen from ``seen_from``.
+    Rectangles are cut into rectangles, cylinders into sides of a prism, or along their axis where they are thin, and
+    what is round into a disc in its middle and rings of pieces around it, nearly rectangles of its area.
+
+    Args:
+        seen_from: From where a sphere is seen as a disc, as the shutter opens and closes, shape [2, 3].
     """
     extent = light.extent
-    if extent.shape in (ExtentShape.RECT, ExtentShape.CYLINDER):
-        a, b = np.linalg.norm(extent.spans, axis=1)
-        across = count
-        if extent.shape == ExtentShape.RECT:
-            across = round(max(1.0, min(math.sqrt(count * a / b), count)))
-        down = max(1, round(count / across))
-        steps = [(2.0 * np.arange(n) + 1.0) / n - 1.0 for n in (across, down)]
-        size = np.array([[1.0 / across, 0.0], [0.0, 1.0 / down]])
-        pieces = [(np.array([u, v]), size) for v in steps[1] for u in steps[0]]
-        shapes = [extent.shape] * len(pieces)
+    if extent.shape == ExtentShape.CYLINDER:
+        return _parts_of_cylinder(light, count)
+    spans, motions = _spans(light, seen_from)
+    depths: np.ndarray | None = None
+    if extent.shape == ExtentShape.RECT:
+        pieces = _pieces_of_rectangle(extent.spans, count)
+        shapes = [ExtentShape.RECT] * len(pieces)
     else:
         pieces = pieces_of_disc(count)
         shapes = [ExtentShape.DISK] + [ExtentShape.RECT] * (len(pieces) - 1)
-    spans, motions = _spans_across(light, seen_from)
+        if light.kind != LightKind.DISTANT and extent.shape == ExtentShape.ROUND:
+            depths = _depths_in_ball(pieces)
     found = []
     for number, ((place, sides), shape) in enumerate(zip(pieces, shapes, strict=True)):
-        part = _at(light, place, spans, motions)
+        part = _at(light, np.append(place, 0.0 if depths is None else depths[number]), spans, motions)
         power = tuple(channel / len(pieces) for channel in part.power)
-        smaller = Extent(shape, extent.radius, sides @ spans, sides @ motions)
+        smaller = Extent(shape, extent.radius, sides @ spans[:2], sides @ motions[:2])
         found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller))
     return found
+
+
+def _pieces_of_rectangle(spans: np.ndarray, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The middle [2] and half sides [2, 2] of about ``count`` pieces of a rectangle, by ``spans`` [2, 3]."""
+    a, b = np.linalg.norm(spans, axis=1)
+    across = round(max(1.0, min(math.sqrt(count * a / b), count)))
+    down = max(1, round(count / across))
+    steps = [(2.0 * np.arange(n) + 1.0) / n - 1.0 for n in (across, down)]
+    size = np.diag([1.0 / across, 1.0 / down])
+    return [(np.array([u, v]), size) for v in steps[1] for u in steps[0]]
+
+
+def _parts_of_cylinder(light: LightAtShutter, count: int) -> list[LightAtShutter]:
+    """Parts of a cylinder, of which about ``count`` face any one side.
+
+    They are the faces of a prism that is as far around, cut along its axis: flat lights of the same radiance, which
+    shine along their normals. Where that would have few faces, they are shorter cylinders, which are as wide.
+    """
+    extent, axis = light.extent, light.extent.spans[0]
+    length = 2.0 * float(np.linalg.norm(axis))
+    side = math.sqrt(math.pi * extent.radius * length / count)
+    around, along = round(2.0 * math.pi * extent.radius / side), max(1, round(length / side))
+    if around < FEWEST_FACES:
+        around, along = 1, count
+    steps = (2.0 * np.arange(along) + 1.0) / along - 1.0
+    size = np.array([[1.0 / along, 0.0], [0.0, 0.0]])
+    spans, motions = (np.stack([values[0], np.zeros(3)]) for values in (extent.spans, extent.spans_motion))
+    parts = [
+        replace(
+            _at(light, np.array([step, 0.0]), spans, motions),
+            power=tuple(channel / along for channel in light.power),
+            extent=Extent(ExtentShape.CYLINDER, extent.radius, size @ spans, size @ motions),
+        )
+        for step in steps
+    ]
+    if around > 1:
+        parts = [face for part in parts for face in _faces_of(part, around)]
+    return [replace(part, path=f"{light.path}[{number}]") for number, part in enumerate(parts)]
+
+
+def _faces_of(light: LightAtShutter, around: int) -> list[LightAtShutter]:
+    """The faces of the prism that has as much surface as a cylinder."""
+    extent, half = light.extent, math.pi / around
+    faces = []
+    for turn in 2.0 * half * np.arange(around):
+        face = _on_side(light, turn, extent.radius * half / math.tan(half), half / math.pi)
+        spans, motions = (
+            np.stack([along[0], extent.radius * half * across[1]])
+            for along, across in ((extent.spans, face.axes), (extent.spans_motion, face.axes_motion))
+        )
+        faces.append(replace(face, extent=Extent(ExtentShape.RECT, 0.0, spans, motions)))
+    return faces
+
+
+def _on_side(light: LightAtShutter, turn: float, radius: float, part: float) -> LightAtShutter:
+    """A part of the surface of a cylinder as a flat place: it shines along its normal, −z of its frame.
+
+    Args:
+        turn: Where it lies about the axis [rad].
+        radius: How far from it.
+        part: Of the surface, which in all sends π times what is seen of it.
+    """
+    cosine, sine = math.cos(turn), math.sin(turn)
+    turned = np.array([[1.0, 0.0, 0.0], [0.0, -sine, cosine], [0.0, -cosine, -sine]])
+    axes, motions = turned @ light.axes, turned @ light.axes_motion
+    return replace(
+        light,
+        power=tuple(math.pi * part * channel for channel in light.power),
+        position=light.position - radius * axes[2],
+        position_motion=light.position_motion - radius * motions[2],
+        axes=axes,
+        axes_motion=motions,
+        profile=EmissionProfile.COSINE,
+    )
+
+
+def _is_turned_away(light: LightAtShutter, scene: SceneAtShutter) -> bool:
+    """Whether a flat light shines on nothing that is specular, as the shutter opens or closes."""
+    if light.profile != EmissionProfile.COSINE:
+        return False
+    for part, points in _ends_of_glass(scene):
+        before = -(light.axes[2] + part * light.axes_motion[2])
+        reach = float(np.linalg.norm(light.extent.spans, axis=1).sum())
+        heights = (points - light.position - part * light.position_motion) @ before
+        if heights.max(initial=-math.inf) > -1e-3 * reach:
+            return False
+    return True
 
 
 def tiles_of(light: LightAtShutter, colors: np.ndarray) -> list[LightAtShutter]:
@@ -123,31 +230,81 @@ def pieces_of_disc(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
     return pieces
 
 
-def _middle_of_glass(scene: SceneAtShutter) -> np.ndarray | None:
-    """The middle of what is specular; None where nothing is."""
-    corners = [bound for mesh in scene.meshes if mesh.specular for bound in (mesh.points.min(0), mesh.points.max(0))]
-    return 0.5 * (np.min(corners, axis=0) + np.max(corners, axis=0)) if corners else None
+def _depths(count: int) -> np.ndarray:
+    """Depths of ``count`` pieces side by side, by half of the chords through them, shape [count].
+
+    A cloud of the density 1/√(h² − z²) along a chord from −h to h is at h cos(π u) for u spread evenly over 0 … 1.
+    """
+    step = next(step for step in range(max(1, round(GOLDEN * count)), 2 * count + 1) if math.gcd(step, count) == 1)
+    return np.cos(math.pi * (np.arange(count) * step % count + 0.5) / count)
 
 
-def _spans_across(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Half of a light along two axes [2, 3] and their motion; of a sun, sines along its x and y."""
+def _depths_in_ball(pieces: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Depths of the pieces of a unit disc (:func:`pieces_of_disc`) as which a ball is seen, shape [n].
+
+    Pieces on opposite sides of a ring lie equally deep, so that no ring is tilted.
+    """
+    depths = [np.zeros(1)]
+    while sum(map(len, depths)) < len(pieces):
+        depths.append(np.tile(_depths(3 * len(depths)), 2))
+    squares = np.array([place @ place + (sides**2).sum() / 3.0 for place, sides in pieces])
+    return np.sqrt(np.maximum(1.0 - squares, 0.0)) * np.concatenate(depths)
+
+
+def _ends_of_glass(scene: SceneAtShutter) -> list[tuple[float, np.ndarray]]:
+    """Vertices of what is specular, shape [n, 3], at the parts −½ and ½ of the shutter."""
+
+    def at(mesh: MeshAtShutter, part: float) -> np.ndarray:
+        return mesh.points if mesh.motions is None else mesh.points + part * mesh.motions
+
+    meshes = [mesh for mesh in scene.meshes if mesh.specular]
+    return [(part, np.concatenate([at(mesh, part) for mesh in meshes])) for part in (-0.5, 0.5) if meshes]
+
+
+def _middles_of_glass(scene: SceneAtShutter) -> np.ndarray | None:
+    """The middle of what is specular as the shutter opens and closes, shape [2, 3]; None where nothing is."""
+    ends = [points for _, points in _ends_of_glass(scene) if len(points)]
+    return np.array([0.5 * (points.min(axis=0) + points.max(axis=0)) for points in ends], np.float64) if ends else None
+
+
+def _spans(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Half of a light along two axes, and what its depth is measured by, [3, 3], and their motion; of a sun, sines.
+
+    Of a sphere, they are its radius across and along the view from ``seen_from`` [2, 3] while the shutter is open.
+    """
     extent = light.extent
     if light.kind == LightKind.DISTANT:
-        sine = math.sin(extent.radius)
-        return sine * light.axes[:2], sine * light.axes_motion[:2]
-    if extent.shape != ExtentShape.ROUND:
-        return extent.spans, extent.spans_motion
-    direction = light.axes[2] if seen_from is None else seen_from - light.position
-    w = direction / max(float(np.linalg.norm(direction)), np.finfo(float).tiny)
-    u = np.cross(np.eye(3)[int(np.argmin(np.abs(w)))], w)
-    u /= np.linalg.norm(u)
-    return extent.radius * np.array([u, np.cross(w, u)]), np.zeros((2, 3))
+        sine = math.sin(extent.radius) * np.diag([1.0, 1.0, 0.0])
+        return sine @ light.axes, sine @ light.axes_motion
+    if extent.shape in (ExtentShape.RECT, ExtentShape.DISK):
+        none = np.zeros((1, 3))
+        return np.concatenate([extent.spans, none]), np.concatenate([extent.spans_motion, none])
+    view = motion = np.zeros(3)
+    if seen_from is not None:
+        view = 0.5 * (seen_from[0] + seen_from[1]) - light.position
+        motion = seen_from[1] - seen_from[0] - light.position_motion
+    opened, middle, closed = (extent.radius * _axes_across(view + part * motion) for part in (-0.5, 0.0, 0.5))
+    return middle, closed - opened
+
+
+def _axes_across(direction: np.ndarray) -> np.ndarray:
+    """Rows are unit axes u, v across ``direction`` and w along it, shape [3, 3], which turn steadily as that does.
+
+    They are ``FROM_ABOVE``, turned the shortest way: only where that is all the way round do they jump.
+    """
+    length = float(np.linalg.norm(direction))
+    w = direction / length if length > 0.0 else FROM_ABOVE[2]
+    along = FROM_ABOVE[2] + w
+    # The turn by half of the way, twice.
+    square = max(float(along @ along), np.finfo(float).tiny)
+    half = 2.0 * np.outer(along, along) / square - np.eye(3)
+    return np.stack([-half @ FROM_ABOVE[0], -half @ FROM_ABOVE[1], w])
 
 
 def _at(light: LightAtShutter, place: np.ndarray, spans: np.ndarray, motions: np.ndarray) -> LightAtShutter:
-    """The light at one place of it, by coordinates [2] along its spans."""
+    """The light at one place of it, by coordinates along its spans; of parallel light shape [3], the last of them 0."""
     if light.kind == LightKind.DISTANT:
-        return _without_extent(light, np.append(place, 0.0))
+        return _without_extent(light, place)
     return replace(
         light,
         position=light.position + place @ spans,
@@ -199,11 +356,23 @@ def _without_extent(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:
         return replace(light, power=power, axes=tilts[1], axes_motion=tilts[2] - tilts[0], extent=None)
     if extent.shape == ExtentShape.ROUND:
         return replace(light, position=light.position + extent.radius * place, extent=None)
-    offset, motion = place[:2] @ extent.spans, place[:2] @ extent.spans_motion
     if extent.shape == ExtentShape.CYLINDER:
-        offset = offset + extent.radius * (place[1:] @ light.axes[1:])
+        return _on_cylinder(light, place)
+    offset, motion = place[:2] @ extent.spans, place[:2] @ extent.spans_motion
     return replace(
         light, position=light.position + offset, position_motion=light.position_motion + motion, extent=None
+    )
+
+
+def _on_cylinder(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:
+    """A cylinder at one place of its surface: its coordinates along the axis, and along y and z on a unit circle."""
+    extent = light.extent
+    side = _on_side(light, math.atan2(place[2], place[1]), extent.radius, 1.0)
+    return replace(
+        side,
+        position=side.position + place[0] * extent.spans[0],
+        position_motion=side.position_motion + place[0] * extent.spans_motion[0],
+        extent=None,
     )
 
 
@@ -225,10 +394,9 @@ def _spread(light: LightAtShutter, number: int, count: int) -> np.ndarray:
     turn = 2.0 * math.pi * (number * GOLDEN % 1.0)
     if shape == ExtentShape.DISK or light.kind == LightKind.DISTANT:
         return math.sqrt(middle) * np.array([math.cos(turn), math.sin(turn), 0.0])
-    u, v = ((number + 0.5) * step % 1.0 for step in PLASTIC)
     if shape == ExtentShape.CYLINDER:
-        radius, turn = math.sqrt(1.0 - (1.0 - u) ** 2), 2.0 * math.pi * v
-        return np.array([2.0 * middle - 1.0, radius * math.cos(turn), radius * math.sin(turn)])
+        return np.array([2.0 * middle - 1.0, math.cos(turn), math.sin(turn)])
+    u, v = ((number + 0.5) * step % 1.0 for step in PLASTIC)
     # F(sin θ) = (2/π)(θ − sin θ cos θ) is the part of the cloud within the radius sin θ.
     radius = math.sin(np.interp(middle, (2.0 / math.pi) * (TABLE - np.sin(TABLE) * np.cos(TABLE)), TABLE))
     height, turn = 2.0 * u - 1.0, 2.0 * math.pi * v

@@ -44,19 +44,21 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A distant light, a point, or a light with extent: a sun, a sphere or a rectangle of one radiance.
+    """A distant light, a point, or a light with extent and one radiance: a sun, sphere, rectangle, disc or cylinder.
 
     Attributes:
         name: Prim path.
-        power: Distant: irradiance across its direction [W/m²]. Others: radiant intensity [W/sr], of a rectangle along
-            its normal.
+        power: Distant: irradiance across its direction [W/m²]. Others: radiant intensity [W/sr], of what is flat along
+            its normal, of a cylinder across its axis.
         direction: Unit direction of travel, shape [3], of a distant light; None for a point light.
         position: Position at the opening and at the closing of the shutter, each [3], of a point light.
         aim: Names of the specular meshes it is aimed at; None for all. Meshes left out must get no light from it.
         share: Of the photons.
         angle: Across the disc of a distant light, in radians.
-        radius: Of a sphere about ``position``.
-        spans: Half of the sides a and b of a rectangle about ``position``, rows [2, 3]; it shines along b × a.
+        radius: Of a sphere about ``position``, or of a cylinder, which shines with its side alone.
+        spans: Half of the sides a and b of a rectangle about ``position``, or of an ellipse, rows [2, 3]; it shines
+            along b × a. Of a cylinder, half of its axis and anything.
+        rounded: Whether what is flat is an ellipse.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Light:
     angle: float = 0.0
     radius: float = 0.0
     spans: np.ndarray | None = None
+    rounded: bool = False
 
     @property
     def extended(self) -> bool:

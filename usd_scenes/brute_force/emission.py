@@ -21,7 +21,7 @@ ZERO = wp.constant(wp.float64(0.0))
 ONE = wp.constant(wp.float64(1.0))
 TWO = wp.constant(wp.float64(2.0))
 TURN = wp.constant(wp.float64(2.0 * math.pi))
-POINT, PARALLEL, SUN, SPHERE, RECTANGLE = (wp.constant(kind) for kind in range(5))
+POINT, PARALLEL, SUN, SPHERE, RECTANGLE, DISC, TUBE = (wp.constant(kind) for kind in range(7))
 
 
 @wp.struct
@@ -43,8 +43,9 @@ class Emission:
     Parallel light: photons start at ``origin`` + a·``e1`` + b·``e2`` along ``e3``. Point: they leave ``origin`` along
     a·e1 + b·e2 + e3, and their flux falls with the cube of the cosine to e3. (a, b) lie in ``corner`` + [0, ``size``].
     Lights with extent: photons meet the ball of ``radius`` about ``middle``. Those of a sun, of a half angle with the
-    sine ``extent``, go along e3 but for that; of a sphere of radius ``extent`` or a rectangle with half of its sides
-    ``span_a`` and ``span_b``, which shines along e3, they leave its surface about ``origin``.
+    sine ``extent``, go along e3 but for that. Those of a sphere of radius ``extent``, of a rectangle or an ellipse with
+    half of its sides ``span_a`` and ``span_b``, which shines along e3, or of the side of a cylinder of radius
+    ``extent`` about ± ``span_a`` leave its surface about ``origin``.
     ``flux`` is that of a photon along e3, of lights with extent π times their radiance by the number of photons;
     ``seed`` that of the sequence. Times lie in ``start`` + [0, ``duration``], parts of the shutter, over all of which
     the origin moves by ``motion``.
@@ -136,9 +137,19 @@ def of_extent(
         out = into_ball(emission, origin + emission.extent * n, n, a, b)
         out.flux *= TWO * TURN * emission.extent * emission.extent
         return out
-    x = origin + (TWO * c - ONE) * emission.span_a + (TWO * d - ONE) * emission.span_b
-    out = into_ball(emission, x, emission.e3, a, b)
-    out.flux *= wp.float64(4.0) * wp.length(wp.cross(emission.span_a, emission.span_b))
+    if emission.kind == TUBE:
+        e1 = across(wp.normalize(emission.span_a))
+        n = wp.cos(TURN * d) * e1 + wp.sin(TURN * d) * wp.cross(wp.normalize(emission.span_a), e1)
+        out = into_ball(emission, origin + (TWO * c - ONE) * emission.span_a + emission.extent * n, n, a, b)
+        out.flux *= TWO * TURN * emission.extent * wp.length(emission.span_a)
+        return out
+    place = wp.vec2d(TWO * c - ONE, TWO * d - ONE)
+    area = wp.float64(4.0)
+    if emission.kind == DISC:
+        place = on_disc(c, d)
+        area = wp.float64(0.5) * TURN
+    out = into_ball(emission, origin + place[0] * emission.span_a + place[1] * emission.span_b, emission.e3, a, b)
+    out.flux *= area * wp.length(wp.cross(emission.span_a, emission.span_b))
     return out
 
 
@@ -245,10 +256,13 @@ def emission_of(light: Light, meshes: tuple[Mesh, ...], start: float, end: float
     if light.spans is None:
         out.kind, out.extent = SPHERE, light.radius
         area = math.pi * light.radius**2
+    elif light.radius > 0.0:
+        out.kind, out.span_a, out.extent = TUBE, wp.vec3d(*light.spans[0]), light.radius
+        area = 4.0 * light.radius * float(np.linalg.norm(light.spans[0]))
     else:
         a, b = light.spans
-        out.kind, out.span_a, out.span_b = RECTANGLE, wp.vec3d(*a), wp.vec3d(*b)
-        area = 4.0 * float(np.linalg.norm(np.cross(a, b)))
+        out.kind, out.span_a, out.span_b = DISC if light.rounded else RECTANGLE, wp.vec3d(*a), wp.vec3d(*b)
+        area = (math.pi if light.rounded else 4.0) * float(np.linalg.norm(np.cross(a, b)))
         out.e3 = wp.normalize(wp.vec3d(*np.cross(b, a)))
     # The area that is seen from before it, times its radiance, is the intensity.
     out.flux = math.pi * light.power / (area * count)
