@@ -50,12 +50,12 @@ def parts_of_existence(maps: Sequence[PhotonMap], changing: RetracedCells) -> li
         cells = changing.cells.get(int(names[name, 0]))
         if cells is None:
             continue
-        window = Window.around(cells.cell, margin=1)
-        known = window.grid(dtype=bool)
-        known[window.at(cells.cell)] = True
         rows = [np.flatnonzero(of == name) for of in numbers]
-        there = np.zeros((len(maps), *window.size), bool)
-        places = [window.at(cell_of(photons)[chosen]) for photons, chosen in zip(maps, rows, strict=True)]
+        found = [cell_of(photons)[chosen] for photons, chosen in zip(maps, rows, strict=True)]
+        window = Window.around(np.concatenate(found), margin=FARTHEST)
+        known, there = window.grid(dtype=bool), np.zeros((len(maps), *window.size), bool)
+        known[window.at(cells.cell[window.holds(cells.cell)])] = True
+        places = [window.at(cell) for cell in found]
         for part, (u, v) in enumerate(places):
             there[part, u, v] = True
         extent = _extents(there, known, lengths)
@@ -73,16 +73,21 @@ def _extents(there: np.ndarray, known: np.ndarray, lengths: np.ndarray) -> np.nd
         lengths: Of the parts, shape [parts].
     """
     absent = known & ~there
+    # What ends or begins between one part and the next.
+    ends, begins = there[:-1] & absent[1:], absent[:-1] & there[1:]
+    never = np.zeros_like(there[:1])
+    passed = np.concatenate([ends, never]) | np.concatenate([never, begins])
+    to_pass = np.concatenate([begins, never]) | np.concatenate([never, ends])
     # Of what is there how far from what is not, and of what is not how far from what is.
-    inside, outside = distances(absent, FARTHEST), distances(there, FARTHEST)
+    inside, outside = distances(absent, FARTHEST, passed), distances(there, FARTHEST, to_pass)
     extents = np.ones(there.shape)
     for part in range(len(there)):
-        for other in (part - 1, part + 1):
+        for other, chosen in ((part - 1, begins), (part + 1, ends)):
             if 0 <= other < len(there):
-                ends = there[part] & absent[other]
-                d, beyond = inside[part][ends].astype(np.float64), outside[other][ends]
+                here = chosen[min(part, other)]
+                d, beyond = inside[part][here].astype(np.float64), outside[other][here]
                 # Half way where no edge is near in either.
                 share = np.where((d <= FARTHEST) & (beyond <= FARTHEST), d / (d + beyond), 0.5)
                 between = 0.5 * (lengths[part] + lengths[other])
-                extents[part][ends] += share * between / lengths[part] - 0.5
+                extents[part][here] += share * between / lengths[part] - 0.5
     return extents

@@ -246,15 +246,16 @@ def grown(chosen: np.ndarray, by: int = 1) -> np.ndarray:
     return chosen
 
 
-def distances(sources: np.ndarray, most: int) -> np.ndarray:
+def distances(sources: np.ndarray, most: int, wanted: np.ndarray | None = None) -> np.ndarray:
     """How many cells each one of a grid [..., u, v] lies from the nearest of ``sources``, about; ``most`` + 1 beyond.
 
-    Steps go to four neighbours and to eight by turns: what is as far as another lies on an octagon around it.
+    Steps go to four neighbours and to eight by turns: what is as far as another lies on an octagon around it. Where
+    cells are ``wanted``, others count as beyond once these are reached.
     """
     found = np.where(sources, 0, most + 1).astype(np.int32)
     reached = sources
     for step in range(1, most + 1):
-        if reached.all() or not reached.any():
+        if not reached.any() or (reached.all() if wanted is None else reached[wanted].all()):
             break
         along_u = _beside(reached, -2)
         wider = _beside(along_u, -1) if step % 2 == 0 else along_u | _beside(reached, -1)
