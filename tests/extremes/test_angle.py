@@ -12,7 +12,7 @@ from tests.photons.shapes import box, floor, glass, moving, quad, ripples, upsid
 from tests.photons.traced import EPS, lamp, sun
 from tests.view.scenes import looking_down
 from tpdwarp.scene.description import MeshAtShutter
-from tpdwarp.trajectories.retraced import PARTS
+from tpdwarp.trajectories.parts import INSTANTS
 from usd_scenes.oracle.closed_forms import fresnel_reflectance, snell
 from usd_scenes.oracle.shapes import grid_points, grid_triangles
 
@@ -36,7 +36,7 @@ def test_grazing_light_is_refracted_as_fresnel_has_it(left, motion):
     frame = render(slab(towards(angle), 1.33, MOTIONS[motion]))
     # Those asked for, and where neighbours drift apart, as on waves that they graze, cells traced again in time.
     again = frame.energy.counts.get("cells traced again in time", 0)
-    assert frame.energy.counts["emitted"] == pytest.approx(1024 + (PARTS - 1) * again, rel=0.05)
+    assert frame.energy.counts["emitted"] == pytest.approx(1024 + (INSTANTS - 1) * again, rel=0.05)
     assert frame.energy.sent == pytest.approx(3 * 4 * math.cos(angle), rel=1e-5 + 4 * EPS / left)
     # The cosine is known to a rounding of one.
     expected = 1 - fresnel_reflectance(angle, 1.0, 1.33)

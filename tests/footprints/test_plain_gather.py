@@ -109,6 +109,19 @@ def test_queries_that_move_together_see_what_each_sees():
         agree(moving, queries(points, motion), GatherForm(), 2 * PARABOLA, **options)
 
 
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.kernel)
+def test_queries_meet_all_of_the_footprints_that_pass_them_and_bend(form):
+    random = np.random.default_rng(9)
+    count = 29 * 29
+    dxdt = np.append(random.normal(0, 4 * CELL, (count, 2)), np.zeros((count, 1)), axis=1)
+    curve = np.append(random.normal(0, CELL, (4, count, 2)), np.zeros((4, count, 1)), axis=2)
+    moving = lattice(dxdt=dxdt, trajectory=curve if form.smooth else None)
+    footprints = shaped(moving, kernel=form.kernel, half_pixel=0.001, moves=True)
+    points, _ = grid((-0.2, -0.2), (0.2, 0.2), (50, 50))
+    options = {"time": 0.3, "window": (0.25, 0.25), "query_moves": True}
+    agree(footprints, queries(points, (0.1, -0.06, 0.0)), form, 2 * PARABOLA, **options)
+
+
 def test_results_do_not_depend_on_how_queries_are_cut_into_batches():
     footprints = shaped(lattice(), half_pixel=0.001)
     points, _ = grid((-0.2, -0.2), (0.2, 0.2), (64, 64))

@@ -95,11 +95,20 @@ class Seen:
 
 
 def see(
-    scene: SceneAtShutter, width: int, height: int, films, *, moves: bool = False, time: float = 0.0, **compiled: bool
+    scene: SceneAtShutter,
+    width: int,
+    height: int,
+    films,
+    *,
+    moves: bool = False,
+    time: float = 0.0,
+    samples: int = 1,
+    **compiled: bool,
 ) -> list[Seen]:
     """What camera rays through ``films`` [n, 2] see at ``time`` in the shutter, pass by pass.
 
     Args:
+        samples: How many of the films that follow each other are of one pixel.
         **compiled: Requirements that the kernel is compiled for, whatever the scene has, so that tests share it.
     """
     norm = Normalization.of(scene)
@@ -113,7 +122,7 @@ def see(
         textures = TextureStore(ONE_THREAD).arrays(scene.meshes, geometry.materials, norm.scale, norm.power)
     positions = ONE_THREAD.array(np.asarray(films, np.float32), wp.vec2)
     items = np.arange(len(films), dtype=np.int32)
-    options = {"moves": moves, "textures": textures}
+    options = {"moves": moves, "textures": textures, "samples": samples}
     passes = visible_points(surfaces, *lights, camera, positions, items, needs, ONE_THREAD, **options)
     found = []
     for batch in passes:

@@ -88,9 +88,10 @@ class NearestField:
         position, normal, receiver = (getattr(queries, name).numpy() for name in ("position", "normal", "receiver"))
         shading = queries.shading_normal.numpy() if has_shading_normals(queries) else normal
         light, found = np.zeros((len(receiver), 3)), np.zeros(len(receiver), np.int32)
-        for owner in np.unique(receiver[receiver >= 0]):
-            rows = np.flatnonzero(receiver == owner)
-            nearby = self._nearby(int(owner), *lookup.window)
+        middles = np.broadcast_to(lookup.windows()[:, 1], len(receiver))
+        for owner, middle in np.unique(np.column_stack([receiver, middles])[receiver >= 0], axis=0):
+            rows = np.flatnonzero((receiver == owner) & (middles == middle))
+            nearby = self._nearby(int(owner), float(middle), lookup.window[1])
             light[rows], found[rows] = self._estimate(nearby, position[rows], normal[rows], shading[rows])
         if not lookup.with_motion:
             return Irradiance(light)

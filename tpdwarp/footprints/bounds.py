@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
+from tpdwarp.footprints.morton import morton_codes
 from tpdwarp.footprints.shaping import FootprintArrays
 
 # Pieces that the longest footprints are cut into; more of them fill boxes little better. Chosen, not derived.
@@ -83,22 +84,9 @@ def pieces_of(footprints: FootprintArrays, launcher: Launcher) -> Pieces:
     rows = np.zeros(len(owners), Piece.numpy_dtype())
     rows["footprint"], rows["number"] = owners, numbers
     rows["low_before"][1:], rows["high_before"][1:] = low[:-1], high[:-1]
-    order = _side_by_side(0.5 * (low + high))
+    order = np.argsort(morton_codes(0.5 * (low + high)), kind="stable")
     return Pieces(
         wp.array(rows[order], dtype=Piece, device=launcher.device),
         launcher.array(low[order], wp.vec3),
         launcher.array(high[order], wp.vec3),
     )
-
-
-def _side_by_side(places: np.ndarray) -> np.ndarray:
-    """An order of places [n, 3] in which neighbours follow each other: that of Morton codes of ten bits an axis."""
-    low = places.min(axis=0)
-    scaled = (places - low) * np.float32(1023.0 / max(float((places.max(axis=0) - low).max()), 1e-30))
-    codes = np.zeros(len(places), np.uint32)
-    for axis, code in enumerate(scaled.astype(np.uint32).T):
-        # Two zeros between any two bits.
-        for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
-            code = (code | (code << np.uint32(shift))) & np.uint32(mask)
-        codes |= code << np.uint32(axis)
-    return np.argsort(codes, kind="stable")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import warp as wp
@@ -10,6 +11,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import Pieces, pieces_of
 from tpdwarp.footprints.cell_parts import told_apart
+from tpdwarp.footprints.courses import courses_of
 from tpdwarp.footprints.light_images import axes_in_light, images_of
 from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, footprint_kernel
 from tpdwarp.photons.photon_map import PhotonMap, joined
@@ -60,23 +62,30 @@ class FootprintMap(Footprints):
         pieces: The parts that ``bvh`` is built over; None where there are none.
         bvh: Bounds of the pieces, swept over their own part of the shutter; None where there are none.
         run_size: Half the typical size of a piece: queries this close together are gathered together.
+        launcher: The device.
     """
 
     pieces: Pieces | None
     bvh: wp.Bvh | None
     run_size: float
+    launcher: Launcher
+
+    @cached_property
+    def courses(self) -> wp.array:
+        """The course of each, which only queries that move ask for."""
+        return courses_of(self.arrays, self.durations, self.launcher)
 
     @classmethod
     def of(cls, footprints: Footprints, launcher: Launcher) -> FootprintMap:
         """Builds the BVH."""
         if not footprints.count:
-            return cls(**vars(footprints), pieces=None, bvh=None, run_size=0.0)
+            return cls(**vars(footprints), pieces=None, bvh=None, run_size=0.0, launcher=launcher)
         pieces = pieces_of(footprints.arrays, launcher)
         size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
         # On the CPU it is built in half the time that the default takes, and walked through no slower.
         constructor = None if launcher.device.is_cuda else "cubql"
         bvh = wp.Bvh(pieces.lower, pieces.upper, constructor=constructor)
-        return cls(**vars(footprints), pieces=pieces, bvh=bvh, run_size=0.5 * size)
+        return cls(**vars(footprints), pieces=pieces, bvh=bvh, run_size=0.5 * size, launcher=launcher)
 
 
 def shape_footprints(

@@ -17,6 +17,7 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import Piece
+from tpdwarp.footprints.courses import Course, passes_by
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.lanes import (
@@ -234,6 +235,7 @@ def gather_kernel(
         bvh: wp.uint64,
         footprints: FootprintArrays,
         pieces: wp.array(dtype=Piece),
+        courses: wp.array(dtype=Course),
         durations: wp.array(dtype=wp.float32),
         run_size: float,
         windows: wp.array(dtype=TimeWindow),
@@ -260,7 +262,11 @@ def gather_kernel(
                 query = wp.bvh_query_aabb(bvh, run.low - margin, run.high + margin)
                 while wp.bvh_query_next(query, number):
                     piece = pieces[number]
-                    if not found_before(piece, run.low - margin, run.high + margin):
+                    wanted = not found_before(piece, run.low - margin, run.high + margin)
+                    if wp.static(query_moves):
+                        if wanted:
+                            wanted = not passes_by(courses[piece.footprint], run.window, run.middle, run.half)
+                    if wanted:
                         # ---- Clip the shutter, place the footprint on its trajectory
                         j = piece.footprint
                         placed = place(footprints, durations, j, run.window)
@@ -339,6 +345,7 @@ def gathered(
 
     Args:
         windows: Time, and middle and length of the window, of each query in the place of the lookup's, shape [n, 3].
+            Where those that follow each other share a window, they are looked up together.
     """
     count = queries.position.shape[0]
     out = irradiance_arrays(count, lookup.with_motion, launcher)
@@ -347,22 +354,21 @@ def gathered(
         return out
     leaves = leaves_of(queries, count, lookup.query_moves, launcher)
     group_size = GPU_GROUP if launcher.device.is_cuda else GROUP
-    looks = _windows(lookup, windows, launcher)
+    looks = time_windows(lookup.windows() if windows is None else windows, launcher)
     for footprints in maps:
         moves = footprints.moves or lookup.query_moves
         shaded = footprints.shaded and has_shading_normals(queries)
         kernel = gather_kernel(form, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
-        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces.rows, footprints.durations]
+        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces.rows]
+        photons += [footprints.courses if lookup.query_moves else launcher.zeros(0, Course), footprints.durations]
         sums = launcher.rows(LeafSums, leaves.middle.shape[0])
         inputs = [*photons, footprints.run_size, looks, group_size, count, queries, leaves, sums, out]
         launcher(kernel, -(-count // group_size), inputs, smallest_chunk=1)
     return out
 
 
-def _windows(lookup: Lookup, windows: np.ndarray | None, launcher: Launcher) -> wp.array:
-    """One window for all queries, or one for each."""
-    if windows is None:
-        return wp.array([time_window(lookup)], dtype=TimeWindow, device=launcher.device)
+def time_windows(windows: np.ndarray, launcher: Launcher) -> wp.array:
+    """Time, and middle and length of the window, of each query or of all, shape [n, 3], on the device."""
     rows = np.zeros(len(windows), TimeWindow.numpy_dtype())
     rows["time"], rows["center"], rows["length"] = windows.T
     return wp.array(rows, dtype=TimeWindow, device=launcher.device)

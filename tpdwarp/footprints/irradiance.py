@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -60,6 +60,8 @@ class Lookup:
         time: When the queries stand where they are, in the shutter (−½ … ½).
         window: Middle and length of the part of the shutter that they stand for (it holds ``time``). What a pixel sees
             correlates with when it sees it, so its samples share the shutter out between them.
+        own_times: Time, and middle of the window, of each query in the place of those, shape [n, 2]; all windows are as
+            long. None where all look at the same time.
         query_moves: Whether queries carry their motion.
         with_motion: Whether the flux-weighted D_t x and the number of footprints are wanted.
     """
@@ -68,6 +70,22 @@ class Lookup:
     window: tuple[float, float] = (0.0, 1.0)
     query_moves: bool = False
     with_motion: bool = False
+    own_times: np.ndarray | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether queries stand still and look over the whole shutter."""
+        return self.window == (0.0, 1.0) and not self.query_moves
+
+    def of_rows(self, rows: np.ndarray) -> Lookup:
+        """The same for some of the queries, by index."""
+        return self if self.own_times is None else replace(self, own_times=self.own_times[rows])
+
+    def windows(self) -> np.ndarray:
+        """Time, and middle and length of the window, of each query, or in one row those of all; shape [n, 3]."""
+        if self.own_times is None:
+            return np.array([(self.time, *self.window)])
+        return np.column_stack([self.own_times, np.full(len(self.own_times), self.window[1])])
 
 
 @dataclass

@@ -12,12 +12,12 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import SplitLight, split_light
 from tpdwarp.footprints.footprint_map import FootprintMap, Footprints, shape_footprints
-from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, irradiance_of
+from tpdwarp.footprints.gather import gathered, irradiance_of
 from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, rows_of
 from tpdwarp.footprints.rasters import Rasters
 from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
-from tpdwarp.footprints.ways import piece_counts, pieces_of, rows_at
+from tpdwarp.footprints.ways import WayPieces, piece_counts, rows_at
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.footprints.wide import WideFootprints, wide_footprints
 from tpdwarp.photons.photon_map import PhotonMap
@@ -124,7 +124,7 @@ class FootprintLight:
 
     def irradiance(self, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """Irradiance at ``queries``, in pieces of their way where that is long."""
-        whole = lookup.window == PLAIN_LOOKUP.window and not lookup.query_moves
+        whole = lookup.is_whole
         if whole:
             found = irradiance_of(gathered(self._fine, queries, self._form, self._launcher, lookup), lookup.with_motion)
         else:
@@ -141,37 +141,29 @@ class FootprintLight:
     def _along_ways(self, footprints: FootprintMap, queries: QueryArrays, lookup: Lookup) -> Irradiance:
         """What ``footprints`` add up to along the ways of queries, looked up piece by piece at once."""
         counts = piece_counts(queries, lookup, _longest_way(footprints))
-
-        def looked_up(at: QueryArrays, windows: np.ndarray | None = None) -> Irradiance:
-            sums = gathered([footprints], at, self._form, self._launcher, lookup, windows)
+        if counts.max(initial=1) == 1 and lookup.own_times is None:
+            sums = gathered([footprints], queries, self._form, self._launcher, lookup)
             return irradiance_of(sums, lookup.with_motion)
-
-        if counts.max(initial=1) == 1:
-            return looked_up(queries)
-        pieces = [
-            (np.flatnonzero(counts == count), window)
-            for count in np.unique(counts)
-            for window in pieces_of(lookup.window, count)
-        ]
-        rows = np.concatenate([chosen for chosen, _ in pieces])
-        sizes = [len(chosen) for chosen, _ in pieces]
-        windows = np.repeat([(middle, middle, length) for _, (middle, length) in pieces], sizes, axis=0)
-        more = looked_up(rows_at(queries, rows, windows[:, 0] - lookup.time, self._launcher), windows)
+        pieces = WayPieces.of(queries, lookup, counts, footprints.run_size)
+        if lookup.query_moves:
+            times = lookup.windows()[:, 0]
+            late = pieces.windows[:, 0] - (times if lookup.own_times is None else times[pieces.rows])
+            at = rows_at(queries, pieces.rows, late, self._launcher)
+        else:
+            at = rows_of(queries, pieces.rows, self._launcher)
+        sums = gathered([footprints], at, self._form, self._launcher, lookup, pieces.windows)
+        more = irradiance_of(sums, lookup.with_motion)
 
         # ---- The mean along each way
-        found = Irradiance(np.zeros((len(counts), 3), np.float32))
+        def mean(values: np.ndarray) -> np.ndarray:
+            shares = (1.0 / counts).astype(np.float32).reshape(-1, *(1,) * (values.ndim - 1))
+            return shares * np.add.reduceat(values[pieces.place], pieces.starts)
+
+        found = Irradiance(mean(more.irradiance))
         if lookup.with_motion:
-            found.motion, found.weight = np.zeros((len(counts), 3), np.float32), np.zeros(len(counts), np.float32)
-            found.photons = np.zeros(len(counts), np.int32)
-        ends = np.cumsum(sizes)
-        for (chosen, (_, length)), begin, end in zip(pieces, ends - sizes, ends, strict=True):
-            share = np.float32(length / lookup.window[1])
-            found.irradiance[chosen] += share * more.irradiance[begin:end]
-            if lookup.with_motion:
-                found.motion[chosen] += share * more.motion[begin:end]
-                found.weight[chosen] += share * more.weight[begin:end]
-                # Those that overlap at a time, as for queries that stand.
-                found.photons[chosen] = np.maximum(found.photons[chosen], more.photons[begin:end])
+            found.motion, found.weight = mean(more.motion), mean(more.weight)
+            # Those that overlap at a time, as for queries that stand.
+            found.photons = np.maximum.reduceat(more.photons[pieces.place], pieces.starts)
         return found
 
     def _add_directly(
@@ -183,7 +175,7 @@ class FootprintLight:
             return
         some = rows_of(queries, looked_at, self._launcher)
         for footprints in smooth.levels:
-            more = self._along_ways(footprints, some, lookup)
+            more = self._along_ways(footprints, some, lookup.of_rows(looked_at))
             found.irradiance[rows] += more.irradiance[np.searchsorted(looked_at, rows)]
             if lookup.with_motion:
                 found.motion += more.motion

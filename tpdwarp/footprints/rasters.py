@@ -13,7 +13,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import COARSEST_SQUARE
 from tpdwarp.footprints.footprint_map import FootprintMap
-from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, time_window
+from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, time_windows
 from tpdwarp.footprints.irradiance import Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.leaves import LEAF
 from tpdwarp.footprints.placing import PLANE_ROUNDING, TimeWindow
@@ -112,7 +112,7 @@ def find_planes(
     # In
     rasters: RasterArrays,
     queries: QueryArrays,
-    window: TimeWindow,
+    windows: wp.array(dtype=TimeWindow),
     shaded: int,
     # Out
     planes: wp.array(dtype=wp.int32),
@@ -121,6 +121,7 @@ def find_planes(
     """The plane of each query, and which tiles queries need that are not known yet."""
     i = base + wp.tid()
     planes[i] = ELSEWHERE
+    window = windows[wp.min(i, windows.shape[0] - 1)]
     x = queries.position[i]
     motion = wp.vec3()
     if queries.motion.shape[0] > 0:
@@ -225,7 +226,7 @@ def add_rasters(
     # In
     rasters: RasterArrays,
     queries: QueryArrays,
-    window: TimeWindow,
+    windows: wp.array(dtype=TimeWindow),
     planes: wp.array(dtype=wp.int32),
     # Out
     irradiance: wp.array(dtype=wp.vec3),
@@ -234,6 +235,7 @@ def add_rasters(
     i = base + wp.tid()
     plane = planes[i]
     if plane >= 0:
+        window = windows[wp.min(i, windows.shape[0] - 1)]
         motion = wp.vec3()
         if queries.motion.shape[0] > 0:
             motion = queries.motion[i]
@@ -294,10 +296,10 @@ class Rasters:
         wanted = self._launcher.zeros(len(self._slots), wp.int32)
         shaded = int(self._shaded and has_shading_normals(queries))
         looking = queries if lookup.query_moves else at_rest(queries, self._launcher)
-        window = time_window(lookup)
-        self._launcher(find_planes, count, [self._arrays, looking, window, shaded, planes, wanted])
+        windows = time_windows(lookup.windows(), self._launcher)
+        self._launcher(find_planes, count, [self._arrays, looking, windows, shaded, planes, wanted])
         self._find(np.flatnonzero(wanted.numpy()))
-        self._launcher(add_rasters, count, [self._arrays, looking, window, planes, irradiance])
+        self._launcher(add_rasters, count, [self._arrays, looking, windows, planes, irradiance])
         return np.flatnonzero(planes.numpy() == int(OFF_RASTER))
 
     def _find(self, tiles: np.ndarray) -> None:

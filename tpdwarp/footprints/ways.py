@@ -7,11 +7,14 @@ are, the less that is.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import Lookup, QueryArrays, rows_of
+from tpdwarp.footprints.morton import morton_codes
 
 # Pieces of a way at most: of a longer one, parts of each piece are looked at. Chosen, not derived.
 MOST_PIECES = 16
@@ -31,10 +34,36 @@ def piece_counts(queries: QueryArrays, lookup: Lookup, longest: float) -> np.nda
     return 1 << np.ceil(np.log2(np.clip(ways / longest, 1.0, MOST_PIECES)) - ROUNDING).astype(np.int64)
 
 
-def pieces_of(window: tuple[float, float], count: int) -> list[tuple[float, float]]:
-    """Middles and lengths of ``count`` equal pieces of a window."""
-    middle, length = window
-    return [(middle + ((number + 0.5) / count - 0.5) * length, length / count) for number in range(count)]
+@dataclass(frozen=True, eq=False)
+class WayPieces:
+    """Pieces of the ways of queries, side by side in space, those of one time together.
+
+    Attributes:
+        rows: The query of each, shape [m].
+        windows: Time, and middle and length of its window, which is in the middle, shape [m, 3].
+        place: Where those of a query follow each other, query by query, shape [m].
+        starts: Where in ``place`` those of each query begin, shape [n].
+    """
+
+    rows: np.ndarray
+    windows: np.ndarray
+    place: np.ndarray
+    starts: np.ndarray
+
+    @classmethod
+    def of(cls, queries: QueryArrays, lookup: Lookup, counts: np.ndarray, side: float) -> WayPieces:
+        """``counts`` equal pieces of the window of each query [n], by cubes of ``side``."""
+        starts = np.cumsum(counts) - counts
+        rows = np.repeat(np.arange(len(counts)), counts)
+        number = np.arange(len(rows)) - starts[rows]
+        time, middle, length = np.broadcast_to(lookup.windows(), (len(counts), 3))[rows].T
+        middle = middle + ((number + 0.5) / counts[rows] - 0.5) * length
+        places = queries.position.numpy()[rows]
+        if lookup.query_moves:
+            places = places + (middle - time).astype(np.float32)[:, None] * queries.motion.numpy()[rows]
+        order = np.lexsort((middle, morton_codes(places, side)))
+        windows = np.column_stack([middle, middle, length / counts[rows]])[order]
+        return cls(rows[order], windows, np.argsort(order), starts)
 
 
 def rows_at(queries: QueryArrays, rows: np.ndarray, later: np.ndarray, launcher: Launcher) -> QueryArrays:

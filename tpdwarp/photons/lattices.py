@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import warp as wp
@@ -50,10 +50,7 @@ LARGEST_CELL_GROWTH = 16
 # Beams start near what is specular where that is smaller than this part of its distance from the light. At this size,
 # rounding of the distance (6e-8 of it) is 6e-6 of the thing, as much as a hundred roundings of its own coordinates.
 NEARBY = 1.0e-2
-# Lights share photons by this power of theirs: what is ten times fainter gets three quarters of the photons of the
-# brightest, what is a thousand times fainter 0.42 of them, and none less than a tenth. Chosen, not derived: errors of a
-# light's caustic, as parts of it, fall with its photons.
-SHARING_POWER = 1.0 / 8.0
+# Lights have at least this part of the photons that the one of the greatest weight has. Chosen, not derived.
 LEAST_WEIGHT = 0.1
 # Half floats hold 40 stops. A light fainter than that beside the brightest is in no picture with it, and takes no
 # photons that others would miss.
@@ -108,6 +105,7 @@ class EmissionPlan:
         normalization: The tracer's units.
         candidates: What the stills showed, from which lattices for any number of photons are laid out.
         splits: Parts that each light with extent is cut into; each of them has lattices of its own.
+        weights: By which lights share the photons (:mod:`.light_weights`), by prim path; alike without.
     """
 
     lattices: tuple[Lattice, ...]
@@ -116,10 +114,20 @@ class EmissionPlan:
     normalization: Normalization
     candidates: tuple[_Candidate, ...] = ()
     splits: int = 1
+    weights: dict[str, float] = field(default_factory=dict)
 
     def with_photons(self, photons: int) -> EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
-        return _planned(self.candidates, photons, self.normalization, self.splits)
+        return _planned(self.candidates, photons, self.normalization, self.splits, self.weights)
+
+    def weighted(self, weights: dict[str, float]) -> EmissionPlan:
+        """The lattices if lights share the photons by other ``weights``."""
+        return _planned(self.candidates, self.photons, self.normalization, self.splits, weights)
+
+    @property
+    def lights(self) -> set[str]:
+        """Prim paths of the lights that the stills show."""
+        return {prim_of(candidate.light) for candidate in self.candidates}
 
     def foreseeing(self, scene: SceneAtShutter) -> EmissionPlan:
         """The plan with lattices for those lights of ``scene`` that shine in none of the stills; just it where all do.
@@ -133,7 +141,8 @@ class EmissionPlan:
         if not new or not len(corners):
             return self
         found = [c for light in new for c in _candidates(light.path, [(light, corners)], self.normalization)]
-        made = _lattices([candidate for candidate in found if not candidate.spare], self.photons, self.planned_ids)
+        found = [candidate for candidate in found if not candidate.spare]
+        made = _lattices(found, self.photons, self.planned_ids, self.weights)
         used = max((lattice.first_id + math.prod(lattice.wrap) for lattice in made), default=self.planned_ids)
         return replace(self, lattices=(*self.lattices, *made), planned_ids=used)
 
@@ -166,7 +175,10 @@ class EmissionPlan:
     def starved_lights(self) -> int:
         """How many of several lights have so few photons that what they light is a few dozen cells across."""
         counts: dict[str, float] = {}
+        spare = {(candidate.light, candidate.face) for candidate in self.candidates if candidate.spare}
         for lattice in self.lattices:
+            if (lattice.light, lattice.face) in spare:
+                continue
             light = self.light_of(lattice)
             # Ids repeat after twice as many cells along either side.
             counts[light] = counts.get(light, 0.0) + math.prod(lattice.wrap) / 4.0
@@ -211,7 +223,7 @@ class EmissionPlan:
                 foreseen += pairs
             else:
                 unforeseen += [c for c in _candidates(light.path, [(light, corners)], norm) if not c.spare]
-        made = _lattices(unforeseen, self.photons, self.planned_ids)
+        made = _lattices(unforeseen, self.photons, self.planned_ids, self.weights)
         found = [bounds_of(lights[lattice.light], lattice.axes, lattice.limit, corners, norm) for lattice in made]
         return [
             (lattice, _patch(lattice, lights[lattice.light], bounds, behind, magnitude, norm))
@@ -250,7 +262,9 @@ def plan_emission(
     splits: int = 1,
     stills: Sequence[SceneAtShutter] | None = None,
 ) -> EmissionPlan:
-    """Lays out the lattices for ``photons`` photons a frame, shared between lights (see :func:`light_shares`).
+    """Lays out the lattices for ``photons`` photons a frame, which lights share alike.
+
+    :meth:`EmissionPlan.weighted` shares them otherwise.
 
     Args:
         square: Whether cells are square also where light varies in one direction alone.
@@ -278,22 +292,27 @@ def plan_emission(
                 distant = views[0][0].kind == LightKind.DISTANT
                 shapes[whole] = lattice_shape(own) if distant and not square else OWN_AXES
             candidates += _candidates(path, views, normalization, shapes[whole])
-    return _planned(tuple(candidates), photons, normalization, splits)
+    return _planned(tuple(candidates), photons, normalization, splits, {})
 
 
 def _planned(
-    candidates: tuple[_Candidate, ...], photons: int, normalization: Normalization, splits: int
+    candidates: tuple[_Candidate, ...],
+    photons: int,
+    normalization: Normalization,
+    splits: int,
+    weights: dict[str, float],
 ) -> EmissionPlan:
-    lattices = _lattices(candidates, photons, 0)
+    lattices = _lattices(candidates, photons, 0, weights)
     used = max((lattice.first_id + lattice.wrap[0] * lattice.wrap[1] for lattice in lattices), default=0)
-    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates, splits)
+    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates, splits, weights)
 
 
-def light_shares(candidates: Sequence[_Candidate]) -> dict[str, float]:
+def light_shares(candidates: Sequence[_Candidate], weights: dict[str, float]) -> dict[str, float]:
     """Power by photons of the lattices of each light, if there is one photon in all.
 
-    Faces and parts of one light share its photons by the power that goes through them. Lights share them by a low
-    power of theirs: wherever nothing brighter falls, a caustic is seen by itself, however faint it is.
+    Faces and parts of one light share its photons by the power that goes through them. Lights share them by their
+    weights (:mod:`.light_weights`), alike where these are not known: wherever nothing brighter falls, a caustic is seen
+    by itself, however faint it is.
     """
     totals: dict[str, float] = {}
     for candidate in candidates:
@@ -301,18 +320,23 @@ def light_shares(candidates: Sequence[_Candidate]) -> dict[str, float]:
             light = prim_of(candidate.light)
             totals[light] = totals.get(light, 0.0) + candidate.power
     strongest = max(totals.values(), default=0.0)
-    parts = {light: power / strongest for light, power in totals.items()}
-    weights = {
-        light: max(part**SHARING_POWER, LEAST_WEIGHT) if part >= FAINTEST else part for light, part in parts.items()
+    greatest = max((weights.get(light, 1.0) for light in totals), default=0.0) or 1.0
+    shares = {
+        light: max(weights.get(light, 1.0) / greatest, LEAST_WEIGHT)
+        if power >= FAINTEST * strongest
+        else power / strongest
+        for light, power in totals.items()
     }
-    whole = sum(weights.values())
+    whole = sum(shares.values())
     # A light alone keeps its power as it is, to the last bit.
-    return {light: power / (weights[light] / whole) if len(totals) > 1 else power for light, power in totals.items()}
+    return {light: power / (shares[light] / whole) if len(totals) > 1 else power for light, power in totals.items()}
 
 
-def _lattices(candidates: Sequence[_Candidate], photons: int, first_id: int) -> list[Lattice]:
+def _lattices(
+    candidates: Sequence[_Candidate], photons: int, first_id: int, weights: dict[str, float]
+) -> list[Lattice]:
     """Lattices with cells for ``photons`` photons, shared between candidates; spare ones are not counted."""
-    shares = light_shares(candidates)
+    shares = light_shares(candidates, weights)
     lattices = []
     for candidate in candidates:
         # As many photons meet a sheet as if its rectangle lay along the lattice.

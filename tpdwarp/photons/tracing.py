@@ -40,7 +40,15 @@ from tpdwarp.scene.device.intersection import Hit, along, closest_hit, occluded
 from tpdwarp.scene.device.links import PASSED, UNLIT, links_of
 from tpdwarp.scene.device.media import crossing_at, media_at
 from tpdwarp.scene.device.presence import presence_at
-from tpdwarp.scene.device.textures import TextureArrays, absorbed_in_media, absorbed_within
+from tpdwarp.scene.device.textures import (
+    TextureArrays,
+    absorbed_in_media,
+    absorbed_within,
+    diffuse_share_at,
+    mirror_tint,
+    roughness_at,
+    transmittance_at,
+)
 from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import LightSettings
@@ -126,6 +134,7 @@ class TracingVariant:
     linked: bool = False
     thin_walls: bool = False
     rough: bool = False
+    specular_maps: bool = False
 
     @property
     def branches(self) -> bool:
@@ -160,6 +169,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     smooth_receivers, nested = variant.smooth_receivers, variant.nested
     partial, tints, recording, extended = variant.partial, variant.tinted, variant.recording, variant.extended
     linked, thin_walls, rough, branches = variant.linked, variant.thin_walls, variant.rough, variant.branches
+    mapped = variant.specular_maps
 
     @wp.func
     def columns_after(
@@ -169,14 +179,13 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         hit: Hit,
         at: Interface,
         reflected: bool,
-        material: int,
-        textures: TextureArrays,
+        roughness: float,
     ) -> LightColumns:
         """The columns D_a, D_b of light behind an interface, a rough one too (beyond the paper)."""
         out = scatter_columns(columns, before, hit, at, reflected)
         if wp.static(rough):
-            if textures.roughnesses[material] > 0.0:
-                out = widened(out, before, after, at, reflected, textures.roughnesses[material])
+            if roughness > 0.0:
+                out = widened(out, before, after, at, reflected, roughness)
         return out
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -360,7 +369,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
             if wp.static(partial):
-                part = take_share(mask, decision, first_open, textures.diffuse_shares[material], flux, cutoff)
+                share = textures.diffuse_shares[material]
+                if wp.static(mapped):
+                    share = diffuse_share_at(textures, material, hit, beam.dxdu, beam.dxdv)
+                part = take_share(mask, decision, first_open, share, flux, cutoff)
                 flux = part.throughput
                 reported = reported | part.reported
                 if part.reported != 0:
@@ -411,6 +423,11 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         entering *= changes[2]
 
             # ---- Reflection or refraction
+            roughness = float(0.0)
+            if wp.static(rough):
+                roughness = textures.roughnesses[material]
+                if wp.static(mapped):
+                    roughness = roughness_at(textures, material, hit, beam.dxdu, beam.dxdv)
             dielectric = wp.static(refraction)
             if wp.static(both):
                 dielectric = interaction == DIELECTRIC
@@ -448,7 +465,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     other = scatter(beam, hit, at, True, True, wp.static(moves))
                     others = columns
                     if wp.static(extended):
-                        others = columns_after(columns, beam.w, other.w, hit, at, True, material, textures)
+                        others = columns_after(columns, beam.w, other.w, hit, at, True, roughness)
                     of_branch = path_state(
                         other, others, emitted, branch.other, shift, prolonged(path, 1), 0.0, inside, decision + 1,
                         count + 1, bounce + 1,
@@ -458,7 +475,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 decision += branch.decided
                 if wp.static(tints):
                     if not reflected:
-                        left = wp.cw_mul(flux, textures.transmittances[material])
+                        passing = textures.transmittances[material]
+                        if wp.static(mapped):
+                            passing = transmittance_at(textures, material, hit, beam.dxdu, beam.dxdv)
+                        left = wp.cw_mul(flux, passing)
                         if decision >= first_open:
                             absorbed += flux - left
                         flux = left
@@ -467,7 +487,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     flux = wp.vec3(0.0, 0.0, 0.0)
                     break
             else:
-                tinted = wp.cw_mul(flux, surfaces.tint[material])
+                tint = surfaces.tint[material]
+                if wp.static(mapped):
+                    tint = mirror_tint(textures, material, hit, tint, beam.dxdu, beam.dxdv)
+                tinted = wp.cw_mul(flux, tint)
                 if decision >= first_open:
                     absorbed += flux - tinted
                 flux = tinted
@@ -481,14 +504,13 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 if sheet and not reflected:
                     beam = passed(beam, hit)
                     if wp.static(rough):
-                        if textures.roughnesses[material] > 0.0:
-                            width = textures.roughnesses[material]
-                            columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], width)
+                        if roughness > 0.0:
+                            columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], roughness)
                     continue
             before = beam.w
             beam = scatter(beam, hit, at, reflected, True, wp.static(moves))
             if wp.static(extended):
-                columns = columns_after(columns, before, beam.w, hit, at, reflected, material, textures)
+                columns = columns_after(columns, before, beam.w, hit, at, reflected, roughness)
 
         if fate == FATE_DEPOSITED:
             size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
@@ -574,6 +596,7 @@ def trace_photons(
     variant = TracingVariant(
         needs.photon_motion, needs.refraction, needs.reflection, riding, jittered, needs.smooth_receivers, needs.nested,
         needs.partial, needs.tinted, recording, needs.light_columns, needs.linked, needs.thin_walls, needs.rough,
+        needs.specular_maps,
     )  # fmt: skip
     kernel = tracing_kernel(variant)
     left_out = () if needs.smooth_receivers else ("incidence",)

@@ -209,7 +209,7 @@ def expose(
             continue
         for group, light in fields.items():
             with clock.stage("gather"):
-                lookup = Lookup(seen.time, seen.window, seen.moves, film.wants_motion)
+                lookup = Lookup(0.0, seen.window, seen.moves, film.wants_motion, seen.times)
                 found = light.irradiance(seen.queries, lookup)
                 film.add_caustic(seen.pixels, seen.weights, seen.first, found, group)
     return account

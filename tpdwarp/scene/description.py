@@ -93,13 +93,16 @@ class Material:
         color: Albedo (diffuse) or tint (mirror), linear Rec.709; unused for dielectrics.
         ior: Index of refraction inside, relative to outside (front side is outside).
         path: Prim path of the material, or empty where none is bound.
-        texture: Albedo over the surface, in the place of ``color`` where the mesh has texture coordinates; None for
-            the same everywhere.
+        texture: What ``color`` is over the surface, in its place where the mesh has texture coordinates; None for the
+            same everywhere.
         presence: Share of the surface that is there; light passes straight through the rest.
         cutout: Presence over the surface, which multiplies ``presence`` where the mesh has texture coordinates; None
             for the same everywhere.
         threshold: Where ``cutout`` is at least this, above 0, all of the surface is there, and elsewhere nothing.
         diffuse_share: Share of a dielectric or mirror that is diffuse, of albedo ``color``.
+        diffuse_map: That share over the surface, in its place where the mesh has texture coordinates; None for the same
+            everywhere. So have ``transmittance_map``, ``roughness_map`` and ``emission_map`` the place of what they are
+            named after.
         transmittance: What a dielectric lets through of what it refracts, each time.
         normal_map: Normals over a diffuse surface in the frame of its texture coordinates (along s, along t, out of the
             surface), where the mesh has these; None for those of the mesh.
@@ -120,6 +123,7 @@ class Material:
     cutout: Texture | None = None
     threshold: float = 0.0
     diffuse_share: float = 0.0
+    diffuse_map: Texture | None = None
     transmittance: tuple[float, float, float] = (1.0, 1.0, 1.0)
     absorption: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -127,16 +131,40 @@ class Material:
     roughness: float = 0.0
     abbe: float = 0.0
     normal_map: Texture | None = None
+    transmittance_map: Texture | None = None
+    roughness_map: Texture | None = None
+    emission_map: Texture | None = None
 
     @property
     def partial(self) -> bool:
         """Whether only a part of it is there, or does what its interaction says."""
-        return self.presence < 1.0 or self.cutout is not None or self.diffuse_share > 0.0
+        if self.presence < 1.0 or self.cutout is not None:
+            return True
+        return self.diffuse_share > 0.0 or self.diffuse_map is not None
 
     @property
     def tinted(self) -> bool:
         """Whether a dielectric takes from the light that it refracts."""
-        return any(self.absorption) or any(channel != 1.0 for channel in self.transmittance)
+        if any(self.absorption) or self.transmittance_map is not None:
+            return True
+        return any(channel != 1.0 for channel in self.transmittance)
+
+    @property
+    def rough(self) -> bool:
+        """Whether it is rough anywhere."""
+        return self.roughness > 0.0 or self.roughness_map is not None
+
+    @property
+    def shines(self) -> bool:
+        """Whether it gives off light anywhere."""
+        return any(self.emission) or self.emission_map is not None
+
+    @property
+    def specular_maps(self) -> bool:
+        """Whether what it reflects or refracts differs over the surface."""
+        if self.interaction == Interaction.MIRROR and self.texture is not None:
+            return True
+        return any(map is not None for map in (self.diffuse_map, self.transmittance_map, self.roughness_map))
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,9 @@ class Requirements:
         nested: Whether dielectric solids lie in each other or touch.
         smooth_receivers: Whether a diffuse surface is shaded by normals that are not those of its triangles.
         bounces: Specular interactions followed along a path.
-        textures: Whether an albedo or a normal differs over its surface by a texture.
+        textures: Whether an albedo, a normal or what a surface gives off differs over it by a texture.
         normal_maps: Whether a normal does.
+        specular_maps: Whether what a surface reflects or refracts does: its share, its tint or its roughness.
         partial: Whether light passes through a part of a surface, or meets one that is both clear and diffuse.
         tinted: Whether dielectrics take from the light that they refract.
         emission: Whether a surface gives off light.
@@ -65,11 +66,13 @@ class Requirements:
     dispersive: bool = False
     clipped: bool = False
     normal_maps: bool = False
+    specular_maps: bool = False
 
     @property
     def material_arrays(self) -> bool:
         """Whether kernels look up more of a material than its interaction, colour and index."""
-        return any((self.textures, self.partial, self.tinted, self.emission, self.thin_walls, self.rough))
+        shown = self.textures, self.partial, self.tinted, self.emission, self.thin_walls, self.rough
+        return any(shown) or self.specular_maps
 
     @property
     def light_columns(self) -> bool:
@@ -131,17 +134,19 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         nested=nesting_of(scene) is not None,
         smooth_receivers=(dielectrics or mirrors) and (normal_maps or any(map(is_smooth_receiver, scene.meshes))),
         bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors or partial else 0,
-        textures=normal_maps or any(material.texture is not None for material in placed),
+        textures=normal_maps
+        or any(material.texture is not None or material.emission_map is not None for material in placed),
         partial=partial,
         tinted=any(material.tinted for material in materials),
-        emission=any(any(material.emission) for material in materials),
+        emission=any(material.shines for material in materials),
         lens=scene.camera is not None and scene.camera.lens_radius > 0,
         domes=bool(scene.domes),
         extended_lights=tuple(light.path for light in scene.lights if light.extent is not None),
         linked=any(light.linked for light in scene.lights),
         thin_walls=any(material.thin_walled for material in materials),
-        rough=any(material.roughness > 0 for material in materials),
+        rough=any(material.rough for material in materials),
         dispersive=any(material.abbe > 0 for material in materials),
         clipped=scene.camera is not None and len(scene.camera.clipping_planes) > 0,
         normal_maps=normal_maps,
+        specular_maps=any(material.specular_maps for material in placed),
     )

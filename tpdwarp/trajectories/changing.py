@@ -18,6 +18,7 @@ Beyond the paper, whose photons shine for the whole shutter.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,12 +28,14 @@ from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.keyframes import END, LARGEST_DRIFT, ShutterKeyframes
+from tpdwarp.trajectories.passing import FARTHEST
 from tpdwarp.trajectories.retraced import (
     LEAST_LIGHT,
     LEAST_SHARE,
     RetracedCells,
     Window,
     cells_of,
+    distances,
     flux_in,
     grown,
     matters,
@@ -79,7 +82,8 @@ def changing_cells(
             window = Window.around(cells.cell)
             here = window.grid(dtype=bool)
             here[window.at(cells.cell)] = True
-            changing = window.cells(grown(_change([ends[0], photons, ends[1]], plan, number, window, typical)) & here)
+            change = _change([ends[0], photons, ends[1]], plan, number, window, typical)
+            changing = window.cells(grown(change, 1 + _beyond_ends(change)) & here)
             chosen[number] = np.unique(np.concatenate([changing, chosen.get(number, changing)]), axis=0)
         chosen = {number: cells for number, cells in chosen.items() if len(cells)}
         fields = {number: _field(photons, plan, number, suspects.get(number)) for number in numbers_of([photons], plan)}
@@ -197,6 +201,17 @@ def _change(maps: list[PhotonMap], plan: EmissionPlan, number: int, window: Wind
         alone = keys[one][matter[one] & ~np.isin(keys[one], keys[other])]
         grid.ravel()[(alone >> np.uint64(32)).astype(np.int64)] = True
     return grid
+
+
+def _beyond_ends(change: np.ndarray) -> int:
+    """How many cells further edges go before the first keyframe and after the last one than between these.
+
+    Half of the cells that an edge passes over lie within half of the way from their border to their middle.
+    """
+    if not change.any():
+        return 0
+    middle = 2.0 * float(np.median(distances(~change, FARTHEST)[change]))
+    return math.ceil(middle * (0.5 - END) / END)
 
 
 def _shifts(

@@ -26,9 +26,9 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.neighbours import neighbours
+from tpdwarp.trajectories.parts import LAST_PART
 from tpdwarp.trajectories.retraced import (
     LEAST_LIGHT,
-    PARTS,
     RetracedCells,
     Window,
     cell_of,
@@ -52,8 +52,8 @@ FINER = 3
 # Chosen on a wedge that turns: with 1 it errs by .020 (16 k photons), with 4 by .032, as keyframes do not follow light
 # at edges.
 LONGEST_WAY_AT_REST = 1.0
-# Parts that whole segments and parts of them have for numbers end here (``trajectories/parts.py``).
-FIRST_PART = PARTS * (PARTS + 1) + 1
+# Parts that whole segments and parts of them have for numbers end here (:mod:`.parts`).
+FIRST_PART = LAST_PART + 1
 
 Cells = dict[int, np.ndarray]
 

@@ -9,6 +9,7 @@ Beyond the paper, whose photons shine for the whole shutter.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -16,11 +17,13 @@ import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
+from tpdwarp.trajectories.passing import parts_of_existence
 from tpdwarp.trajectories.retraced import (
     LEAST_LIGHT,
     LEAST_SHARE,
@@ -35,6 +38,9 @@ from tpdwarp.trajectories.rifts import stretched
 # A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
 # within what its cell blurs. Chosen, not derived.
 LONGEST_WAY = 4.0
+# Instants at which cells are traced, and where the numbers of parts of these, and of parts of parts, end.
+INSTANTS = PARTS + 1
+LAST_PART = INSTANTS * (1 + PARTS)
 
 
 def traced_in_parts(
@@ -70,22 +76,42 @@ def traced_in_parts(
         photons = _grown(photons, cells, middle, energy)
         return replace(photons, time=middle, duration=share), energy
 
-    pieces, share = shutter.segments(PARTS), 1.0 / PARTS
-    middles = [(part + 0.5) * share - 0.5 for part in range(PARTS)]
+    edges = np.concatenate([[0.0], (np.arange(PARTS) + 0.5) / PARTS, [1.0]])
+    middles, shares = 0.5 * (edges[1:] + edges[:-1]) - 0.5, np.diff(edges)
+    times = shutter.open + shutter.exposure * edges
+    pieces = [Shutter(shutter.frame, float(a), float(b)) for a, b in itertools.pairwise(times)]
     for part, piece in enumerate(pieces):
-        photons, energy = traced(changing, piece, middles[part], share, part)
+        photons, energy = traced(changing, piece, float(middles[part]), float(shares[part]), part)
         account.add(energy)
         maps.append(replace(photons, part=part + 1))
-    for part, (piece, cells) in enumerate(zip(pieces, cells_that_rush(maps, changing, light), strict=True)):
+    rushing = cells_that_rush(maps, changing, light)
+    for part, extents in enumerate(parts_of_existence(maps, changing)):
+        maps[part] = _shining(maps[part], extents, rushing[part], account)
+    for part, (piece, cells) in enumerate(zip(pieces, rushing, strict=True)):
         if not len(cells):
             continue
-        account.subtract(traced(cells, piece, middles[part], share, part)[1])
+        middle, share = float(middles[part]), float(shares[part])
+        account.subtract(traced(cells, piece, middle, share, part)[1])
         maps[part] = maps[part].rows(~cells.holds(maps[part]))
         for number, smaller in enumerate(piece.segments(PARTS)):
-            photons, energy = traced(cells, smaller, middles[part] + share * middles[number], share**2, number)
+            within = (number + 0.5) / PARTS - 0.5
+            photons, energy = traced(cells, smaller, middle + share * within, share / PARTS, number)
             account.add(energy)
-            maps.append(replace(photons, part=PARTS * (part + 1) + number + 1))
+            maps.append(replace(photons, part=INSTANTS + PARTS * part + number + 1))
     return maps, account
+
+
+def _shining(
+    photons: PhotonMap, extents: np.ndarray, rushing: RetracedCells, energy: EnergyAccount
+) -> PhotonMap:
+    """The photons with the flux of the parts ``extents`` [n] of their part, but those of ``rushing`` cells."""
+    ends = extents != 1.0
+    if len(rushing):
+        ends &= ~rushing.holds(photons)
+    flux = photons.flux.copy()
+    flux[ends] *= extents[ends, None].astype(np.float32)
+    _count_gained(float((flux - photons.flux).sum(dtype=np.float64)), rushing.plan, energy)
+    return replace(photons, flux=flux)
 
 
 def _grown(photons: PhotonMap, cells: RetracedCells, part: float, energy: EnergyAccount) -> PhotonMap:
@@ -96,10 +122,15 @@ def _grown(photons: PhotonMap, cells: RetracedCells, part: float, energy: Energy
     before = photons.flux.sum(dtype=np.float64)
     for number, growth in cells.growth.items():
         photons = stretched(photons, cells.plan, number, cells.cells[number].cell, part * growth)
-    gained = cells.plan.normalization.power * float(photons.flux.sum(dtype=np.float64) - before)
-    energy.sent += gained
-    energy.deposited += gained
+    _count_gained(float(photons.flux.sum(dtype=np.float64) - before), cells.plan, energy)
     return photons
+
+
+def _count_gained(flux: float, plan: EmissionPlan, energy: EnergyAccount) -> None:
+    """Counts flux that photons gained as sent and deposited."""
+    watts = plan.normalization.power * flux
+    energy.sent += watts
+    energy.deposited += watts
 
 
 def cells_that_rush(maps: list[PhotonMap], changing: RetracedCells, light: float) -> list[RetracedCells]:

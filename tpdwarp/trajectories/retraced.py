@@ -24,7 +24,9 @@ LEAST_SHARE = 0.2
 # Nor are cells which carry less than this part of the light together. Chosen, not derived: as little as a branch that
 # is given up.
 LEAST_LIGHT = 0.002
-# Parts of the shutter in which cells are traced again. Chosen, not derived: as short as keyframes are.
+# Parts of the shutter in which cells are traced again. Chosen, not derived: as short as keyframes are. The first and
+# the last instant stand for half a part each, since what begins and ends before the first one or after the last one is
+# not seen to: so there is one more than parts.
 PARTS = 8
 
 
@@ -141,8 +143,8 @@ def place_in_cell(cell: np.ndarray, number: int) -> np.ndarray:
     """Where in their cells photons start in part ``number`` of the shutter, in lattice steps from the middle; [n, 2].
 
     The places of all parts are a Hammersley set in time and along each side of the cell, shifted digitally by a hash of
-    the cell: so edges across a cell, and those that pass over it, divide it as exactly as eight places can, and what
-    they err by differs from cell to cell.
+    the cell (that of the last half part is that of the first): so edges across a cell, and those that pass over it,
+    divide it as exactly as eight places can, and what they err by differs from cell to cell.
 
     Args:
         cell: Which cells, shape [n, 2].
@@ -237,16 +239,37 @@ def matters(photons: PhotonMap, typical: float, least: float) -> np.ndarray:
     return photons.share * narrow > least
 
 
-def grown(chosen: np.ndarray) -> np.ndarray:
-    """Chosen cells of a grid, and those beside them."""
+def grown(chosen: np.ndarray, by: int = 1) -> np.ndarray:
+    """Chosen cells of a grid [..., u, v], and those up to ``by`` beside them along either side."""
+    for _ in range(by):
+        chosen = _beside(_beside(chosen, -2), -1)
+    return chosen
+
+
+def distances(sources: np.ndarray, most: int) -> np.ndarray:
+    """How many cells each one of a grid [..., u, v] lies from the nearest of ``sources``, about; ``most`` + 1 beyond.
+
+    Steps go to four neighbours and to eight by turns: what is as far as another lies on an octagon around it.
+    """
+    found = np.where(sources, 0, most + 1).astype(np.int32)
+    reached = sources
+    for step in range(1, most + 1):
+        if reached.all() or not reached.any():
+            break
+        along_u = _beside(reached, -2)
+        wider = _beside(along_u, -1) if step % 2 == 0 else along_u | _beside(reached, -1)
+        found[wider & ~reached] = step
+        reached = wider
+    return found
+
+
+def _beside(chosen: np.ndarray, axis: int) -> np.ndarray:
+    """Chosen cells of a grid, and those on both sides of them along an axis."""
     out = chosen.copy()
-    for axis in (0, 1):
-        grown = out.copy()
-        ahead, behind = [slice(None)] * 2, [slice(None)] * 2
-        ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
-        grown[tuple(ahead)] |= out[tuple(behind)]
-        grown[tuple(behind)] |= out[tuple(ahead)]
-        out = grown
+    ahead, behind = [slice(None)] * chosen.ndim, [slice(None)] * chosen.ndim
+    ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
+    out[tuple(ahead)] |= chosen[tuple(behind)]
+    out[tuple(behind)] |= chosen[tuple(ahead)]
     return out
 
 

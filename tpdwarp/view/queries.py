@@ -29,6 +29,8 @@ from tpdwarp.view.visibility import PathFlag, VisiblePoints, visible_points
 
 # Samples that are looked at together, which limits memory: their arrays take some 200 MB.
 BATCH_SAMPLES = 1 << 20
+# Points that are looked up together at their own times, likewise: cut into pieces of their ways they take some 300 MB.
+BATCH_ROWS = 1 << 17
 
 
 # What is counted of camera paths.
@@ -48,8 +50,9 @@ class QueryBatch:
         pixels: Pixel of each, shape [n]: its place in the image, or in the list of pixels looked at.
         weights: Irradiance times this is radiance at the camera, shape [n, 3].
         first: Samples whose first path ends there, shape [n]; none where a later one does.
-        time: When in the shutter (−½ … ½) they stand there.
         window: Middle and length of the part of the shutter they stand for.
+        times: When in the shutter (−½ … ½) each stands there, and the middle of its own window, shape [n, 2]; None
+            where all look over the same one.
         moves: Whether they move.
     """
 
@@ -57,8 +60,8 @@ class QueryBatch:
     pixels: np.ndarray
     weights: np.ndarray
     first: np.ndarray
-    time: float = 0.0
     window: tuple[float, float] = (0.0, 1.0)
+    times: np.ndarray | None = None
     moves: bool = False
 
 
@@ -82,23 +85,30 @@ class SeenPoints:
 
 
 @dataclass
-class _Later:
-    """Still visible points of later paths as host arrays, collected pass by pass."""
+class _Rows:
+    """Visible points as host arrays, collected pass by pass."""
 
     columns: dict[str, list[np.ndarray]] = field(default_factory=dict)
 
-    def add(self, points: VisiblePoints, chosen: np.ndarray, number: int) -> None:
-        """Adds the ``chosen`` rows of a pass over time slice ``number``."""
-        values = {
-            "position": points.queries.position.numpy()[chosen],
-            "normal": points.queries.normal.numpy()[chosen],
-            "receiver": points.queries.receiver.numpy()[chosen],
-            "weight": points.arrays.weight.numpy()[chosen],
-            "item": points.items[chosen],
-            "slice": np.full(len(chosen), number),
-        }
+    def add(
+        self, points: VisiblePoints, chosen: np.ndarray, items: np.ndarray, slices: np.ndarray, moves: bool
+    ) -> None:
+        """Adds the ``chosen`` rows of a pass, with their motion or not.
+
+        Args:
+            items: The sample of each row, shape [n].
+            slices: The time slice that each sample looks in.
+        """
+        if not len(chosen):
+            return
+        names = ["position", "normal", "receiver", *(["motion"] if moves else [])]
         if has_shading_normals(points.queries):
-            values["shading_normal"] = points.queries.shading_normal.numpy()[chosen]
+            names.append("shading_normal")
+        values = {name: getattr(points.queries, name).numpy()[chosen] for name in names}
+        values["weight"] = points.arrays.weight.numpy()[chosen]
+        values["item"] = items[chosen]
+        values["slice"] = slices[values["item"]]
+        values["first"] = np.full(len(chosen), int(points.first), np.int32)
         for name, rows in values.items():
             self.columns.setdefault(name, []).append(rows)
 
@@ -107,6 +117,11 @@ class _Later:
         joined = {name: np.concatenate(parts) for name, parts in self.columns.items()}
         order = np.argsort(joined["item"], kind="stable") if joined else []
         return {name: values[order] for name, values in joined.items()}
+
+
+def _chosen(rows: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndarray]:
+    """Some rows of each column."""
+    return {name: values[mask] for name, values in rows.items()}
 
 
 class CameraView:
@@ -169,7 +184,7 @@ class CameraView:
             seen = VisiblePoints.empty(place, self._smooth, self._settings.aovs, True, launcher)
             pixel_of = numbers[place]
         slices = np.zeros(len(place), np.int32)
-        later, disturbed = _Later(), np.zeros(len(pixels), bool)
+        later, moving_rows, disturbed = _Rows(), _Rows(), np.zeros(len(pixels), bool)
         for number in range(self._times):
             places, chosen = samples_at(number, self._times, pixels, samples, seed)
             items = (places * samples + chosen).astype(np.int32)
@@ -178,27 +193,28 @@ class CameraView:
                 yield SeenPoints(points, pixel_of[points.items])
                 with self._clock.stage("view"):
                     still, moving = self._told_apart(points, place[points.items], disturbed)
-                    later.add(points, np.flatnonzero(still), number)
-                    rows = np.flatnonzero(moving)
-                if len(rows):
-                    yield self._batch(points, rows, pixel_of[points.items], number, moves=True)
+                    later.add(points, np.flatnonzero(still), points.items, slices, False)
+                    moving_rows.add(points, np.flatnonzero(moving), points.items, slices, True)
         yield SeenPoints(seen, pixel_of)
         with self._clock.stage("view"):
             still, moving = self._told_apart(seen, place, disturbed)
-            apart = disturbed[place]
-        if self._times > 1:
-            if self._merges and moving.any():
-                yield from self._moving_batches(seen, moving, slices, spots, numbers)
-            for number in range(self._times):
-                for chosen in (moving, still & apart):
-                    with self._clock.stage("view"):
-                        rows = np.flatnonzero(chosen & (slices == number))
-                    if len(rows):
-                        yield self._batch(seen, rows, pixel_of, number, moves=chosen is moving)
-            still &= ~apart
+        if self._merges and self._times > 1 and moving.any():
+            yield from self._moving_batches(seen, moving, slices, spots, numbers)
+        with self._clock.stage("view"):
+            every = np.arange(len(place), dtype=np.int32)
+            moving_rows.add(seen, np.flatnonzero(moving), every, slices, True)
+            apart = _Rows()
+            if self._times > 1:
+                apart.add(seen, np.flatnonzero(still & disturbed[place]), every, slices, False)
+                still &= ~disturbed[place]
         yield from self._still_batches(seen, still, spots, numbers)
-        if later.columns:
-            yield from self._later_batches(later.joined(), disturbed, spots, numbers)
+        if rows := later.joined():
+            with self._clock.stage("view"):
+                alone = disturbed[rows["item"] // samples]
+            yield from self._later_batches(_chosen(rows, ~alone), spots, numbers)
+            yield from self._batches_by_time(_chosen(rows, alone), numbers)
+        yield from self._batches_by_time(moving_rows.joined(), numbers)
+        yield from self._batches_by_time(apart.joined(), numbers)
 
     def _told_apart(
         self, points: VisiblePoints, place: np.ndarray, disturbed: np.ndarray
@@ -279,32 +295,41 @@ class CameraView:
             yield batch
 
     def _later_batches(
-        self, rows: dict[str, np.ndarray], disturbed: np.ndarray, spots: np.ndarray | None, numbers: np.ndarray
+        self, rows: dict[str, np.ndarray], spots: np.ndarray | None, numbers: np.ndarray
     ) -> Iterator[QueryBatch]:
-        """Still points of later paths in one batch, but those of ``disturbed`` pixels [n] slice by slice."""
-        place = rows["item"] // self._settings.samples
-        apart = disturbed[place]
-        for number in (-1, *np.unique(rows["slice"][apart])):
-            with self._clock.stage("view"):
-                chosen = np.flatnonzero(~apart if number < 0 else apart & (rows["slice"] == number))
-                queries, weights = self._queries({name: values[chosen] for name, values in rows.items()})
-                counts = np.ones(len(chosen), np.int32)
-                if number < 0 and self._merges:
-                    begins = np.searchsorted(place[chosen], np.arange(len(numbers) + 1)).astype(np.int32)
-                    parts = None if spots is None else spots[rows["item"][chosen]]
-                    counts = self._merged(queries, weights, begins, parts)
-                batch = self._rows_that_count(queries, weights.numpy(), counts, numbers[place[chosen]])
-                batch.first = np.zeros(len(batch.pixels), np.int32)
-                if number >= 0:
-                    batch.time, batch.window = self._time(int(number))
-            if len(batch.pixels):
-                yield batch
+        """Still points of later paths in one batch over the whole shutter."""
+        with self._clock.stage("view"):
+            place = rows["item"] // self._settings.samples
+            queries, weights = self._queries(rows)
+            counts = np.ones(len(place), np.int32)
+            if self._merges:
+                begins = np.searchsorted(place, np.arange(len(numbers) + 1)).astype(np.int32)
+                parts = None if spots is None else spots[rows["item"]]
+                counts = self._merged(queries, weights, begins, parts)
+            batch = self._rows_that_count(queries, weights.numpy(), counts, numbers[place])
+            batch.first = np.zeros(len(batch.pixels), np.int32)
+        if len(batch.pixels):
+            yield batch
 
-    def _time(self, number: int) -> tuple[float, tuple[float, float]]:
-        """When in the shutter a slice looks, and middle and length of the part that its samples stand for."""
+    def _batches_by_time(self, rows: dict[str, np.ndarray], numbers: np.ndarray) -> Iterator[QueryBatch]:
+        """Points that look at their own time and part of the shutter, so many in each batch as memory allows."""
+        count = len(rows["item"]) if rows else 0
+        for begin in range(0, count, BATCH_ROWS):
+            with self._clock.stage("view"):
+                some = {name: values[begin : begin + BATCH_ROWS] for name, values in rows.items()}
+                queries, weights = self._queries(some)
+                times, length = self._windows(some["slice"])
+                pixels = numbers[some["item"] // self._settings.samples]
+                moves = "motion" in some
+                own = times if moves or length < 1.0 else None
+                batch = QueryBatch(queries, pixels, weights.numpy(), some["first"], (0.0, length), own, moves)
+            yield batch
+
+    def _windows(self, slices: np.ndarray) -> tuple[np.ndarray, float]:
+        """When in the shutter time ``slices`` [n] look, and the middle of the part that each stands for; its length."""
         samples = self._settings.samples if self._times > 1 else 1
-        stratum = number * samples // self._times
-        return (number + 0.5) / self._times - 0.5, ((stratum + 0.5) / samples - 0.5, 1.0 / samples)
+        strata = slices * samples // self._times
+        return np.column_stack([(slices + 0.5) / self._times - 0.5, (strata + 0.5) / samples - 0.5]), 1.0 / samples
 
     def _spots(self, films: np.ndarray, pixels: np.ndarray) -> np.ndarray | None:
         """The part of its pixel that each film position lies in, shape [n]; None where pixels have one part."""
@@ -361,13 +386,12 @@ class CameraView:
         return merge(queries, weights, begins, spots, self._pixel, self._launcher)
 
     def _queries(self, columns: dict[str, np.ndarray]) -> tuple[QueryArrays, wp.array]:
-        """Queries at rest with their weights, from host arrays."""
+        """Queries with their weights, from host arrays."""
         launcher, queries = self._launcher, QueryArrays()
-        for name in ("position", "normal", "shading_normal"):
+        for name in ("position", "normal", "shading_normal", "motion"):
             given = columns.get(name)
             array = launcher.zeros(0, wp.vec3) if given is None else launcher.array(given, wp.vec3)
             setattr(queries, name, array)
-        queries.motion = launcher.zeros(0, wp.vec3)
         queries.receiver = launcher.array(columns["receiver"], wp.int32)
         return queries, launcher.array(columns["weight"], wp.vec3)
 
@@ -380,13 +404,3 @@ class CameraView:
             queries, weights = rows_of(queries, rows, self._launcher), weights[rows]
             counts, pixels = counts[rows], pixels[rows]
         return QueryBatch(queries, pixels, weights, counts)
-
-    def _batch(
-        self, points: VisiblePoints, rows: np.ndarray, pixels: np.ndarray, number: int, moves: bool
-    ) -> QueryBatch:
-        """Some of the ``points``, all of them of slice ``number``."""
-        with self._clock.stage("view"):
-            queries = rows_of(points.queries, rows, self._launcher)
-            first = np.full(len(rows), int(points.first))
-            weights = points.arrays.weight.numpy()[rows]
-            return QueryBatch(queries, pixels[rows], weights, first, *self._time(number), moves)

@@ -1,6 +1,7 @@
 """Visibility: visible points on diffuse surfaces, through and in specular ones, and the direct light there.
 
-Camera paths branch at dielectrics as photons do (see :mod:`tpdwarp.photons.branching`).
+Camera paths branch at dielectrics as photons do (see :mod:`tpdwarp.photons.branching`); of faint branches, samples of a
+pixel share those that they follow (:mod:`tpdwarp.view.shared_branches`).
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
-from tpdwarp.photons.beam import interface_at, passed, relative_index, scatter, transfer_to
+from tpdwarp.photons.beam import Beam, interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
+from tpdwarp.photons.path_state import KEPT_STATES, kept_rows
 from tpdwarp.photons.rough_lobes import behind_sheet, facet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction
@@ -28,9 +30,14 @@ from tpdwarp.scene.device.textures import (
     TextureArrays,
     absorbed_in_media,
     absorbed_within,
+    diffuse_share_at,
+    emission_at,
     mapped_normal,
+    mirror_tint,
     on_plane,
+    roughness_at,
     textured_color,
+    transmittance_at,
 )
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
@@ -38,7 +45,9 @@ from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
+from tpdwarp.view.shared_branches import follows, samples_served
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
+from tpdwarp.view.view_state import ViewState, keep_view, view_state
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
 SMALLEST_THROUGHPUT = ViewSettings.view_cutoff
@@ -74,7 +83,8 @@ CULLED = wp.constant(int(PathFlag.CULLED))
 class VisibleArrays:
     """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π.
 
-    ``flags`` are those of :class:`PathFlag`.
+    ``flags`` are those of :class:`PathFlag`; position, normal and triangle of what was met first are those of paths
+    that start at the camera.
     ``albedo`` and ``triangle`` are those of the surface where the path ends, ``first_triangle`` is what it met first;
     they have rows only where AOVs ask for them.
     """
@@ -140,9 +150,11 @@ def visible_kernel(
     rough: bool = False,
     clipped: bool = False,
     normal_maps: bool = False,
+    mapped: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
-    both, specular = refraction and reflection, refraction or reflection
+    both, specular, branches = refraction and reflection, refraction or reflection, refraction or partial
+    placed = textured or mapped
     arrives = share_that_arrives(linked, partial)
     from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
 
@@ -161,57 +173,95 @@ def visible_kernel(
         items: wp.array(dtype=wp.int32),
         masks: wp.array(dtype=wp.int32),
         rows: wp.array(dtype=wp.int32),
+        sources: wp.array(dtype=wp.int32),
+        states_before: wp.array(dtype=ViewState),
         bounces: int,
         smallest_throughput: float,
         segments: float,
         radiance_power: float,
         sample_side: float,
+        samples: int,
         # Out
         queries: QueryArrays,
         out: VisibleArrays,
+        states: wp.array(dtype=ViewState),
     ):
         tid = base + wp.tid()
         i = rows[tid]
 
-        # ---- The camera's ray
         item = items[tid]
-        stream = wp.rand_init(7919, item)
-        beam = camera_ray(camera, films[item], surfaces.time)
-        if wp.static(lens):
-            chance = wp.rand_init(int(OF_LENS), item)
-            radius = wp.sqrt(wp.randf(chance))
-            beam = through_lens(camera, beam, surfaces.time, radius, TURN * wp.randf(chance))
-        depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
-        # The origin lies in what is specular: an eye close to it looks at what may be tiny beside the scene.
-        closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
-        beam.magnitude = wp.min(surfaces.magnitude, wp.vec3(closeness, closeness, closeness))
-        start = camera.near / depth_scale
-        end = camera.far / depth_scale
-        if wp.static(clipped):
-            kept = kept_by_planes(camera, beam.x, beam.w, surfaces.time, start, end)
-            start = kept[0]
-            end = kept[1]
-        passed_by = float(0.0)
-        if wp.static(nested):
-            inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
-        throughput = wp.vec3(1.0, 1.0, 1.0)
         mask = masks[tid]
         first_open = first_open_decision(mask)
         reported = int(0)
-        flags = int(0)
-        decision = int(0)
+        kept = int(0)
+        branch_of = int(-1)
+        if wp.static(branches):
+            if sources.shape[0] > 0:
+                branch_of = sources[tid]
+        beam = Beam()
+        throughput = wp.vec3(1.0, 1.0, 1.0)
+        stream = wp.rand_init(7919, item)
+        start = float(0.0)
+        end = float(FAR)
+        passed_by = float(0.0)
         travelled = float(0.0)
+        depth_scale = float(0.0)
+        inside = int(0)
+        decision = int(0)
+        first_bounce = int(0)
+        flags = int(0)
         queries.receiver[i] = -1
         out.first_depth[i] = -1.0
         if wp.static(named):
             out.first_triangle[i] = -1
+        if branch_of >= 0:
+            # ---- It branches from another path
+            resumed = states_before[branch_of]
+            beam = resumed.beam
+            throughput = resumed.throughput
+            stream = resumed.stream
+            start = resumed.start
+            end = resumed.end
+            passed_by = resumed.passed_by
+            travelled = resumed.travelled
+            depth_scale = resumed.depth_scale
+            out.first_depth[i] = resumed.depth
+            inside = resumed.inside
+            decision = resumed.decision
+            first_bounce = resumed.bounce
+            flags = resumed.flags
+        else:
+            # ---- The camera's ray
+            beam = camera_ray(camera, films[item], surfaces.time)
+            if wp.static(lens):
+                chance = wp.rand_init(int(OF_LENS), item)
+                radius = wp.sqrt(wp.randf(chance))
+                beam = through_lens(camera, beam, surfaces.time, radius, TURN * wp.randf(chance))
+            depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
+            # The origin lies in what is specular: an eye close to it looks at what may be tiny beside the scene.
+            closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
+            beam.magnitude = wp.min(surfaces.magnitude, wp.vec3(closeness, closeness, closeness))
+            start = camera.near / depth_scale
+            end = camera.far / depth_scale
+            if wp.static(clipped):
+                between = kept_by_planes(camera, beam.x, beam.w, surfaces.time, start, end)
+                start = between[0]
+                end = between[1]
+            if wp.static(nested):
+                inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
 
-        for bounce in range(bounces + 1):
+        for bounce in range(first_bounce, bounces + 1):
             if wp.static(clipped):
                 if end <= start:
                     if wp.static(domed):
                         out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                     break
+            if wp.static(partial):
+                # ---- Where another share of the surface acts, a path begins here
+                state = view_state(
+                    beam, throughput, stream, start, end, passed_by, travelled, depth_scale, out.first_depth[i],
+                    inside, decision, bounce, flags & MET_MOTION,
+                )  # fmt: skip
             # ---- Transfer to the next surface
             hit = closest_hit(
                 surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, end, wp.static(moves), stream
@@ -220,7 +270,7 @@ def visible_kernel(
                 if wp.static(domed):
                     out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                 break
-            if wp.static(textured):
+            if wp.static(placed):
                 travelled += hit.distance
             if wp.static(nested and tinted):
                 throughput = wp.cw_mul(throughput, absorbed_in_media(textures, inside, hit.distance))
@@ -230,6 +280,8 @@ def visible_kernel(
                 part = take_share(mask, decision, first_open, share, throughput, smallest_throughput)
                 throughput = part.throughput
                 reported = reported | part.reported
+                if part.reported != 0:
+                    kept = keep_view(states, tid, kept, state)
                 decision += part.decided
                 if part.decided == 1 and out.first_depth[i] < 0.0:
                     out.first_position[i] = hit.position
@@ -278,11 +330,24 @@ def visible_kernel(
                 out.first_depth[i] = depth * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
+            across = wp.vec3(0.0, 0.0, 0.0)
+            down = wp.vec3(0.0, 0.0, 0.0)
+            if wp.static(placed):
+                # What a sample stands for is taken to be as wide as it would be without what bent its ray.
+                width = sample_side
+                if camera.orthographic == 0:
+                    width *= travelled * depth_scale
+                across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
+                down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
             if wp.static(partial):
                 diffuse = textures.diffuse_shares[material]
+                if wp.static(mapped):
+                    diffuse = diffuse_share_at(textures, material, hit, across, down)
                 part = take_share(mask, decision, first_open, diffuse, throughput, smallest_throughput)
                 throughput = part.throughput
                 reported = reported | part.reported
+                if part.reported != 0:
+                    kept = keep_view(states, tid, kept, state)
                 decision += part.decided
                 if part.reflected:
                     interaction = DIFFUSE
@@ -292,12 +357,6 @@ def visible_kernel(
                 n = faced_normal(surfaces, hit, n_g, wp.static(moves))
                 albedo = diffuse_color(surfaces, hit)
                 if wp.static(textured):
-                    # What a sample stands for is taken to be as wide as it would be without what bent its ray.
-                    width = sample_side
-                    if camera.orthographic == 0:
-                        width *= travelled * depth_scale
-                    across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
-                    down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
                     albedo = textured_color(textures, material, hit, albedo, across, down)
                     if wp.static(normal_maps):
                         n = mapped_normal(textures, material, hit, n, across, down)
@@ -323,7 +382,10 @@ def visible_kernel(
                 out.weight[i] = weight
                 out.direct[i] = wp.cw_mul(weight, irradiance)
                 if wp.static(emission):
-                    out.direct[i] += wp.cw_mul(throughput, textures.emissions[material])
+                    shining = textures.emissions[material]
+                    if wp.static(textured):
+                        shining = emission_at(textures, material, hit, across, down)
+                    out.direct[i] += wp.cw_mul(throughput, shining)
                 queries.receiver[i] = surfaces.object_of[hit.triangle]
                 queries.normal[i] = n_g
                 if wp.static(smooth_receivers):
@@ -356,11 +418,15 @@ def visible_kernel(
                 at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
                 u = float(0.0)
                 v = float(0.0)
+                roughness = float(0.0)
                 if wp.static(rough):
                     u = wp.randf(stream)
                     v = wp.randf(stream)
-                    if textures.roughnesses[material] > 0.0:
-                        at = facet(at, hit, beam.w, dielectric, textures.roughnesses[material], u, v)
+                    roughness = textures.roughnesses[material]
+                    if wp.static(mapped):
+                        roughness = roughness_at(textures, material, hit, across, down)
+                    if roughness > 0.0:
+                        at = facet(at, hit, beam.w, dielectric, roughness, u, v)
                 reflected = True
                 if dielectric:
                     if wp.static(tinted):
@@ -377,17 +443,34 @@ def visible_kernel(
                     branch = take_branch(mask, decision, first_open, reflectance, throughput, smallest_throughput)
                     reflected = branch.reflected
                     throughput = branch.throughput
+                    served = samples_served(branch.other, samples)
+                    if reflected and branch.decided != 0:
+                        throughput *= float(samples_served(throughput, samples))
                     if not reflected:
                         if not sheet:
                             throughput = throughput * wp.pow(at.eta, radiance_power)
                         if wp.static(tinted):
-                            throughput = wp.cw_mul(throughput, textures.transmittances[material])
-                    reported = reported | branch.reported
+                            passing = textures.transmittances[material]
+                            if wp.static(mapped):
+                                passing = transmittance_at(textures, material, hit, across, down)
+                            throughput = wp.cw_mul(throughput, passing)
+                    if branch.reported != 0 and follows(films[item], item % samples, mask | branch.reported, served):
+                        reported = reported | branch.reported
+                        # ---- What is reflected goes on from here
+                        other = scatter(beam, hit, at, True, False, wp.static(moves))
+                        of_branch = view_state(
+                            other, float(served) * branch.other, stream, 0.0, FAR, passed_by, travelled, depth_scale,
+                            out.first_depth[i], inside, decision + 1, bounce + 1, flags & MET_MOTION,
+                        )  # fmt: skip
+                        kept = keep_view(states, tid, kept, of_branch)
                     if wp.max(branch.culled) > 0.0:
                         flags = flags | CULLED
                     decision += branch.decided
                 else:
-                    throughput = wp.cw_mul(throughput, surfaces.tint[material])
+                    tint = surfaces.tint[material]
+                    if wp.static(mapped):
+                        tint = mirror_tint(textures, material, hit, tint, across, down)
+                    throughput = wp.cw_mul(throughput, tint)
                 if wp.static(nested):
                     if not reflected:
                         inside = beyond
@@ -396,7 +479,7 @@ def visible_kernel(
                 if sheet and not reflected:
                     beam = passed(beam, hit)
                     if wp.static(rough):
-                        beam.w = behind_sheet(beam.w, surfaces.ior[material], textures.roughnesses[material], u, v)
+                        beam.w = behind_sheet(beam.w, surfaces.ior[material], roughness, u, v)
                 else:
                     beam = scatter(beam, hit, at, reflected, False, wp.static(moves))
             else:
@@ -482,7 +565,8 @@ def visible_points(
         aovs: Channel groups wanted beside the beauty.
     """
     masks = np.zeros(len(items), np.int32)
-    needs = requirements
+    sources, states = np.zeros(0, np.int32), launcher.zeros(0, ViewState)
+    needs, branches = requirements, requirements.refraction or requirements.partial
     kernel = visible_kernel(
         moves,
         needs.refraction,
@@ -502,6 +586,7 @@ def visible_points(
         rough=needs.rough,
         clipped=needs.clipped,
         normal_maps=needs.normal_maps,
+        mapped=needs.specular_maps,
     )
     first = True
     while len(items):
@@ -509,15 +594,22 @@ def visible_points(
         out = into if here else VisiblePoints.empty(items, needs.smooth_receivers, aovs, first, launcher)
         rows = items if here else np.arange(len(items), dtype=np.int32)
         device_rows = launcher.array(rows, wp.int32)
+        kept = launcher.zeros(0, ViewState)
+        if branches:
+            # Taken up only as it is written.
+            kept = wp.empty(len(items) * KEPT_STATES, dtype=ViewState, device=launcher.device)
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32), device_rows]
+        paths += [launcher.array(sources, wp.int32), states]
         lit = [surfaces, lights, area_lights, camera]
         scene = [*lit, textures or TextureArrays(), domes or DomeArrays(), films]
         limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
-        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, out.queries, out.arrays])
+        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, samples, out.queries, out.arrays, kept])
         if out.surfaces is not None:
             found = out.queries, out.arrays, device_rows
             find_surfaces(*lit, *found, aovs, launcher, moves, segments, out.surfaces)
         if not here:
             yield out
-        items, masks = reported_paths(items, masks, out.arrays.reported.numpy()[rows])
+        reported = out.arrays.reported.numpy()[rows]
+        items, masks = reported_paths(items, masks, reported)
+        sources, states = kept_rows(reported), kept
         first = False

@@ -20,7 +20,7 @@ DRINK_INDEX, DRINK_COLOR, DRINK_DEPTH = 1.35, (0.86, 0.32, 0.05), 0.45
 BALL, BALL_RADIUS, BALL_ROUGHNESS = (-0.55, -0.42), 0.17, 0.12
 COPPER = (0.95, 0.64, 0.54)
 # Where the camera looks, from how far and how high.
-TARGET, DISTANCE, HEIGHT = (0.22, 0.10, 0.30), 4.0, 2.1
+TARGET, DISTANCE, HEIGHT = (0.24, 0.10, 0.36), 4.5, 2.0
 # Pixels of the texture, tiles along it, and the side of a tile.
 PIXELS, TILES, TILE = 768, 4, 0.42
 
@@ -109,7 +109,7 @@ def _lights(writer: SceneWriter) -> None:
     """The low sun, a lamp above, and a sky that is nearly dark."""
     sun = UsdLux.DistantLight.Define(writer.stage, "/World/Sun")
     sun.CreateNormalizeAttr(True)
-    sun.CreateIntensityAttr(3.2)
+    sun.CreateIntensityAttr(4.4)
     sun.CreateColorAttr(Gf.Vec3f(1.0, 0.86, 0.68))
     sun.AddRotateZOp().Set(SUN_TURN)
     sun.AddRotateYOp().Set(-SUN_TILT)
@@ -122,7 +122,7 @@ def _lights(writer: SceneWriter) -> None:
     lamp.AddRotateZOp().Set(-36.0)
     lamp.AddRotateXOp().Set(-48.0)
     sky = UsdLux.DomeLight.Define(writer.stage, "/World/Sky")
-    sky.CreateIntensityAttr(0.12)
+    sky.CreateIntensityAttr(0.22)
     sky.CreateColorAttr(Gf.Vec3f(0.6, 0.75, 1.0))
 
 
@@ -142,13 +142,13 @@ def _write_tiles(path: Path) -> None:
     """Four by four tiles of clay with grout between them."""
     random = np.random.default_rng(7)
     side = PIXELS // TILES
-    shades = random.normal(1.0, 0.09, (TILES, TILES, 1)) * random.normal(1.0, 0.03, (TILES, TILES, 3))
+    shades = random.normal(1.0, 0.14, (TILES, TILES, 1)) * random.normal(1.0, 0.03, (TILES, TILES, 3))
     grain = _noise(random, 6, 0.5) * 0.12 + _noise(random, 48, 0.5) * 0.08
-    pixels = np.kron(shades, np.ones((side, side, 1))) * np.array([0.60, 0.40, 0.29]) * (1.0 + grain[..., None])
+    pixels = np.kron(shades, np.ones((side, side, 1))) * np.array([0.56, 0.35, 0.25]) * (1.0 + grain[..., None])
     at = np.abs((np.arange(PIXELS) % side + 0.5) / side - 0.5)
     edge = np.maximum(at[:, None], at[None, :])
-    joint = np.clip((edge - 0.478) / 0.008, 0.0, 1.0)[..., None]
-    pixels = (1.0 - joint) * pixels + joint * np.array([0.52, 0.50, 0.46]) * (1.0 + 0.5 * grain[..., None])
+    joint = np.clip((edge - 0.474) / 0.008, 0.0, 1.0)[..., None]
+    pixels = (1.0 - joint) * pixels + joint * np.array([0.62, 0.60, 0.56]) * (1.0 + 0.5 * grain[..., None])
     encoded = np.where(pixels <= 0.0031308, 12.92 * pixels, 1.055 * np.clip(pixels, 0, None) ** (1 / 2.4) - 0.055)
     output = oiio.ImageOutput.create(str(path))
     spec = oiio.ImageSpec(PIXELS, PIXELS, 3, "uint8")

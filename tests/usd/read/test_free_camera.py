@@ -41,6 +41,19 @@ def test_the_front_face_lies_in_the_circle_of_the_horizontal_field_of_view(small
     np.testing.assert_allclose(camera.position[list(across)], 0.5 * (LOW + HIGH)[list(across)], atol=1e-12)
 
 
+def test_what_holds_itself_is_framed_by_what_is_drawn_of_it(small):
+    small.mesh(points=BOX)
+    many = UsdGeom.PointInstancer.Define(small.stage, "/Many")
+    many.CreatePrototypesRel().SetTargets([many.GetPath()])
+    many.CreateProtoIndicesAttr([0])
+    many.CreatePositionsAttr([Gf.Vec3f(0, 0, 50)])
+    scene = small.open()
+    camera = scene.at(Shutter.still(1)).camera
+    assert messages(scene, "holds itself")
+    # USD's own bounds of it end the process.
+    np.testing.assert_allclose(camera.position[:2], 0.5 * (LOW + HIGH)[:2], atol=1e-12)
+
+
 FLAT = {
     # Up axis, the axis along which a square has no thickness, and where its picture's right and upper sides point.
     ("Y", 1): ((1, 0, 0), (0, 0, -1)),

@@ -481,6 +481,85 @@ def test_a_circular_network_is_said(small):
     assert any("circular" in message for message in warnings)
 
 
+@pytest.mark.parametrize(
+    ("inputs", "interaction"),
+    [
+        ({"ior": 9.0, "diffuseColor": (0.0, 0.0, 0.0), "roughness": 0.0}, Interaction.MIRROR),
+        ({"ior": 9.0, "diffuseColor": (0.0, 0.0, 0.0), "roughness": 0.9}, Interaction.DIFFUSE),
+        ({"ior": 9.0, "diffuseColor": (0.8, 0.8, 0.8), "roughness": 0.0}, Interaction.DIFFUSE),
+        ({"ior": 1.5, "diffuseColor": (0.0, 0.0, 0.0), "roughness": 0.0}, Interaction.DIFFUSE),
+    ],
+)
+def test_what_shines_more_than_any_dielectric_by_its_index_is_a_metal(small, inputs, interaction):
+    material, _ = read_preview(small, **inputs)
+    assert material.interaction == interaction
+    if interaction == Interaction.MIRROR:
+        # Fresnel's reflectance at normal incidence.
+        assert material.color == pytest.approx((0.64,) * 3)
+
+
+def test_a_metal_of_the_specular_workflow_reflects_by_its_specular_texture_alone(small):
+    pixels = np.full((2, 2, 3), 0.75, np.float32)
+    pixels[0] = 1.0
+    shader, texture = textured(small, pixels, "texture.exr")
+    shader.CreateInput("specularColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(texture.ConnectableAPI(), "rgb")
+    shader.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set((0.0, 0.0, 0.0))
+    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.0)
+    small.bind(small.mesh(), "/Material")
+    (material,) = read(small)[0].materials
+    assert material.interaction == Interaction.MIRROR and set(material.texture.tiles[0, 0].ravel()) == {0.75, 1.0}
+
+
+def wide(small, surface, kind, asking, inputs, count):
+    """A surface fed by a row of nodes, each by two inputs from the next, and the last from the first."""
+    material = UsdShade.Material.Define(small.stage, "/Material")
+    shader = UsdShade.Shader.Define(small.stage, "/Material/S")
+    shader.CreateIdAttr(surface)
+    nodes = [UsdShade.Shader.Define(small.stage, f"/Material/N{k}") for k in range(count)]
+    shader.CreateInput(asking, Sdf.ValueTypeNames.Float).ConnectToSource(nodes[0].ConnectableAPI(), "out")
+    for number, node in enumerate(nodes):
+        node.CreateIdAttr(kind)
+        for name in inputs:
+            following = nodes[(number + 1) % count].ConnectableAPI()
+            node.CreateInput(name, Sdf.ValueTypeNames.Float).ConnectToSource(following, "out")
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(shader.ConnectableAPI(), "out")
+    small.bind(small.mesh(), "/Material")
+    return nodes
+
+
+# Walked along all of their ways, these would take for ever.
+@pytest.mark.parametrize(
+    ("surface", "kind", "asking", "inputs", "count"),
+    [
+        ("ND_standard_surface_surfaceshader", "ND_add_float", "transmission", ("in1", "in2"), 1),
+        ("ND_standard_surface_surfaceshader", "ND_mix_float", "base_color", ("bg", "fg", "mix"), 60),
+        ("ND_surface", "ND_layer_bsdf", "bsdf", ("top", "base"), 1),
+    ],
+)
+def test_a_circular_network_that_is_wide_is_said_too(small, surface, kind, asking, inputs, count):
+    wide(small, surface, kind, asking, inputs, count)
+    _, warnings = read(small)
+    assert any("circular" in message for message in warnings)
+
+
+def test_a_network_whose_ways_meet_again_is_walked_once(small):
+    last = wide(small, "ND_standard_surface_surfaceshader", "ND_add_float", "base", ("in1", "in2"), 41)[-1]
+    for name in ("in1", "in2"):
+        UsdShade.ConnectableAPI.ClearSources(last.GetInput(name))
+        last.GetInput(name).Set(2.0**-42)
+    mesh, warnings = read(small)
+    assert mesh.materials[0].color == pytest.approx((0.5 * 0.8,) * 3) and warnings == []
+
+
+def test_a_texture_scaled_by_itself_is_circular(small):
+    shader, texture = textured(small, np.full((2, 2, 3), 0.5, np.float32), "t.exr")
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(texture.ConnectableAPI(), "rgb")
+    texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).ConnectToSource(texture.ConnectableAPI(), "rgb")
+    small.bind(small.mesh(), "/Material")
+    assert any("circular" in message for message in read(small)[1])
+
+
 def test_a_material_for_previews_is_better_than_none(small):
     mesh = small.mesh()
     small.preview("/Preview", diffuseColor=(1.0, 0.0, 0.0))

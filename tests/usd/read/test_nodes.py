@@ -48,6 +48,16 @@ def test_nodes_compute_what_their_definitions_say(kind, given, expected):
     np.testing.assert_allclose(computed(kind, **given), np.atleast_1d(expected), rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("output", "expected"),
+    [("outColor", (0.5, 0.7, 0.9)), ("outColorG", 0.7), ("outAlpha", 0.25)],
+)
+def test_a_file_texture_of_mayas_scales_and_moves_colours(output, expected):
+    operation = operation_of("MayaND_fileTexture_color4")
+    given = [np.array([0.2, 0.3, 0.4, 0.25]), np.full(3, 2.0), np.full(3, 0.1)]
+    np.testing.assert_allclose(operation.apply(given, output, {}), np.atleast_1d(expected), rtol=1e-12)
+
+
 @pytest.mark.parametrize("color", COLORS)
 def test_hues_are_those_of_python(color):
     np.testing.assert_allclose(computed("ND_rgbtohsv_color3", **{"in": color}), colorsys.rgb_to_hsv(*color), atol=1e-12)

@@ -8,7 +8,7 @@ import pytest
 from pxr import Gf, Sdf, UsdGeom, UsdShade
 
 from tests.usd.stages import SmallStage, mesh_named, set_inputs
-from tpdwarp.scene.description import Shutter, Wrap
+from tpdwarp.scene.description import Interaction, Shutter, Wrap
 from tpdwarp.usd.read.materials.textures import LARGEST_SIDE
 
 TYPES = Sdf.ValueTypeNames
@@ -147,6 +147,20 @@ def test_tiles_lie_by_their_numbers(small):
         np.testing.assert_allclose(tiles[place], parts[number][..., :3], atol=HALF)
 
 
+@pytest.mark.parametrize(("reach", "words"), [(2.0, 0), (3.0, 1)])
+def test_tiles_without_a_file_are_said_where_a_mesh_lies_on_them(small, reach, words):
+    for number in (1001, 1002):
+        write(small, pixels_of(2, 2), f"t.{number}.exr")
+    textured(small, None, "t.<UDIM>.exr")
+    primvar = UsdGeom.PrimvarsAPI(small.stage.GetPrimAtPath("/Mesh")).GetPrimvar("st")
+    # The middles of its triangles lie at a third and two thirds of its width.
+    primvar.Set([Gf.Vec2f(s * reach, t) for s, t in CORNERS])
+    mesh = small.open()
+    mesh.at(Shutter.still(1))
+    said = [message for message in mesh.warnings.messages if "UDIM" in message]
+    assert len(said) == words
+
+
 def test_the_reader_names_the_primvar(small):
     texture = textured(small, pixels_of())
     link(texture, "st", shader(small, "Reader", "UsdPrimvarReader_float2", varname="map1"), "result", TYPES.Float2)
@@ -258,16 +272,121 @@ def test_animated_coordinates_are_those_of_the_frame(small):
         np.testing.assert_allclose(at_corners(mesh), [(s + time, t) for s, t in CORNERS])
 
 
-@pytest.mark.parametrize(("metallic", "words"), [(0.0, 0), (1.0, 1)])
-def test_a_texture_of_what_does_not_show_is_not_mentioned(small, metallic, words):
-    write(small, np.full((2, 2, 1), 0.25, np.float32))
-    surface = small.preview("/Material", metallic=metallic)
-    link(surface, "roughness", shader(small, "Texture", "UsdUVTexture", file="./texture.exr"), "r", TYPES.Float)
+@pytest.mark.parametrize(("opacity", "words"), [(1.0, 0), (0.0, 1)])
+def test_a_texture_of_what_does_not_show_is_not_mentioned(small, opacity, words):
+    write(small, np.full((2, 2, 1), 1.25, np.float32))
+    surface = small.preview("/Material", opacity=opacity)
+    link(surface, "ior", shader(small, "Texture", "UsdUVTexture", file="./texture.exr"), "r", TYPES.Float)
     small.bind(small.mesh(), "/Material")
     source = small.open()
     source.at(Shutter.still(1))
     said = [message for message in source.warnings.messages if "/Material/" in message]
-    assert len(said) == words and all("inputs:roughness: is a texture" in message for message in said)
+    assert len(said) == words and all("inputs:ior: is a texture" in message for message in said)
+
+
+def spread(small, shader_id, plain, name, pixels, kind=TYPES.Float, output="r"):
+    """A quad whose material has a texture at one input and numbers at others; its material and what is said."""
+    write(small, pixels)
+    material = UsdShade.Material.Define(small.stage, "/Material")
+    surface = shader(small, "Surface", shader_id, **plain)
+    context = "" if shader_id == "UsdPreviewSurface" else "mtlx"
+    (material.CreateSurfaceOutput(context) if context else material.CreateSurfaceOutput()).ConnectToSource(
+        surface.ConnectableAPI(), "out"
+    )
+    link(surface, name, shader(small, "Texture", "UsdUVTexture", file="./texture.exr"), output, kind)
+    mesh = small.mesh()
+    coordinates = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", TYPES.TexCoord2fArray, "vertex")
+    coordinates.Set([Gf.Vec2f(*corner) for corner in CORNERS])
+    small.bind(mesh, "/Material")
+    source = small.open()
+    found = mesh_named(source.at(Shutter.still(1)), "/Mesh")
+    assert found.coordinates is not None or not found.materials[0].specular_maps
+    return found.materials[0], [message for message in source.warnings.messages if "/Material" in message]
+
+
+def tile(texture):
+    """The only picture of a texture, as numbers."""
+    (pixels,) = texture.tiles.values()
+    return pixels.astype(float)
+
+
+PREVIEW, STANDARD = "UsdPreviewSurface", "ND_standard_surface_surfaceshader"
+RAMP = np.array([[[0.0], [0.5]], [[0.75], [1.0]]], np.float32)
+
+
+def test_roughness_over_a_mirror_is_its_width_and_what_is_too_rough_is_diffuse(small):
+    rough = np.array([[[0.0], [0.2]], [[0.3], [0.8]]], np.float32)
+    material, said = spread(small, PREVIEW, {"metallic": 1.0}, "roughness", rough)
+    assert (material.interaction, said) == (Interaction.MIRROR, [])
+    np.testing.assert_allclose(tile(material.roughness_map)[..., 0], np.minimum(rough[..., 0], 1) ** 2, rtol=2 * HALF)
+    np.testing.assert_allclose(tile(material.diffuse_map)[..., 0], [[0, 0], [0, 1]])
+
+
+def test_metal_over_a_surface_leaves_the_rest_of_it_diffuse(small):
+    material, said = spread(small, PREVIEW, {"roughness": 0.0}, "metallic", RAMP)
+    assert (material.interaction, said) == (Interaction.MIRROR, [])
+    np.testing.assert_allclose(tile(material.diffuse_map)[..., 0], 1 - RAMP[..., 0])
+    assert material.diffuse_share == pytest.approx(1 - RAMP.mean(), abs=HALF)
+
+
+def test_a_metal_texture_that_shows_nothing_but_rough_metal_or_none_makes_no_mirror(small):
+    material, said = spread(small, PREVIEW, {"roughness": 0.6}, "metallic", RAMP)
+    assert (material.interaction, material.diffuse_map, said) == (Interaction.DIFFUSE, None, [])
+
+
+def test_noise_in_a_black_metal_texture_makes_no_mirror(small):
+    material, said = spread(small, PREVIEW, {"roughness": 0.0}, "metallic", RAMP * np.float32(0.02))
+    assert (material.interaction, said) == (Interaction.DIFFUSE, [])
+
+
+def test_transmission_over_a_surface_leaves_the_rest_of_it_diffuse(small):
+    plain = {"specular_roughness": 0.0, "specular_IOR": 1.4}
+    material, said = spread(small, STANDARD, plain, "transmission", RAMP)
+    assert (material.interaction, material.ior, said) == (Interaction.DIELECTRIC, pytest.approx(1.4), [])
+    np.testing.assert_allclose(tile(material.diffuse_map)[..., 0], 1 - RAMP[..., 0])
+
+
+@pytest.mark.parametrize("depth", [0.0, 2.0])
+def test_a_tint_over_glass_is_spread_where_it_acts_at_once_and_averaged_where_it_is_absorbed(small, depth):
+    pixels = RANDOM.uniform(0.1, 1.0, (2, 2, 3)).astype(np.float32)
+    plain = {"transmission": 1.0, "specular_roughness": 0.0, "transmission_depth": depth}
+    material, said = spread(small, STANDARD, plain, "transmission_color", pixels, TYPES.Color3f, "rgb")
+    if depth:
+        assert material.transmittance_map is None and ["of which the mean is rendered" in m for m in said] == [True]
+        expected = -np.log(pixels.mean(axis=(0, 1))) / depth
+        np.testing.assert_allclose(material.absorption, expected, atol=2 * HALF)
+    else:
+        assert said == []
+        np.testing.assert_allclose(tile(material.transmittance_map), pixels, atol=HALF)
+
+
+def test_the_base_colour_over_a_mirror_is_what_it_reflects(small):
+    pixels = RANDOM.uniform(0.1, 1.0, (2, 2, 3)).astype(np.float32)
+    plain = {"metallic": 1.0, "roughness": 0.0}
+    material, said = spread(small, PREVIEW, plain, "diffuseColor", pixels, TYPES.Color3f, "rgb")
+    assert (material.interaction, material.specular_maps, said) == (Interaction.MIRROR, True, [])
+    np.testing.assert_allclose(tile(material.texture), pixels, atol=HALF)
+
+
+def test_what_a_surface_gives_off_is_spread_over_it(small):
+    pixels = RANDOM.uniform(0.0, 4.0, (2, 2, 3)).astype(np.float32)
+    material, said = spread(small, PREVIEW, {}, "emissiveColor", pixels, TYPES.Color3f, "rgb")
+    assert len(said) == 1 and "lights nothing" in said[0]
+    np.testing.assert_allclose(tile(material.emission_map), pixels, rtol=2 * HALF)
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.5])
+def test_what_a_surface_gives_off_is_read_only_where_it_has_a_weight(small, weight):
+    pixels = RANDOM.uniform(0.5, 1.0, (2, 2, 3)).astype(np.float32)
+    material, said = spread(small, STANDARD, {"emission": weight}, "emission_color", pixels, TYPES.Color3f, "rgb")
+    assert (material.emission_map is None, len(said)) == (weight == 0, weight > 0)
+    if weight:
+        np.testing.assert_allclose(tile(material.emission_map), weight * pixels, atol=HALF)
+
+
+def test_a_texture_of_one_value_is_that_value(small):
+    material, said = spread(small, PREVIEW, {"metallic": 1.0}, "roughness", np.full((2, 2, 1), 0.2, np.float32))
+    assert (material.roughness_map, material.roughness, said) == (None, pytest.approx(0.04, abs=HALF), [])
 
 
 @pytest.mark.parametrize("dialect", ["preview", "MaterialX"])

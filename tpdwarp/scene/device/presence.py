@@ -4,11 +4,8 @@ import warp as wp
 
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
-from tpdwarp.scene.device.textures import TextureArrays, filtered
+from tpdwarp.scene.device.textures import LEAST_SHARE, TextureArrays, filtered
 
-# Less than this of a surface is nothing of it, and all but this is all of it; a shadow ray that has lost all but this
-# has lost all. Half a step of eight bits.
-LEAST_SHARE = wp.constant(2.0e-3)
 # Surfaces that a shadow ray passes at most. Chosen, not derived: trees of leaf cards have some dozens.
 MOST_LAYERS = wp.constant(64)
 # Beyond a surface that it passes a shadow ray begins so much farther on, in scenes of unit size: some roundings.

@@ -19,6 +19,10 @@ BORDER = wp.constant(int(Wrap.BORDER))
 # Look-ups along the longer side of what a sample sees; where that is longer still beside the other, it is blurred.
 # Chosen, not derived: as many as graphics cards take.
 MOST_TAPS = wp.constant(16)
+# Less than this of a surface is nothing of it, and all but this is all of it. Half a step of eight bits.
+LEAST_SHARE = wp.constant(2.0e-3)
+# What differs over a surface, by its name in the description of a material.
+MAPS = ("texture", "cutout", "normal_map", "diffuse_map", "transmittance_map", "roughness_map", "emission_map")
 # A surface seen at less than this cosine is filtered as if at it. Chosen, not derived.
 STEEPEST = wp.constant(1.0e-3)
 
@@ -27,8 +31,8 @@ STEEPEST = wp.constant(1.0e-3)
 class TextureArrays:
     """Texture coordinates of triangles, and the textures of materials.
 
-    ``texture_of``, ``cutout_of`` and ``normal_map_of`` are −1 for a material without one; ``presences``,
-    ``thresholds``, ``diffuse_shares``, ``transmittances``, ``absorptions`` (by the tracer's unit of length) and
+    ``texture_of``, ``cutout_of`` and the like are −1 for a material without one; ``presences``, ``thresholds``,
+    ``diffuse_shares``, ``transmittances``, ``absorptions`` (by the tracer's unit of length) and
     ``emissions`` (in its unit of radiance) are as in :class:`tpdwarp.scene.description.Material`, and so are
     ``thin_walls`` (1 for a sheet) and ``roughnesses``; ``medium_absorptions`` are those of nested media. A texture has
     a grid of tiles (its columns, rows and first tile), a tile its levels (the first of them and their number; none
@@ -40,12 +44,17 @@ class TextureArrays:
     texture_of: wp.array(dtype=wp.int32)
     cutout_of: wp.array(dtype=wp.int32)
     normal_map_of: wp.array(dtype=wp.int32)
+    diffuse_map_of: wp.array(dtype=wp.int32)
+    transmittance_map_of: wp.array(dtype=wp.int32)
+    roughness_map_of: wp.array(dtype=wp.int32)
+    emission_map_of: wp.array(dtype=wp.int32)
     presences: wp.array(dtype=wp.float32)
     thresholds: wp.array(dtype=wp.float32)
     diffuse_shares: wp.array(dtype=wp.float32)
     transmittances: wp.array(dtype=wp.vec3)
     absorptions: wp.array(dtype=wp.vec3)
     emissions: wp.array(dtype=wp.vec3)
+    radiance_unit: float
     thin_walls: wp.array(dtype=wp.int32)
     roughnesses: wp.array(dtype=wp.float32)
     medium_absorptions: wp.array(dtype=wp.vec3)
@@ -83,7 +92,7 @@ class TextureStore:
             media: What nested media are made of.
         """
         launcher = self._launcher
-        used = [texture for m in materials for texture in (m.texture, m.cutout, m.normal_map) if texture is not None]
+        used = [texture for m in materials for name in MAPS if (texture := getattr(m, name)) is not None]
         numbers = {texture: k for k, texture in enumerate(dict.fromkeys(used))}
         if tuple(numbers) != self._textures:
             self._arrays = packed_textures(tuple(numbers), launcher)
@@ -100,13 +109,10 @@ class TextureStore:
                 count += len(mesh.coordinates)
         arrays.coordinates = launcher.array(np.concatenate(coordinates).astype(np.float32), wp.vec2)
         arrays.coordinate_indices = launcher.array(np.concatenate(indices).astype(np.int32), wp.vec3i)
-        for name, textures in (
-            ("texture_of", [material.texture for material in materials]),
-            ("cutout_of", [material.cutout for material in materials]),
-            ("normal_map_of", [material.normal_map for material in materials]),
-        ):
+        for name in MAPS:
+            textures = [getattr(material, name) for material in materials]
             of = np.array([-1 if texture is None else numbers[texture] for texture in textures], np.int32)
-            setattr(arrays, name, launcher.array(of, wp.int32))
+            setattr(arrays, f"{name}_of", launcher.array(of, wp.int32))
         for name in ("presence", "threshold", "diffuse_share"):
             values = np.array([getattr(material, name) for material in materials], np.float32)
             setattr(arrays, f"{name}s", launcher.array(values, wp.float32))
@@ -116,7 +122,9 @@ class TextureStore:
         arrays.roughnesses = launcher.array(widths, wp.float32)
         inside = np.array([material.absorption for material in media]).reshape(-1, 3) / scale
         arrays.medium_absorptions = launcher.array(inside.astype(np.float32), wp.vec3)
-        units = {"transmittance": 1.0, "absorption": 1.0 / scale, "emission": 1.0 / (scale**2 * power)}
+        radiance = 1.0 / (scale**2 * power)
+        arrays.radiance_unit = radiance
+        units = {"transmittance": 1.0, "absorption": 1.0 / scale, "emission": radiance}
         for name, unit in units.items():
             colors = unit * np.array([getattr(material, name) for material in materials])
             setattr(arrays, f"{name}s", launcher.array(colors.astype(np.float32), wp.vec3))
@@ -272,6 +280,59 @@ def textured_color(
     if texture < 0 or index[0] < 0:
         return color
     return wp.max(looked_up(textures, texture, index, hit, across, down), wp.vec3(0.0, 0.0, 0.0))
+
+
+@wp.func
+def mirror_tint(
+    textures: TextureArrays, material: int, hit: Hit, tint: wp.vec3, across: wp.vec3, down: wp.vec3
+) -> wp.vec3:
+    """What a mirror reflects over the parallelogram of ``across`` and ``down`` about ``hit``, at most all of it."""
+    return wp.min(textured_color(textures, material, hit, tint, across, down), wp.vec3(1.0, 1.0, 1.0))
+
+
+@wp.func
+def transmittance_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> wp.vec3:
+    """What a dielectric lets through of what it refracts there."""
+    map = textures.transmittance_map_of[material]
+    index = textures.coordinate_indices[hit.triangle]
+    if map < 0 or index[0] < 0:
+        return textures.transmittances[material]
+    return looked_up(textures, map, index, hit, across, down)
+
+
+@wp.func
+def roughness_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> float:
+    """Width α of the microfacet distribution there; 0 for smooth."""
+    map = textures.roughness_map_of[material]
+    index = textures.coordinate_indices[hit.triangle]
+    if map < 0 or index[0] < 0:
+        return textures.roughnesses[material]
+    return looked_up(textures, map, index, hit, across, down)[0]
+
+
+@wp.func
+def diffuse_share_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> float:
+    """Share of a dielectric or mirror that is diffuse there; nearly none is none, and nearly all is all of it."""
+    map = textures.diffuse_map_of[material]
+    index = textures.coordinate_indices[hit.triangle]
+    if map < 0 or index[0] < 0:
+        return textures.diffuse_shares[material]
+    share = looked_up(textures, map, index, hit, across, down)[0]
+    if share < LEAST_SHARE:
+        share = 0.0
+    if share > 1.0 - LEAST_SHARE:
+        share = 1.0
+    return share
+
+
+@wp.func
+def emission_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> wp.vec3:
+    """Radiance that a diffuse surface gives off there, in the tracer's unit."""
+    map = textures.emission_map_of[material]
+    index = textures.coordinate_indices[hit.triangle]
+    if map < 0 or index[0] < 0:
+        return textures.emissions[material]
+    return textures.radiance_unit * looked_up(textures, map, index, hit, across, down)
 
 
 @wp.func

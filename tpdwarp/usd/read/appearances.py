@@ -217,8 +217,17 @@ def _coordinates(
         rows = triangle_materials == number
         indices[rows] = spread[1][rows] + count
         parts.append(surface.coordinates.of(spread[0]))
+        if surface.tiles is not None and _misses_tiles(parts[-1][spread[1][rows]], surface.tiles):
+            warnings(str(prim.GetPath()), "lies on tiles (UDIM) that its textures have no files for: black there")
         count += len(parts[-1])
     return (np.concatenate(parts), indices, varies) if parts else (None, None, varies)
+
+
+def _misses_tiles(coordinates: np.ndarray, tiles: frozenset[tuple[int, int]]) -> bool:
+    """Whether triangles of texture coordinates [m, 3, 2] have their middles on unit squares other than ``tiles``."""
+    middles = coordinates.mean(axis=1)
+    squares = np.unique(np.floor(middles[np.isfinite(middles).all(axis=1)]), axis=0)
+    return any((int(s), int(t)) not in tiles for s, t in squares)
 
 
 def _display_opacity(prim: Usd.Prim, frame: float, warnings: WarnOnce) -> tuple[float, bool]:

@@ -33,6 +33,7 @@ class Contents:
         lights: Lights that are rendered.
         cameras: Cameras.
         domes: Dome lights.
+        circular: Whether an instancer holds itself, which USD's own bounds of it do not survive.
     """
 
     meshes: list[Usd.Prim] = field(default_factory=list)
@@ -40,6 +41,7 @@ class Contents:
     lights: list[Usd.Prim] = field(default_factory=list)
     cameras: list[Usd.Prim] = field(default_factory=list)
     domes: list[Usd.Prim] = field(default_factory=list)
+    circular: bool = False
 
     @property
     def shows_anything(self) -> bool:
@@ -61,6 +63,7 @@ class Walker:
         self._purposes, self._transforms, self._warnings = purposes, transforms, warnings
         self._prototypes: dict[str, Prototype] = {}
         self._walking: set[str] = set()
+        self._circular = False
 
     def walk(self, stage: Usd.Stage) -> Contents:
         """Everything on the stage that can be rendered; what cannot is warned about, once by prim."""
@@ -78,6 +81,7 @@ class Walker:
                 elif prim.IsA(UsdGeom.PointInstancer):
                     contents.instancers.append(self._instancer(prim))
                 self._warn_unsupported(prim)
+        contents.circular = self._circular
         return contents
 
     def _prims(self, root: Usd.Prim, predicate: object) -> Iterator[Usd.Prim]:
@@ -107,6 +111,7 @@ class Walker:
         key = str(root.GetPath())
         if key in self._walking:
             self._warnings(key, "is a prototype that holds itself: that instance is left out")
+            self._circular = True
             return Prototype(root)
         if key in self._prototypes:
             return self._prototypes[key]

@@ -36,6 +36,7 @@ class FreeCamera:
         up_axis: ``Y`` or ``Z``.
         purposes: Purposes framed.
         points_at: Gives the points [v, 3] that are rendered at a time code; used where USD knows no finite bounds.
+        bounded: Whether USD may be asked for bounds.
     """
 
     path = FREE_CAMERA
@@ -48,9 +49,10 @@ class FreeCamera:
         up_axis: str,
         purposes: frozenset[str],
         points_at: Callable[[float], Iterable[np.ndarray]],
+        bounded: bool = True,
     ) -> None:
         self._stage, self._start, self._up = stage, start, up_axis
-        self._purposes, self._points_at = sorted(purposes), points_at
+        self._purposes, self._points_at, self._bounded = sorted(purposes), points_at, bounded
         self._lens = Gf.Camera()
         self._first: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -102,6 +104,8 @@ class FreeCamera:
 
     def _bounds(self, frame: float) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest corner of what is framed at a time code, shapes [3] and [3]."""
+        if not self._bounded:
+            return self._drawn(frame)
         cache = UsdGeom.BBoxCache(frame, self._purposes, useExtentsHint=True)
         found = cache.ComputeWorldBound(self._stage.GetPseudoRoot()).ComputeAlignedRange()
         low, high = np.array(found.GetMin()), np.array(found.GetMax())

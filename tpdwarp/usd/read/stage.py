@@ -109,6 +109,7 @@ class StageScene:
         contents = Walker(purposes, self._transforms, warnings).walk(stage)
         if not contents.shows_anything and self._request.purposes is None and settings.purposes == DEFAULT_PURPOSES:
             purposes, contents = self._with_proxies(purposes, contents)
+        self._bounded = not contents.circular
         if not contents.shows_anything:
             raise InputError(why_empty(stage, purposes), file)
         self._meshes = [
@@ -688,7 +689,7 @@ class StageScene:
     def _camera_at(self, path: str | None) -> Camera | FreeCamera:
         """The camera at a path; one that frames the stage without."""
         if path is None:
-            return FreeCamera(self._stage, self.start, self.up_axis, self._purposes, self._points_at)
+            return FreeCamera(self._stage, self.start, self.up_axis, self._purposes, self._points_at, self._bounded)
         return Camera(self._stage.GetPrimAtPath(path), self._transforms, self._animation, self.warnings)
 
     def _choose_camera(self) -> str | None:

@@ -11,6 +11,8 @@ Shape = tuple[int | None, ...]
 ROWS: Shape = (None, 3)
 LIST: Shape = (None,)
 NUMBER: Shape = ()
+# Types of USD that hold no numbers.
+NO_NUMBERS = ("string", "token", "asset", "opaque", "group", "timecode", "pathExpression")
 
 
 def raw_at(attribute: Usd.Attribute, time: float | None) -> object | None:
@@ -94,6 +96,8 @@ def texts_at(attribute: Usd.Attribute, time: float | None = None) -> tuple[str, 
 
 def _refusal(value: object, attribute: Usd.Attribute) -> InputError:
     kind = attribute.GetTypeName()
+    if str(kind).rstrip("[]") in NO_NUMBERS:
+        kind = "numbers"
     return InputError(
         f"holds a value of type {type(value).__name__}, which cannot be read (author {kind})",
         prim=str(attribute.GetPath()),

@@ -25,7 +25,8 @@ class Coordinates:
     def then(self, matrix: np.ndarray) -> Coordinates:
         """These coordinates, and then an affine map, shape [2, 3]."""
         own = np.vstack([np.reshape(self.matrix, (2, 3)), (0, 0, 1)])
-        return Coordinates(self.primvar, tuple(map(float, (matrix @ own).ravel())))
+        with np.errstate(all="ignore"):
+            return Coordinates(self.primvar, tuple(map(float, (matrix @ own).ravel())))
 
     def of(self, values: np.ndarray) -> np.ndarray:
         """Coordinates for values of the primvar, shapes [n, 2]."""
@@ -49,10 +50,11 @@ def placed(pivot: np.ndarray, scale: np.ndarray, degrees: float, offset: np.ndar
 
     It turns the coordinates clockwise by ``degrees``, as its rotate2d does, so that the picture turns the other way.
     """
-    shrink, turn = np.diag(1.0 / scale), turned(-degrees)
-    if moved_first:
-        # Operation order 1: moved, then turned, then scaled.
-        linear = shrink @ turn
-        return np.column_stack([linear, pivot - linear @ (pivot + offset)])
-    linear = turn @ shrink
-    return np.column_stack([linear, pivot - linear @ pivot - offset])
+    with np.errstate(all="ignore"):
+        shrink, turn = np.diag(1.0 / scale), turned(-degrees)
+        if moved_first:
+            # Operation order 1: moved, then turned, then scaled.
+            linear = shrink @ turn
+            return np.column_stack([linear, pivot - linear @ (pivot + offset)])
+        linear = turn @ shrink
+        return np.column_stack([linear, pivot - linear @ pivot - offset])

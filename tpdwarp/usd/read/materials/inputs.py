@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from pxr import Sdf, Usd, UsdShade
@@ -12,15 +12,20 @@ from pxr import Sdf, Usd, UsdShade
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.usd.read.materials.coordinates import Coordinates, placed, scaled_turned_moved
 from tpdwarp.usd.read.materials.nodes import operation_of
+from tpdwarp.usd.read.materials.patterns import curve_of, mean_of, pattern_of
 from tpdwarp.usd.read.materials.physical import Color
-from tpdwarp.usd.read.materials.textures import Image, Textures, combined
+from tpdwarp.usd.read.materials.textures import LARGEST_HALF, Image, Textures, combined
 from tpdwarp.usd.read.values import raw_at, text_at, value_at
 
 # Networks deeper than this count as circular. Chosen, not derived: hand-made networks have a few.
 DEEPEST = 64
 DEFAULTS = ("fallback", "default", "missing_color")
 # What the identifiers of nodes that read primvars hold: USD's, MaterialX's and Arnold's.
-PRIMVAR_READERS = ("primvarreader", "geompropvalue", "geomcolor", "user_data_rgb")
+PRIMVAR_READERS = ("primvarreader", "geompropvalue", "geomcolor", "user_data_")
+# How a warning ends that a picture is not spread over the surface.
+ITS_MEAN = "its mean is rendered"
+# Types of inputs that take four numbers.
+FOUR = ("float4", "color4f")
 FILES = ("file", "filename", "in", "texture")
 _FILE_NAMES = (str, Sdf.AssetPath)
 
@@ -58,6 +63,17 @@ class _Held(WarnOnce):
         self._held_back.append((prim, message))
 
 
+@dataclass
+class _Walk:
+    """A walk through a network: what is being computed, and what has been since it began, with whether that varies.
+
+    So that networks whose branches meet again are walked once, and circular ones end.
+    """
+
+    open: set[tuple[str, str, bool]] = field(default_factory=set)
+    known: dict[tuple[str, str, bool], tuple[Value, bool]] = field(default_factory=dict)
+
+
 class Inputs:
     """Reads the inputs of one shader.
 
@@ -66,12 +82,21 @@ class Inputs:
         frame: Time code.
         textures: Mean colours of textures.
         warnings: Takes what is not supported, and names the file in errors.
+        walk: Where in the network one is that asks for these inputs.
     """
 
-    def __init__(self, shader: UsdShade.Shader, frame: float, textures: Textures, warnings: WarnOnce) -> None:
+    def __init__(
+        self,
+        shader: UsdShade.Shader,
+        frame: float,
+        textures: Textures,
+        warnings: WarnOnce,
+        walk: _Walk | None = None,
+    ) -> None:
         self.shader, self.frame, self.textures, self.warnings = shader, frame, textures, warnings
         self.varies = False
         self._as_images = False
+        self._walk = _Walk() if walk is None else walk
 
     @contextmanager
     def warnings_held(self, held: list[tuple[str, str]] | None) -> Iterator[None]:
@@ -92,7 +117,7 @@ class Inputs:
 
     def of(self, shader: UsdShade.Shader) -> Inputs:
         """The inputs of another shader of the same network; ``varies`` is to be taken over."""
-        return Inputs(shader, self.frame, self.textures, self.warnings)
+        return Inputs(shader, self.frame, self.textures, self.warnings, self._walk)
 
     def find(self, *names: str) -> UsdShade.Input | None:
         """The first input of these names that is connected or has an authored value."""
@@ -122,8 +147,12 @@ class Inputs:
             self._as_images = False
 
     def output(self) -> Value:
-        """What the shader itself computes, where it is a node that computes a value."""
-        return self._computed(self.shader, "out", self.path, 0)
+        """What the shader itself computes, where it is a node that computes a value; over the surface if it differs."""
+        self._as_images = True
+        try:
+            return self._computed(self.shader, "out", self.path, 0)
+        finally:
+            self._as_images = False
 
     def number(self, names: tuple[str, ...], default: float) -> float:
         """A number at the first of these inputs that is authored; the mean of a colour.
@@ -170,6 +199,7 @@ class Inputs:
 
     def coordinates(self, depth: int = 0) -> Coordinates:
         """Where the coordinates of this texture come from: the mesh's ``st`` where nothing else is said."""
+        uv_set = self.text("uvset")
         for name in ("st", "texcoord", "in"):
             node = self.node(name)
             if node is None or depth > DEEPEST:
@@ -194,11 +224,14 @@ class Inputs:
             self.varies |= inner.varies
             break
         else:
-            found = Coordinates()
+            found = Coordinates(uv_set or "st")
         if "tiledimage" in str(self.shader.GetShaderId() or ""):
             tiling, offset = self.pair("uvtiling", 1.0), self.pair("uvoffset", 0.0)
             size = self.pair("realworldtilesize", 1.0) / self.pair("realworldimagesize", 1.0)
             found = found.then(np.column_stack([np.diag(tiling * size), -offset * size]))
+        if not np.isfinite(found.matrix).all():
+            self.warnings(self.path, "places a texture by no finite numbers, and as it is instead")
+            return Coordinates(found.primvar)
         return found
 
     def pair(self, name: str, default: float) -> np.ndarray:
@@ -227,17 +260,35 @@ class Inputs:
             value = value_at(attributes[0], self.frame)
             return Value(None if value is None else np.atleast_1d(value))
         value = self._computed(node, output, str(found.GetAttr().GetPath()), depth + 1)
-        if value.numbers is not None and value.numbers.size == 4 and found.GetTypeName() != "float4":
+        if value.numbers is not None and value.numbers.size == 4 and str(found.GetTypeName()) not in FOUR:
             # A texture has four channels whatever it feeds.
             image = None if value.image is None else value.image.mapped(lambda pixels: pixels[..., :3])
             return Value(value.numbers[:3], value.spread, value.primvar, image)
         return value
 
     def _computed(self, node: UsdShade.Shader, output: str, asking: str, depth: int) -> Value:
-        kind = str(node.GetShaderId() or "")
-        if depth > DEEPEST:
+        walk, key = self._walk, (str(node.GetPath()), output, self._as_images)
+        if key in walk.known:
+            value, varies = walk.known[key]
+            self.varies |= varies
+            return value
+        if depth > DEEPEST or key in walk.open:
             self.warnings(asking, "is fed by a network that is too deep, or circular; its default is used")
             return Value(None)
+        walk.open.add(key)
+        varied, self.varies = self.varies, False
+        try:
+            value = self._compute(node, output, asking, depth)
+            walk.known[key] = value, self.varies
+        finally:
+            walk.open.discard(key)
+            self.varies |= varied
+            if not walk.open:
+                walk.known.clear()
+        return value
+
+    def _compute(self, node: UsdShade.Shader, output: str, asking: str, depth: int) -> Value:
+        kind = str(node.GetShaderId() or "")
         operation = operation_of(kind)
         if operation is not None:
             arguments = [self._argument(node, name, default, depth) for name, default in operation.arguments]
@@ -263,9 +314,37 @@ class Inputs:
             if "geomcolor" in kind:
                 name = "displayColor"
             return Value(None if value is None else value.numbers, True, name)
-        value = self._texture(inner, output, asking, kind)
+        value = self._drawn(inner, output, asking, kind, depth)
+        if value is None:
+            value = self._texture(inner, output, asking, kind)
         self.varies |= inner.varies
         return value
+
+    def _drawn(self, inner: Inputs, output: str, asking: str, kind: str, depth: int) -> Value | None:
+        """What a node draws over the surface by itself; None for one that does not."""
+        curve = curve_of(kind, inner)
+        if curve is not None:
+            given = self._argument(inner.shader, "input", 0.0, depth)
+            if given.numbers is None:
+                return Value(None, True)
+            if given.image is None:
+                return Value(_channel(curve(given.numbers), output, kind), given.spread)
+            image = given.image.mapped(lambda pixels: _channel(curve(pixels), output, kind))
+            return Value(image.mean, True, image=image)
+        pattern = pattern_of(kind, inner)
+        if pattern is not None:
+            pixels = np.clip(_channel(pattern.pixels, output, kind), -LARGEST_HALF, LARGEST_HALF).astype(np.float16)
+            matrix = pattern.matrix if np.isfinite(pattern.matrix).all() else np.eye(2, 3)
+            placed = inner.coordinates().then(matrix)
+            image = Image({(0, 0): pixels}, (pattern.wrap, pattern.wrap), np.zeros(pixels.shape[-1]), placed)
+            if not self._as_images:
+                self.warnings(asking, "is a pattern, which is not spread over the surface: " + ITS_MEAN)
+            return Value(image.mean, True, image=image if self._as_images else None)
+        mean = mean_of(kind, inner)
+        if mean is None:
+            return None
+        self.warnings(asking, "is noise, which is not drawn: the middle of what it lies between is rendered")
+        return Value(_channel(mean, output, kind), True)
 
     def _argument(self, node: UsdShade.Shader, name: str, default: float | None, depth: int) -> Value:
         found = self.of(node).find(name)
@@ -292,7 +371,7 @@ class Inputs:
         mean = self.textures.mean(attributes[0], self.frame, encoding) if attributes else None
         if mean is not None:
             if not self._as_images:
-                self.warnings(asking, "is a texture, which is not spread over the surface: its mean is rendered")
+                self.warnings(asking, "is a texture, which is not spread over the surface: " + ITS_MEAN)
             return Value(_channel(_adjusted(inner, mean), output, kind), True)
         fallback = inner.value(*DEFAULTS)
         instead = "default" if fallback is None or fallback.numbers is None else "fallback"

@@ -43,7 +43,7 @@ def operation_of(kind: str) -> Operation | None:
     """What a node of this identifier computes; None for textures, primvars and all that is not known."""
     if kind.startswith("arnold:"):
         return ARNOLD.get(kind.removeprefix("arnold:"))
-    found = re.match(r"ND_([A-Za-z]+[0-9]?)", kind)
+    found = re.match(r"(?:Maya)?ND_([A-Za-z]+[0-9]?)", kind)
     return OPERATIONS.get(found.group(1)) if found else None
 
 
@@ -134,6 +134,16 @@ def _combine(*numbers: np.ndarray) -> np.ndarray:
     return np.concatenate([np.broadcast_to(value, (*shape, value.shape[-1])) for value in numbers], axis=-1)
 
 
+def _file_of_maya(numbers: Numbers, output: str, words: Words) -> np.ndarray:
+    """A file texture of Maya's, which scales and moves the colours of the picture that it is given."""
+    value, gain, offset = numbers
+    if output == "outAlpha":
+        return _channel(value, 3) if value.shape[-1] == 4 else _luminance(value)[..., :1]
+    color = value[..., :3] * gain[..., :3] + offset[..., :3]
+    channel = output.removeprefix("outColor").lower()
+    return _channel(color, CHANNELS[channel]) if channel in CHANNELS else color
+
+
 def _choose(compare: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Operation:
     return _of(
         lambda a, b, yes, no: np.where(compare(a[..., :1], b[..., :1]), yes, no),
@@ -188,6 +198,7 @@ OPERATIONS: dict[str, Operation] = {
     "ifgreatereq": _choose(lambda a, b: a >= b),
     "ifequal": _choose(lambda a, b: a == b),
     "switch": _of(lambda *v: v[int(v[-1].flat[0])], *_INS, ("which", 0.0)),
+    "fileTexture": Operation((("inColor", None), ("colorGain", 1.0), ("colorOffset", 0.0)), _file_of_maya),
     "smoothstep": _of(_smoothstep, ("in", 0.0), ("low", 0.0), ("high", 1.0)),
     "modulo": _pair(lambda a, b: a - b * np.floor(a / b), 1.0),
     "fract": _unary(lambda value: value - np.floor(value)),

@@ -33,6 +33,8 @@ class Physical:
         emission: Radiance that it gives off.
         unlit: Whether that is all that it shows, as light has no part in it.
         normal_image: Normals over the surface in the frame of its texture coordinates; None for the mesh's own.
+        images: Others of these over the surface, by name: ``metalness``, ``transmission``, ``roughness``, ``tint`` and
+            ``emission``, whose means are above.
         sources: Path of the attribute that each of these comes from, by name; none where nothing is authored.
     """
 
@@ -53,4 +55,5 @@ class Physical:
     emission: Color = BLACK
     unlit: bool = False
     normal_image: Image | None = None
+    images: dict[str, Image] = field(default_factory=dict, compare=False)
     sources: dict[str, str] = field(default_factory=dict, compare=False)

@@ -48,6 +48,7 @@ class Surface:
         varies: Whether any of its inputs may change with time.
         absent: Whether the surface is cut out: there is nothing there.
         coordinates: Where the coordinates of its textures come from; None where it has none.
+        tiles: Unit squares of (s, t) that all of its textures have files for; None where they are not cut into tiles.
         physical: What was read, before it was brought to an interaction; None where nothing could be read.
     """
 
@@ -56,6 +57,7 @@ class Surface:
     varies: bool
     absent: bool = False
     coordinates: Coordinates | None = None
+    tiles: frozenset[tuple[int, int]] | None = None
     physical: Physical | None = None
 
     def __hash__(self) -> int:
@@ -133,8 +135,10 @@ class Materials:
             physical.base_image if found.texture else None,
             physical.cutout,
             physical.normal_image if found.normal_map else None,
+            *(physical.images.values() if found.specular_maps or found.emission_map else ()),
         ]
         lie = [image.coordinates for image in images if image is not None]
+        tiled = [frozenset(image.tiles) for image in images if image is not None and image.tiled]
         if len(set(lie)) > 1:
             self.warnings(path, "its textures lie differently: all lie as the first that colours, cuts out or bends")
         return Surface(
@@ -143,6 +147,7 @@ class Materials:
             inputs.varies,
             found is None,
             lie[0] if lie else None,
+            frozenset.intersection(*tiled) if tiled else None,
             physical,
         )
 

@@ -43,12 +43,24 @@ class Image:
         wrap: How it goes on along s and t.
         border: The value beyond edges that neither repeat nor hold, shape [c].
         coordinates: Where s and t come from.
+        tiled: Whether its file is one of a set, a file for each tile (UDIM).
     """
 
     tiles: Tiles
     wrap: tuple[Wrap, Wrap]
     border: np.ndarray
     coordinates: Coordinates
+    tiled: bool = False
+
+    @property
+    def most(self) -> float:
+        """Its largest value."""
+        return max(float(tile.max()) for tile in self.tiles.values())
+
+    @property
+    def least(self) -> float:
+        """Its smallest value."""
+        return min(float(tile.min()) for tile in self.tiles.values())
 
     @property
     def mean(self) -> np.ndarray:
@@ -145,7 +157,7 @@ class Textures:
         if not tiles:
             return None
         s, t = (WRAPS.get(mode, Wrap.BORDER) for mode in modes)
-        return Image(tiles, (s, t), np.zeros(4), coordinates)
+        return Image(tiles, (s, t), np.zeros(4), coordinates, is_tiled(attribute, time))
 
 
 def _as_color(value: np.ndarray) -> np.ndarray:
@@ -156,6 +168,12 @@ def _enlarged(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
     """A picture with its pixels repeated to a size."""
     rows, columns = (np.arange(n) * old // n for n, old in zip((height, width), pixels.shape[:2], strict=True))
     return pixels if pixels.shape[:2] == (height, width) else pixels[rows][:, columns]
+
+
+def is_tiled(attribute: Usd.Attribute, time: float) -> bool:
+    """Whether an asset attribute names a file for each tile (UDIM)."""
+    value = attribute.Get(time)
+    return isinstance(value, Sdf.AssetPath) and UsdShade.UdimUtils.IsUdimIdentifier(value.path)
 
 
 def _files(attribute: Usd.Attribute, time: float) -> dict[tuple[int, int], str]:

@@ -23,6 +23,7 @@ from tpdwarp.usd.read.materials.dialects import (
 )
 from tpdwarp.usd.read.materials.inputs import Inputs
 from tpdwarp.usd.read.materials.nodes import operation_of
+from tpdwarp.usd.read.materials.patterns import draws
 from tpdwarp.usd.read.materials.physical import Physical
 from tpdwarp.usd.read.values import text_at
 
@@ -63,7 +64,7 @@ def reader_of(shader: UsdShade.Shader) -> Callable[[Inputs], Physical] | None:
     name = re.sub(r"^(ND_|arnold:)|_surfaceshader(_\d+)?$", "", name_of(shader))
     if name in READERS:
         return READERS[name]
-    if name_of(shader).startswith("arnold:") and (name == "image" or operation_of(name_of(shader)) is not None):
+    if (kind := name_of(shader)).startswith("arnold:") and (name == "image" or operation_of(kind) or draws(kind)):
         return unlit.color
     telling = any((found := shader.GetInput(name)) and found.GetAttr().IsAuthored() for name in plain.TELLING)
     return plain.DIALECT.read if telling else None

@@ -13,8 +13,8 @@ from tpdwarp.usd.read.materials.inputs import Inputs
 from tpdwarp.usd.read.materials.physical import BLACK, WHITE, Color, Physical
 
 ID = "surface"
-# Layers deeper than this count as circular. Chosen, not derived: hand-made networks have a few.
-DEEPEST = 32
+# Layers deeper than this count as circular. Chosen, not derived: hand-made networks have a few, and each may be of two.
+DEEPEST = 12
 
 
 def read(inputs: Inputs) -> Physical:
@@ -43,7 +43,10 @@ def _emission(inputs: Inputs) -> Color | None:
 
 def _bsdf(inputs: Inputs, name: str, depth: int) -> Physical:
     node = inputs.node(name)
-    if not node or depth > DEEPEST:
+    if not node:
+        return Physical(BLACK)
+    if depth > DEEPEST:
+        inputs.warn(name, "is fed by a network that is too deep, or circular; its default is used")
         return Physical(BLACK)
     kind = str(node.GetShaderId() or "")
     below = inputs.of(node)
@@ -70,6 +73,10 @@ def _sources(inputs: Inputs) -> dict[str, str]:
 
 def _diffuse(inputs: Inputs, depth: int) -> Physical:
     weight = inputs.number(("weight",), 1.0)
+    image = inputs.image("color")
+    if image is not None:
+        image = image.mapped(lambda pixels: np.clip(weight * pixels, 0.0, BRIGHTEST))
+        return Physical(tuple(map(float, np.broadcast_to(image.mean, 3))), image, sources=_sources(inputs))
     color = tuple(weight * c for c in inputs.color(("color",), (0.18, 0.18, 0.18)))
     return Physical(color, sources=_sources(inputs))
 
@@ -138,7 +145,8 @@ def _multiply(inputs: Inputs, depth: int) -> Physical:
     def scaled(color: Color) -> Color:
         return tuple(c * f for c, f in zip(color, factor, strict=True))
 
-    return replace(found, base_color=scaled(found.base_color), tint=scaled(found.tint))
+    image = None if found.base_image is None else found.base_image.mapped(lambda pixels: pixels * np.array(factor))
+    return replace(found, base_color=scaled(found.base_color), base_image=image, tint=scaled(found.tint))
 
 
 NODES: dict[str, Callable[[Inputs, int], Physical]] = {

@@ -24,8 +24,11 @@ def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
     values["abbe"] = 20.0 / values["dispersion"] if values["dispersion"] > 0 else 0.0
     distance = values["absorption_depth"]
     values["tint"] = values["base_color"]
+    if "base_image" in values:
+        values["images"] = {"tint": values["base_image"]}
     if math.isfinite(distance) and distance > 0 and min(values["attenuation_color"]) < 1:
         values["tint"] = values["attenuation_color"]
+        values.pop("images", None)
     else:
         values["absorption_depth"] = 0.0
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from tpdwarp.usd.read.materials.dialects.table import Dialect, Field
+from tpdwarp.usd.read.materials.dialects.table import Dialect, Field, reflect_by
 from tpdwarp.usd.read.materials.inputs import Inputs
-
-# No dielectric of an index below 2.6 reflects more than this at normal incidence: what does is a metal.
-MOST_DIELECTRIC_REFLECTANCE = 0.2
+from tpdwarp.usd.read.materials.interactions import MOST_DIELECTRIC_REFLECTANCE
 
 
 def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
@@ -33,7 +31,7 @@ def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
         reflectance = values["specular_color"]
         values["metalness"] = 0.0
         if max(reflectance) > max(MOST_DIELECTRIC_REFLECTANCE, max(values["base_color"])):
-            values["metalness"], values["base_color"] = 1.0, reflectance
+            reflect_by(inputs, values, "specularColor", reflectance)
 
 
 DIALECT = Dialect(

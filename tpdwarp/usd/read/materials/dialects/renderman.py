@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tpdwarp.usd.read.materials.dialects.table import Dialect, Field
+from tpdwarp.usd.read.materials.dialects.table import Dialect, Field, reflect_by
 from tpdwarp.usd.read.materials.inputs import Inputs
 
 
@@ -16,7 +16,7 @@ def _adjust_surface(inputs: Inputs, values: dict[str, Any]) -> None:
         face = values["specular_color"]
         # Its metals are a bright colour of the specular lobe over no diffuse one.
         if min(face) > 0.2 and max(values["base_color"]) < 0.1:
-            values["metalness"], values["base_color"] = 1.0, face
+            reflect_by(inputs, values, "specularFaceColor", face)
 
 
 SURFACE = Dialect(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tpdwarp.usd.read.materials.inputs import Inputs
+from tpdwarp.usd.read.materials.inputs import ITS_MEAN, Inputs
 from tpdwarp.usd.read.materials.interactions import LEAST_METAL, NEARLY
 from tpdwarp.usd.read.materials.physical import Color, Physical
 from tpdwarp.usd.read.materials.textures import Image
@@ -21,6 +21,10 @@ PRESENCES = ("presence", "opacity", "alpha")
 NORMALS = ("normal", "geometry_normal", "normalCamera")
 # Properties that do not show on what neither transmits nor is metal.
 OF_SPECULAR = ("roughness", "ior", "tint", "absorption_depth", "abbe", "metalness")
+# Properties that may differ over a surface, beside its base colour; those that are shares lie in 0 … 1.
+SPREAD = ("metalness", "transmission", "roughness", "tint", "emission")
+SHARES = ("metalness", "transmission", "roughness")
+ONLY_SPECULAR = ("roughness", "tint")
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class Dialect:
         values: dict[str, Any] = {}
         sources: dict[str, str] = {}
         shown = ""
-        held: list[tuple[str, str]] = []
+        held: dict[str, list[tuple[str, str]]] = {}
         for name, where in self.fields.items():
             sources[name] = inputs.source(*where.names)
             image = _base_image(inputs, where) if name == "base_color" else None
@@ -78,7 +82,7 @@ class Dialect:
                 values["cutout"] = image.mapped(lambda pixels: pixels.mean(axis=-1, keepdims=True))
                 values[name] = 1.0
                 continue
-            with inputs.warnings_held(held if name in OF_SPECULAR else None):
+            with inputs.warnings_held(held.setdefault(name, []) if name in (*SPREAD, *OF_SPECULAR) else None):
                 values[name] = _value(inputs, name, where)
                 found = inputs.value(*where.names)
                 if name == "base_color":
@@ -90,14 +94,30 @@ class Dialect:
             sources["normal_image"] = inputs.source(*NORMALS)
             if values["normal_image"] is None:
                 inputs.warnings(sources["normal_image"], "is not rendered")
+        read = dict(values)
         if self.adjust is not None:
             self.adjust(inputs, values)
+        images = values.setdefault("images", {})
+        for name in filter(held.__contains__, SPREAD):
+            if name in ONLY_SPECULAR and not _specular(values):
+                continue
+            weight = self.fields[name].weight
+            if weight is not None and inputs.number((weight[0],), weight[1]) == 0.0:
+                held[name].clear()
+                continue
+            # What a dialect gives another meaning is no longer what its picture shows.
+            image = _spread_image(inputs, name, self.fields[name]) if values.get(name) == read[name] else None
+            if image is not None:
+                if image.least < image.most:
+                    images[name] = image
+                held[name] = [words for words in held[name] if not words[1].endswith(ITS_MEAN)]
         for name in PRESENCES:
             if name in sources:
                 sources.setdefault("presence", sources[name])
         self._warn(inputs, values)
-        if values.get("transmission", 0.0) > NEARLY or values.get("metalness", 0.0) >= LEAST_METAL:
-            for about, message in held:
+        shows = _specular(values)
+        for name, said in held.items():
+            for about, message in said if shows or name not in OF_SPECULAR else ():
                 inputs.warnings(about, message)
         known = {name: value for name, value in values.items() if name in Physical.__dataclass_fields__}
         return Physical(**{"color_primvar": shown, **known}, sources=sources)
@@ -125,6 +145,12 @@ def tint_below_coat(values: dict[str, Any]) -> None:
         values["base_image"] = values["base_image"].mapped(lambda pixels: pixels * tint)
 
 
+def reflect_by(inputs: Inputs, values: dict[str, Any], name: str, color: Color) -> None:
+    """Makes metal of a surface, in place, that reflects by the input ``name``, whose mean is ``color``."""
+    values["metalness"], values["base_color"] = 1.0, color
+    values["base_image"] = _base_image(inputs, Field((name,), color))
+
+
 def _value(inputs: Inputs, name: str, where: Field) -> float | bool | Color:
     default = where.default
     weight = 1.0 if where.weight is None else inputs.number((where.weight[0],), where.weight[1])
@@ -146,6 +172,29 @@ def _base_image(inputs: Inputs, where: Field) -> Image | None:
         return None
     weight = 1.0 if where.weight is None else inputs.number((where.weight[0],), where.weight[1])
     return image.mapped(lambda pixels: np.nan_to_num(np.clip(pixels * weight, 0.0, BRIGHTEST)))
+
+
+def _specular(values: dict[str, Any]) -> bool:
+    """Whether there is metal or glass, anywhere on the surface."""
+    images = values["images"]
+    most = [images[name].most if name in images else values.get(name, 0.0) for name in ("metalness", "transmission")]
+    return most[0] >= LEAST_METAL or most[1] > NEARLY
+
+
+def _spread_image(inputs: Inputs, name: str, where: Field) -> Image | None:
+    """A property over the surface, within what it may be; None where it is the same everywhere."""
+    image = inputs.image(*where.names)
+    if image is None:
+        return None
+    weight = 1.0 if where.weight is None else inputs.number((where.weight[0],), where.weight[1])
+    most = 1.0 if name in SHARES else BRIGHTEST
+
+    def within(pixels: np.ndarray) -> np.ndarray:
+        if name in SHARES:
+            pixels = pixels.mean(axis=-1, keepdims=True)
+        return np.nan_to_num(np.clip(pixels * weight, 0.0, most))
+
+    return image.mapped(within)
 
 
 def _plausible(inputs: Inputs, names: tuple[str, ...], color: Color, default: Color, weight: float) -> Color:

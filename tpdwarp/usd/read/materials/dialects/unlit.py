@@ -17,10 +17,14 @@ def _adjust(inputs: Inputs, values: dict[str, Any]) -> None:
 
 def color(inputs: Inputs) -> Physical:
     """A node that gives a colour in the place of a surface, which Arnold shows as it is."""
-    numbers = inputs.output().numbers
+    found = inputs.output()
+    numbers = found.numbers
     shown = BLACK if numbers is None else tuple(map(float, np.resize(numbers, 3)))
     shown = tuple(min(max(channel, 0.0), BRIGHTEST) if np.isfinite(channel) else 0.0 for channel in shown)
-    return Physical(BLACK, emission=shown, unlit=True)
+    images = {}
+    if found.image is not None:
+        images["emission"] = found.image.mapped(lambda pixels: np.clip(pixels, 0.0, BRIGHTEST))
+    return Physical(BLACK, emission=shown, unlit=True, images=images)
 
 
 MATERIALX = Dialect(

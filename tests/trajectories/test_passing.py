@@ -1,0 +1,59 @@
+"""For how much of a part of the shutter light is there that begins or ends within it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tpdwarp.trajectories.passing import _extents
+from tpdwarp.trajectories.retraced import PARTS, distances
+
+SHAPE = (40, 48)
+LENGTHS = np.array([0.5, *[1.0] * (PARTS - 1), 0.5]) / PARTS
+MIDDLES = np.cumsum(LENGTHS) - 0.5 * LENGTHS
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 1.2])
+@pytest.mark.parametrize("way", [8.0, 24.0])
+def test_cells_that_an_edge_passes_are_lit_for_as_long_as_it_has_not_passed_them(angle, way):
+    """A straight edge goes evenly by ``way`` cells within the shutter, and leaves behind it what is dark."""
+    u, v = np.indices(SHAPE) - (np.array(SHAPE)[:, None, None] - 1) / 2
+    along = np.cos(angle) * u + np.sin(angle) * v
+    there = along[None] > way * (MIDDLES - 0.5)[:, None, None]
+    known = np.abs(along) < 0.5 * way + 4
+    lit = (LENGTHS[:, None, None] * there * _extents(there & known, known, LENGTHS)).sum(axis=0)
+    exact = np.clip(along / way + 0.5, 0, 1)
+    # Where the grid cuts edges off, nothing is known of what is beside them.
+    inside = np.pad(np.ones(np.subtract(SHAPE, 8), bool), 4) & (np.abs(along) < 0.4 * way)
+    # Edges are known to a cell, and to octagons in place of circles: a twelfth of the way from one part to the next.
+    worst = (0.5 + way / PARTS / 12) / way
+    assert np.abs(lit - exact)[inside].max() < worst + 0.5 / way
+    assert (lit - exact)[inside].mean() == pytest.approx(0.0, abs=0.1 * worst)
+    if way / PARTS > 2:
+        # Parts that stand for all of their time are wrong by up to half of one.
+        steps = (LENGTHS[:, None, None] * there).sum(axis=0)
+        assert np.std((lit - exact)[inside]) < 0.7 * np.std((steps - exact)[inside])
+
+
+def test_what_is_there_all_the_time_is_lit_all_the_time_and_what_comes_at_once_from_half_way():
+    there = np.zeros((PARTS + 1, *SHAPE), bool)
+    there[:, :10] = True
+    there[4:, 20:30] = True
+    known = np.ones(SHAPE, bool)
+    extents = _extents(there, known, LENGTHS)
+    assert (extents[:, :10] == 1.0).all()
+    lit = (LENGTHS[:, None, None] * there * extents).sum(axis=0)
+    # Nothing says when it came, but that it was between two parts.
+    np.testing.assert_allclose(lit[25], 1.0 - 0.5 * (MIDDLES[3] + MIDDLES[4]), atol=0.5 / PARTS)
+
+
+def test_distances_lie_on_octagons():
+    sources = np.zeros((61, 61), bool)
+    sources[30, 30] = True
+    u, v = np.indices(sources.shape) - 30
+    exact = np.hypot(u, v)
+    found = distances(sources, 20)
+    near = exact < 18
+    # An octagon with steps along four sides and eight by turns departs from a circle by 12 % at most, and by a step.
+    assert (np.abs(found - exact) <= 0.12 * exact + 1)[near].all()
+    assert (found[exact > 26] == 21).all()
