@@ -206,12 +206,13 @@ def _write_picture(path: Path, pictures: list[np.ndarray]) -> None:
     parts = []
     for picture in pictures:
         parts += [np.kron(np.clip(gain * picture, 0, 1), np.ones((ENLARGED,) * 2)), gap]
-    pixels = encode_srgb(np.concatenate(parts[:-1], axis=1).astype(np.float32))
+    grey = np.concatenate(parts[:-1], axis=1).astype(np.float32)
+    pixels = encode_srgb(np.repeat(grey[:, :, None], 3, axis=2))[:, :, :1]
     output = oiio.ImageOutput.create(str(path))
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 1, "uint8")
     spec.attribute("compression", "jpeg:90")
     output.open(str(path), spec)
-    output.write_image((np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)[:, :, None])
+    output.write_image((np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8))
     output.close()
 
 

@@ -41,6 +41,9 @@ FEWEST_ROWS = 8
 # Half the angle [rad] that one patch of directions may cover; beyond it a cube takes over. There, cells are cos 60°,
 # half as wide as in the middle. (That they may be no narrower is chosen, not derived.)
 WIDEST_SINGLE_PATCH = math.radians(60.0)
+# Half the angle up to which it is kept where a body comes nearer than stills show it: cells are a quarter as wide
+# there. Chosen, not derived. Photons of a lattice made for one frame have no keyframes.
+WIDEST_KEPT_PATCH = math.radians(75.0)
 # Half the angle that a face of the cube covers.
 CUBE_FACE = math.pi / 4
 # How many times the cells that the stills foresaw a frame may emit; a rod that turns takes some times as many. Chosen,
@@ -54,6 +57,8 @@ LEAST_WEIGHT = 0.1
 # Half floats hold 40 stops. A light fainter than that beside the brightest is in no picture with it, and takes no
 # photons that others would miss.
 FAINTEST = 2.0**-40
+# Bounds of a patch whose cells are known.
+NOWHERE: Bounds = (0.0, 0.0, 0.0, 0.0)
 # Lattice coordinates are single precision, of 24 bits: beyond this cell they no longer resolve a quarter of one.
 LARGEST_CELL_NUMBER = 2**22
 
@@ -190,13 +195,18 @@ class EmissionPlan:
         """Ids in all: room is kept for lattices of lights that no still shows."""
         return self.planned_ids + 8 * self.photons + 64
 
-    def patches(self, scene: SceneAtShutter) -> list[tuple[Lattice, Patch]]:
+    def patches(self, scene: SceneAtShutter, *, aimed: bool = True) -> list[tuple[Lattice, Patch]]:
         """The cells of each lattice that this shutter emits, towards all specular meshes.
+
+        Without ``aimed`` each planned lattice is as the light stands, for cells that are known already: to aim many
+        parts of a light takes longer than to trace a few cells of each.
 
         Lights that the stills show otherwise (a flash between two of them, a body that leaves the patch or turns a
         broader side to the light) get lattices of this shutter's own, and as many photons as all others together;
         their ids do not last.
         """
+        if not aimed:
+            return self._unaimed(split_lights(scene, self.splits))
         if scene not in self._found:
             self._found[scene] = self._emitted(split_lights(scene, self.splits))
         found = self._found[scene]
@@ -224,7 +234,7 @@ class EmissionPlan:
                 bounds_of(light, lattice.axes, lattice.limit, corners, norm, lattice.turn, seen) for lattice in planned
             ]
             pairs = list(zip(planned, bounds, strict=True))
-            if pairs and all(self._holds(light, corners, *pair) for pair in pairs):
+            if pairs and self._hold(light, corners, pairs):
                 foreseen += pairs
             else:
                 unforeseen += [c for c in _candidates(light.path, [(light, corners)], norm) if not c.spare]
@@ -235,18 +245,40 @@ class EmissionPlan:
         parts = [(lattice, lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
         return _Emitted(parts, behind, np.abs(corners).max(axis=(0, 1)))
 
-    def _holds(self, light: LightAtShutter, corners: np.ndarray, lattice: Lattice, bounds: Bounds | None) -> bool:
-        """Whether ``lattice`` suits what ``light`` sees: nothing outside of it, and not far more than was foreseen."""
-        if bounds is not None:
+    def _unaimed(self, scene: SceneAtShutter) -> list[tuple[Lattice, Patch]]:
+        """Each planned lattice of a scene whose lights are split already, as its light stands, with no bounds."""
+        corners = specular_corners(scene, self.normalization)
+        if not len(corners):
+            return []
+        lights = {light.path: light for light in scene.lights if any(light.power)}
+        behind = 2.0 * _radius(scene, self.normalization) + 1.0
+        magnitude = np.abs(corners).max(axis=(0, 1))
+        return [
+            (lattice, _patch(lattice, lights[lattice.light], NOWHERE, behind, magnitude, self.normalization))
+            for lattice in self.lattices
+            if lattice.light in lights
+        ]
+
+    def _hold(
+        self, light: LightAtShutter, corners: np.ndarray, pairs: Sequence[tuple[Lattice, Bounds | None]]
+    ) -> bool:
+        """Whether lattices suit what ``light`` sees: nothing outside of them, and not far more than was foreseen.
+
+        That is counted over all faces of a cube: of one that stills graze, a part of the photons is many times as much.
+        """
+        emitted = 0
+        for lattice, bounds in pairs:
+            if lattice.limit == WIDEST_KEPT_PATCH:
+                if spread_of(light, corners, lattice.axes[2], self.normalization) > WIDEST_KEPT_PATCH:
+                    return False
+            if bounds is None:
+                continue
             cells = _cells(lattice, bounds)
-            foreseen = lattice.wrap[0] * lattice.wrap[1] // 4
-            if math.prod(count for _, count in cells) > LARGEST_CELL_GROWTH * foreseen:
-                return False
             if any(max(abs(first), abs(first + count)) > LARGEST_CELL_NUMBER for first, count in cells):
                 return False
-        if lattice.limit != WIDEST_SINGLE_PATCH:
-            return True
-        return spread_of(light, corners, lattice.axes[2], self.normalization) <= WIDEST_SINGLE_PATCH
+            emitted += math.prod(count for _, count in cells)
+        foreseen = sum(lattice.wrap[0] * lattice.wrap[1] // 4 for lattice, _ in pairs)
+        return emitted <= LARGEST_CELL_GROWTH * foreseen
 
 
 def plan_emission(
@@ -406,7 +438,7 @@ def _candidates(
         centre = 0.5 * (first_corners.min(axis=(0, 1)) + first_corners.max(axis=(0, 1)))
         cube = cube_axes(centre - normalization.points(first.position[None])[0])
         spread = max(spread_of(light, there, cube[0][2], normalization) for light, there in views)
-        faces, limit = (cube[:1], WIDEST_SINGLE_PATCH) if spread < WIDEST_SINGLE_PATCH else (cube, CUBE_FACE)
+        faces, limit = (cube[:1], WIDEST_KEPT_PATCH) if spread < WIDEST_SINGLE_PATCH else (cube, CUBE_FACE)
     found = []
     sights = [(light, there, seen_from(light, there, normalization)) for light, there in views]
     for number, axes in enumerate(faces):

@@ -566,6 +566,7 @@ def trace_photons(
     weight: float = 1.0,
     smallest_branch: float = SMALLEST_BRANCH,
     chosen: Callable[[Lattice, Patch], ChosenCells] | None = None,
+    aimed: bool = True,
     tags: np.ndarray | None = None,
     textures: TextureArrays | None = None,
     recording: bool = False,
@@ -579,6 +580,7 @@ def trace_photons(
         weight: Part of the frame's exposure that these photons stand for; scales all flux.
         smallest_branch: Reflected branches below this fraction of the emitted flux are given up and accounted lost.
         chosen: Gives the cells of a lattice to emit; None emits all of the patch.
+        aimed: Whether patches are those that reach what is specular; not where ``chosen`` knows cells without them.
         tags: A number for each triangle, by which paths differ, shape [m] int32; without, they differ by how they
             branch alone.
         textures: What the surfaces have of textures and of parts that are not there, where there are any.
@@ -607,7 +609,7 @@ def trace_photons(
     device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     bands = bands_of(geometry, nesting_of(scene), launcher) if needs.dispersive else [Band(0, geometry.surfaces)]
     for band in bands:
-        emitting = _Emitting.of(plan.patches(scene), chosen)
+        emitting = _Emitting.of(plan.patches(scene, aimed=aimed), chosen)
         for patch in emitting.patches:
             patch.power = weight * band.tinted(patch.power)
             if place is not None:

@@ -70,7 +70,7 @@ def traced_in_parts(
     ) -> tuple[PhotonMap, EnergyAccount]:
         nonlocal last
         last = tracer.load(piece, clock, instead_of=last)
-        given = {"chosen": cells.at(middle, number), "tags": keyframes.tags.of(last.scene), **options}
+        given = {"chosen": cells.at(middle, number), "aimed": False, "tags": keyframes.tags.of(last.scene), **options}
         photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
         photons = in_middle_of_cell(photons, plan, place_in_cell(cell_of(photons), number))
         photons = _grown(photons, cells, middle, energy)
