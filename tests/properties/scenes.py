@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from tests.photons.moving_scenes import walls
 from tests.photons.shapes import MIRROR, ball, box, field, glass, moving, prism, rotation, turning
-from tests.photons.traced import lamp, scene_of, sun, turning_sun
-from tpdwarp.photons.lattices import EmissionPlan
-from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, MeshAtShutter, SceneAtShutter
+from tests.photons.traced import Traced, lamp, scene_of, sun, turning_sun
+from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
 
 # The same examples on every run, as they come: making them smaller takes minutes. Which are rejected or slow is a
 # matter of the examples, not of the machine.
@@ -121,7 +120,22 @@ def with_camera(scene: SceneAtShutter, height: float = 0.1) -> SceneAtShutter:
     return replace(scene, camera=camera)
 
 
-def lattice_steps(*plans: EmissionPlan) -> list[tuple[float, ...]]:
-    """Sizes of a cell of every lattice of some plans, to 12 digits."""
-    steps = (lattice.step for plan in plans for lattice in plan.lattices)
+def brightened(second: LightAtShutter, alone: list[Traced], counts: tuple[int, int]) -> LightAtShutter:
+    """The second light, as strong as it must be to get its count of the photons that two lights share by power."""
+    a, b = (power_sent(result) / count for result, count in zip(alone, counts, strict=True))
+    return replace(second, power=tuple(a / b * channel for channel in second.power))
+
+
+def lattice_steps(*results: Traced) -> list[tuple[float, ...]]:
+    """Sizes of a cell of every lattice of some traces, to 12 digits."""
+    steps = (lattice.step for result in results for lattice in result.plan.lattices)
     return [tuple(float(f"{size:.12g}") for size in step) for step in steps]
+
+
+def power_sent(result: Traced) -> float:
+    """Power through the lattices of the only light, as the plan measures it: half as many cells a side as it wraps."""
+    (light,) = result.scene.lights
+    norm = result.plan.normalization
+    unit = norm.scale**2 if light.kind == LightKind.DISTANT else 1.0
+    areas = (np.prod(np.multiply(lattice.step, lattice.wrap)) / 4 for lattice in result.plan.lattices)
+    return sum(light.power) * sum(areas) / unit

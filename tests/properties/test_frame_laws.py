@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,15 +10,14 @@ from hypothesis import assume, given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from tests.photons.traced import Written
-from tpdwarp.photons.lattices import EmissionPlan
+from tests.photons.traced import Written, traced
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame
 from tpdwarp.scene.description import SceneAtShutter
 from tpdwarp.settings import Settings
 
 from .placed import backwards, brighter, placed
-from .scenes import lamps, lattice_steps, law, numbers, rotations, scenes, suns, vectors, with_camera
+from .scenes import brightened, lamps, lattice_steps, law, numbers, rotations, scenes, suns, vectors, with_camera
 
 PIXELS = 12
 SETTINGS = Settings(photons=300, segments=1, samples=1, threads=1, aovs=("irradiance", "motion"))
@@ -35,11 +33,6 @@ PATHS = pytest.mark.parametrize(
 
 def rendered(scene: SceneAtShutter, **changes) -> Frame:
     return render_frame(RenderContext(Written(scene), Settings.of(SETTINGS, **changes)), scene.shutter, PIXELS, PIXELS)
-
-
-def plan_of(scene: SceneAtShutter, photons: int) -> EmissionPlan:
-    """The lattices that so many photons of a frame come from."""
-    return RenderContext(Written(scene), SETTINGS).tracer.plan(photons)
 
 
 def pixels(frame: Frame, names: tuple[str, ...] = (*BEAUTY, "irradiance.R")) -> np.ndarray:
@@ -114,20 +107,17 @@ def test_the_order_of_meshes_does_not_change_a_pixel(scene, random):
 
 @PATHS
 @frame_law
-@given(scenes(suns()).map(with_camera), lamps(), st.integers(200, 600))
-def test_the_frame_of_two_lights_is_the_sum_of_the_frames_of_each(path, scene, second, n):
-    lights = scene.lights[0], second
-    plan = plan_of(replace(scene, lights=lights), n)
-    # Each alone has as many photons as it has of both, by the cells of its lattices.
-    counts = [
-        sum(math.prod(lattice.wrap) // 4 for lattice in plan.lattices if lattice.light == light.path)
-        for light in lights
-    ]
-    assume(min(counts) > 0)
-    alone = [(replace(scene, lights=(light,)), count) for light, count in zip(lights, counts, strict=True)]
-    assume(lattice_steps(plan) == lattice_steps(*(plan_of(*one) for one in alone)))
-    a, b = (rendered(one, photons=count, path=path) for one, count in alone)
-    both = rendered(replace(scene, lights=lights), photons=n, path=path)
+@given(scenes(suns()).map(with_camera), lamps(), st.integers(100, 300), st.integers(100, 300))
+def test_the_frame_of_two_lights_is_the_sum_of_the_frames_of_each(path, scene, second, n, m):
+    scenes_alone = [replace(scene, lights=(light,)) for light in (scene.lights[0], second)]
+    alone = [traced(one, count) for one, count in zip(scenes_alone, (n, m), strict=True)]
+    assume(min(len(result.photons) for result in alone) >= 30)
+    second = brightened(second, alone, (n, m))
+    together = traced(replace(scene, lights=(scene.lights[0], second)), n + m)
+    assume(lattice_steps(together) == lattice_steps(*alone))
+    a = rendered(scenes_alone[0], photons=n, path=path)
+    b = rendered(replace(scene, lights=(second,)), photons=m, path=path)
+    both = rendered(replace(scene, lights=(scene.lights[0], second)), photons=n + m, path=path)
     # Sums over footprints, in double precision but for each footprint's own.
     total = pixels(a) + pixels(b)
     np.testing.assert_allclose(pixels(both), total, rtol=1e-5, atol=1e-5 * total.max())

@@ -12,7 +12,7 @@ from tests.photons.traced import traced
 
 from .agreement import assert_same_photons
 from .placed import backwards, brighter, placed
-from .scenes import lamps, lattice_steps, law, numbers, rotations, scenes, suns, vectors
+from .scenes import brightened, lamps, lattice_steps, law, numbers, rotations, scenes, suns, vectors
 
 PHOTONS = 400
 
@@ -111,18 +111,19 @@ def test_the_order_of_lights_does_not_matter(scene, second):
 
 
 @law
-@given(scenes(suns()), lamps(), st.integers(100, 400))
-def test_photons_of_two_lights_are_those_of_each_where_their_lattices_are_the_same(scene, second, n):
+@given(scenes(suns()), lamps(), st.integers(100, 400), st.integers(100, 400))
+def test_photons_of_two_lights_are_those_of_each_where_their_lattices_are_the_same(scene, second, n, m):
     first = scene.lights[0]
-    alone = [traced(replace(scene, lights=(light,)), n) for light in (first, second)]
+    alone = [traced(replace(scene, lights=(light,)), count) for light, count in ((first, n), (second, m))]
     assume(min(len(result.photons) for result in alone) >= 50)
-    # Without weights, lights share photons alike.
-    both = traced(replace(scene, lights=(first, second)), 2 * n)
-    assume(lattice_steps(both.plan) == lattice_steps(*(result.plan for result in alone)))
-    flux = np.concatenate([result.photons.flux for result in alone])
+    both = traced(replace(scene, lights=(first, brightened(second, alone, (n, m)))), n + m)
+    assume(lattice_steps(both) == lattice_steps(*alone))
+    factor = both.scene.lights[1].power[0] / second.power[0]
+    flux = np.concatenate([alone[0].photons.flux, factor * alone[1].photons.flux])
     places = np.concatenate([result.photons.positions for result in alone])
     assert len(both.photons) == len(places)
     order, expected = (np.lexsort(np.round(rows, 6).T) for rows in (both.photons.positions, places))
     np.testing.assert_allclose(both.photons.positions[order], places[expected], atol=1e-6)
     np.testing.assert_allclose(both.photons.flux.sum(axis=0), flux.sum(axis=0), rtol=1e-6)
-    np.testing.assert_allclose(both.energy.sent, sum(result.energy.sent for result in alone), rtol=1e-6)
+    sent = alone[0].energy.sent + factor * alone[1].energy.sent
+    np.testing.assert_allclose(both.energy.sent, sent, rtol=1e-6)

@@ -52,7 +52,10 @@ LARGEST_CELL_GROWTH = 16
 # Beams start near what is specular where that is smaller than this part of its distance from the light. At this size,
 # rounding of the distance (6e-8 of it) is 6e-6 of the thing, as much as a hundred roundings of its own coordinates.
 NEARBY = 1.0e-2
-# Lights have at least this part of the photons that the one of the greatest weight has. Chosen, not derived.
+# Lights share photons by this power of theirs: what is ten times fainter gets three quarters of the photons of the
+# brightest, what is a thousand times fainter 0.42 of them, and none less than a tenth. Chosen, not derived: errors of a
+# light's caustic, as parts of it, fall with its photons.
+SHARING_POWER = 1.0 / 8.0
 LEAST_WEIGHT = 0.1
 # Half floats hold 40 stops. A light fainter than that beside the brightest is in no picture with it, and takes no
 # photons that others would miss.
@@ -107,7 +110,6 @@ class EmissionPlan:
         normalization: The tracer's units.
         candidates: What the stills showed, from which lattices for any number of photons are laid out.
         splits: Parts that each light with extent is cut into; each of them has lattices of its own.
-        weights: By which lights share the photons (:mod:`.light_weights`), by prim path; alike without.
     """
 
     lattices: tuple[Lattice, ...]
@@ -116,7 +118,6 @@ class EmissionPlan:
     normalization: Normalization
     candidates: tuple[_Candidate, ...] = ()
     splits: int = 1
-    weights: dict[str, float] = field(default_factory=dict)
     # What scenes that are still in use emit is found once: it is asked for by each that traces or looks for edges.
     _found: WeakKeyDictionary[SceneAtShutter, _Emitted] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False, compare=False
@@ -124,16 +125,7 @@ class EmissionPlan:
 
     def with_photons(self, photons: int) -> EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
-        return _planned(self.candidates, photons, self.normalization, self.splits, self.weights)
-
-    def weighted(self, weights: dict[str, float]) -> EmissionPlan:
-        """The lattices if lights share the photons by other ``weights``."""
-        return _planned(self.candidates, self.photons, self.normalization, self.splits, weights)
-
-    @property
-    def lights(self) -> set[str]:
-        """Prim paths of the lights that the stills show."""
-        return {prim_of(candidate.light) for candidate in self.candidates}
+        return _planned(self.candidates, photons, self.normalization, self.splits)
 
     def foreseeing(self, scene: SceneAtShutter) -> EmissionPlan:
         """The plan with lattices for those lights of ``scene`` that shine in none of the stills; just it where all do.
@@ -147,8 +139,7 @@ class EmissionPlan:
         if not new or not len(corners):
             return self
         found = [c for light in new for c in _candidates(light.path, [(light, corners)], self.normalization)]
-        found = [candidate for candidate in found if not candidate.spare]
-        made = _lattices(found, self.photons, self.planned_ids, self.weights)
+        made = _lattices([candidate for candidate in found if not candidate.spare], self.photons, self.planned_ids)
         used = max((lattice.first_id + math.prod(lattice.wrap) for lattice in made), default=self.planned_ids)
         return replace(self, lattices=(*self.lattices, *made), planned_ids=used)
 
@@ -238,7 +229,7 @@ class EmissionPlan:
                 foreseen += pairs
             else:
                 unforeseen += [c for c in _candidates(light.path, [(light, corners)], norm) if not c.spare]
-        made = _lattices(unforeseen, self.photons, self.planned_ids, self.weights)
+        made = _lattices(unforeseen, self.photons, self.planned_ids)
         found = [bounds_of(lights[lattice.light], lattice.axes, lattice.limit, corners, norm) for lattice in made]
         behind = 2.0 * _radius(scene, norm) + 1.0
         pairs = *foreseen, *zip(made, found, strict=True)
@@ -290,9 +281,7 @@ def plan_emission(
     splits: int = 1,
     stills: Sequence[SceneAtShutter] | None = None,
 ) -> EmissionPlan:
-    """Lays out the lattices for ``photons`` photons a frame, which lights share alike.
-
-    :meth:`EmissionPlan.weighted` shares them otherwise.
+    """Lays out the lattices for ``photons`` photons a frame, shared between lights (see :func:`light_shares`).
 
     Args:
         square: Whether cells are square also where light varies in one direction alone.
@@ -320,27 +309,22 @@ def plan_emission(
                 distant = views[0][0].kind == LightKind.DISTANT
                 shapes[whole] = lattice_shape(own) if distant and not square else OWN_AXES
             candidates += _candidates(path, views, normalization, shapes[whole])
-    return _planned(tuple(candidates), photons, normalization, splits, {})
+    return _planned(tuple(candidates), photons, normalization, splits)
 
 
 def _planned(
-    candidates: tuple[_Candidate, ...],
-    photons: int,
-    normalization: Normalization,
-    splits: int,
-    weights: dict[str, float],
+    candidates: tuple[_Candidate, ...], photons: int, normalization: Normalization, splits: int
 ) -> EmissionPlan:
-    lattices = _lattices(candidates, photons, 0, weights)
+    lattices = _lattices(candidates, photons, 0)
     used = max((lattice.first_id + lattice.wrap[0] * lattice.wrap[1] for lattice in lattices), default=0)
-    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates, splits, weights)
+    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates, splits)
 
 
-def light_shares(candidates: Sequence[_Candidate], weights: dict[str, float]) -> dict[str, float]:
+def light_shares(candidates: Sequence[_Candidate]) -> dict[str, float]:
     """Power by photons of the lattices of each light, if there is one photon in all.
 
-    Faces and parts of one light share its photons by the power that goes through them. Lights share them by their
-    weights (:mod:`.light_weights`), alike where these are not known: wherever nothing brighter falls, a caustic is seen
-    by itself, however faint it is.
+    Faces and parts of one light share its photons by the power that goes through them. Lights share them by a low
+    power of theirs: wherever nothing brighter falls, a caustic is seen by itself, however faint it is.
     """
     totals: dict[str, float] = {}
     for candidate in candidates:
@@ -348,23 +332,18 @@ def light_shares(candidates: Sequence[_Candidate], weights: dict[str, float]) ->
             light = prim_of(candidate.light)
             totals[light] = totals.get(light, 0.0) + candidate.power
     strongest = max(totals.values(), default=0.0)
-    greatest = max((weights.get(light, 1.0) for light in totals), default=0.0) or 1.0
-    shares = {
-        light: max(weights.get(light, 1.0) / greatest, LEAST_WEIGHT)
-        if power >= FAINTEST * strongest
-        else power / strongest
-        for light, power in totals.items()
+    parts = {light: power / strongest for light, power in totals.items()}
+    weights = {
+        light: max(part**SHARING_POWER, LEAST_WEIGHT) if part >= FAINTEST else part for light, part in parts.items()
     }
-    whole = sum(shares.values())
+    whole = sum(weights.values())
     # A light alone keeps its power as it is, to the last bit.
-    return {light: power / (shares[light] / whole) if len(totals) > 1 else power for light, power in totals.items()}
+    return {light: power / (weights[light] / whole) if len(totals) > 1 else power for light, power in totals.items()}
 
 
-def _lattices(
-    candidates: Sequence[_Candidate], photons: int, first_id: int, weights: dict[str, float]
-) -> list[Lattice]:
+def _lattices(candidates: Sequence[_Candidate], photons: int, first_id: int) -> list[Lattice]:
     """Lattices with cells for ``photons`` photons, shared between candidates; spare ones are not counted."""
-    shares = light_shares(candidates, weights)
+    shares = light_shares(candidates)
     lattices = []
     for candidate in candidates:
         # As many photons meet a sheet as if its rectangle lay along the lattice.

@@ -8,11 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 from tpdwarp.clock import Clock
-from tpdwarp.errors import InputError
 from tpdwarp.photons.dispersion import WAVELENGTHS
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, plan_emission
-from tpdwarp.photons.light_weights import MOST_STILLS, PILOT_PHOTONS_PER_LIGHT, greatest, light_weights
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracing import trace_photons
 from tpdwarp.scene.description import Shutter
@@ -41,8 +39,6 @@ class PhotonTracer:
         self._plans: dict[int, EmissionPlan] = {}
         # What was chosen for which number of photons, also by tracers with other settings.
         self._chosen_splits: dict[tuple[int, str], int] = {}
-        # Of lights, once they have been found; of no photons or parts in particular, so that all tracers share them.
-        self._weights: dict[str, float] = {}
 
     def with_settings(self, settings: LightSettings) -> PhotonTracer:
         """The same tracer with other settings; stills are not read again where lattices keep their shape."""
@@ -119,22 +115,4 @@ class PhotonTracer:
         if self._plans:
             return next(iter(self._plans.values())).with_photons(photons)
         options = {"square": self._square, "splits": self.splits, "stills": self.loader.stills_once()}
-        plan = plan_emission(self.source, photons, self.normalization, **options)
-        if len(plan.lights) < 2:
-            return plan
-        if not self._weights:
-            self._weights.update(self._weighed(plan.with_photons(PILOT_PHOTONS_PER_LIGHT * len(plan.lights))))
-        return plan.weighted(self._weights)
-
-    def _weighed(self, plan: EmissionPlan) -> dict[str, float]:
-        """Weights of the lights of a coarse ``plan``, as a few stills show them."""
-        stills = self.source.reference_shutters()
-        found = []
-        for still in stills[:: max(1, -(-len(stills) // MOST_STILLS))]:
-            try:
-                loaded = self.load(still)
-            except InputError:
-                continue
-            photons, _ = self.trace(loaded, plan, Clock())
-            found.append(light_weights(photons, plan, loaded.scene))
-        return greatest(found)
+        return plan_emission(self.source, photons, self.normalization, **options)
