@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.footprints.photons import ONE_THREAD, grid, photon_map, pixel, queries, shaped
-from tpdwarp.footprints.background import FAINT, split_light
+from tpdwarp.footprints.background import FAINT, split_light, with_images
 from tpdwarp.footprints.irradiance import Lookup
 from tpdwarp.footprints.light import FootprintLight
 from tpdwarp.footprints.plain_gather import plain_gather
 from tpdwarp.footprints.weights import GatherForm
+from tpdwarp.photons.light_columns import LightImage
 
 FINE, COARSE = 0.02, 0.05
 HALF_PIXEL = 0.001
@@ -58,6 +61,39 @@ def test_there_is_no_background_where_rasters_gain_nothing_or_are_wrong(what):
 def test_paths_that_do_not_branch_make_no_background():
     maps = [sheet(FINE, 1.0, half=1.0), sheet(COARSE, DIM, half=0.3, share=1.0)]
     assert not split_light(maps, 1.0, pixel(HALF_PIXEL), ONE_THREAD).coarse
+
+
+def soft(photons, radius: float):
+    """Photons of a lamp whose image is a disc."""
+    a, b = (np.tile(np.float32(axis) * np.float32(radius), (len(photons), 1)) for axis in ((1, 0, 0), (0, 1, 0)))
+    return replace(photons, dxda=a, dxdb=b, image=np.full(len(photons), LightImage.DISC, np.int32))
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.1])
+def test_faint_light_of_fine_cells_is_background_where_the_images_of_lamps_are_wide(radius):
+    bright, dim = sheet(FINE, 1.0, half=1.0), sheet(COARSE / 8, DIM, half=0.4)
+    none = np.zeros((len(bright), 3), np.float32)
+    maps = [replace(bright, dxda=none, dxdb=none, image=np.zeros(len(bright), np.int32)), soft(dim, radius)]
+    split = split_light(maps, 1.0, pixel(HALF_PIXEL), ONE_THREAD)
+    assert sum(len(rows) for levels in split.coarse.values() for rows in levels) == (len(dim) if radius else 0)
+    points = scattered(0.2, 300)
+    # Squares add a tenth of its variance to a disc that is as bright all over these points.
+    np.testing.assert_allclose(looked_up(light_of(*maps), points), 1.0 + DIM, rtol=1e-3)
+
+
+def test_cells_that_stand_for_images_have_the_variance_of_both():
+    random = np.random.default_rng(6)
+    photons = sheet(COARSE, DIM, half=0.1)
+    u, v, a, b = (np.append(random.normal(0, 1, (len(photons), 2)), 0 * photons.position[:, :1], 1) for _ in range(4))
+    image = np.full(len(photons), LightImage.PARALLELOGRAM, np.int32)
+    given = {name: x.astype(np.float32) for name, x in {"dxdu": u, "dxdv": v, "dxda": a, "dxdb": b}.items()}
+    found = with_images(replace(photons, image=image, **given))
+
+    def variance(*columns):
+        return sum(x[:, :, None] * x[:, None, :] for x in columns)
+
+    expected = variance(u, v) / 4 + variance(a, b) / 3
+    np.testing.assert_allclose(variance(found.dxdu, found.dxdv) / 4, expected, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("aspect", [1.0, 4.0, 16.0])

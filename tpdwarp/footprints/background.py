@@ -4,7 +4,7 @@ Closed glass sends much of its light through inner reflections, each a few perce
 floor: nine tenths of what footprints cover belongs to two or three percent of the flux. At any time the footprints of
 one path tile the receiver, and their sum is as bright as each of them, Φ/|D_u x × D_v x|. So where that is far less
 than what nearly all other light makes, its detail cannot matter, and the footprint is averaged over squares that are
-larger than pixels, but small beside what it sweeps over itself.
+larger than pixels, but small beside what it sweeps over itself; under lights with extent, beside their images.
 
 Only flat receivers that stand still have background light: there squares make a raster (``rasters``). What is bright
 goes there, too, where it is wide (``wide``), but with squares that change nothing of it.
@@ -22,7 +22,8 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.footprints.planes import Plane, on_any, planes_of
-from tpdwarp.footprints.shaping import PixelSize, pixel_on_plane, tangent_frame
+from tpdwarp.footprints.shaping import BSPLINE_VARIANCE, PixelSize, pixel_on_plane, tangent_frame
+from tpdwarp.photons.light_columns import VARIANCE_OF_DISC, VARIANCE_OF_INTERVAL, LightImage
 from tpdwarp.photons.photon_map import PhotonMap
 
 # Photons of less than this part of the irradiance that all but a tenth of the flux exceeds are background.
@@ -137,10 +138,35 @@ def _measured(
     photons: PhotonMap, smoothing: float, pixel: PixelSize, launcher: Launcher
 ) -> tuple[np.ndarray, np.ndarray]:
     out = [launcher.zeros(len(photons), wp.float32) for _ in range(2)]
+    photons = with_images(photons)
     columns = ("position", "normal", "dxdu", "dxdv", "dxdt", "flux")
     given = [launcher.array(getattr(photons, name), wp.vec3) for name in columns]
     launcher(measure_light, len(photons), [*given, float(smoothing), pixel, *out])
     return out[0].numpy(), out[1].numpy()
+
+
+def with_images(photons: PhotonMap) -> PhotonMap:
+    """The photons with columns of cells that spread light as far as theirs do with the images of their lights.
+
+    A B-spline has the variance ¼ (D_u x D_u xᵀ + D_v x D_v xᵀ), and an image adds its own (:mod:`.light_images`).
+    """
+    if not len(photons.image):
+        return photons
+    factor = np.select(
+        [photons.image == int(LightImage.DISC), photons.image == int(LightImage.PARALLELOGRAM)],
+        [float(VARIANCE_OF_DISC), float(VARIANCE_OF_INTERVAL)],
+        default=1.0,
+    )
+    factor[photons.image == int(LightImage.NONE)] = 0.0
+    variance = np.zeros((len(photons), 3, 3))
+    for name in ("dxdu", "dxdv", "dxda", "dxdb"):
+        column = getattr(photons, name).astype(np.float64)
+        part = factor if name in ("dxda", "dxdb") else np.full(len(photons), float(BSPLINE_VARIANCE))
+        variance += part[:, None, None] * column[:, :, None] * column[:, None, :]
+    values, axes = np.linalg.eigh(variance)
+    lengths = np.sqrt(np.maximum(values, 0.0) / float(BSPLINE_VARIANCE))
+    u, v = ((lengths[:, None, k] * axes[:, :, k]).astype(np.float32) for k in (2, 1))
+    return replace(photons, dxdu=u, dxdv=v)
 
 
 def _exceeded_by_most(brightness: np.ndarray, flux: np.ndarray) -> float:
