@@ -13,6 +13,8 @@ from tests.photons.shapes import ball, floor, glass, mesh, moving, ripples
 from tests.photons.traced import EPS, axes_along, lamp, sun
 from tests.view.scenes import looking_down
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
+from tpdwarp.trajectories.parts import INSTANTS
+from tpdwarp.trajectories.retraced import PARTS
 from usd_scenes.oracle.closed_forms import fresnel_reflectance
 from usd_scenes.oracle.shapes import grid_points, grid_triangles
 
@@ -154,7 +156,13 @@ def test_one_triangle_of_glass_is_enough(motion):
     # Cells are counted by their middles: the slanted edges gain and lose up to one a row.
     assert frame.energy.sent == pytest.approx(3 * 2.0, rel=0.03)
     passing = 1 - fresnel_reflectance(0.0, 1.0, 1.5)
-    assert frame.energy.deposited == pytest.approx(passing * frame.energy.sent, rel=1e-5)
+    # Within a part of the shutter light at edges counts as long as it lands there, but what is reflected, for all of it:
+    # that is off by half a part of those cells at most.
+    counts = frame.energy.counts
+    again = counts["cells traced again in time"]
+    at_edges = again / (counts["emitted"] - (INSTANTS - 1) * again)
+    off = (1 - passing) * at_edges * 0.5 / PARTS
+    assert frame.energy.deposited == pytest.approx(passing * frame.energy.sent, rel=1e-5 + off)
 
 
 @pytest.mark.slow
