@@ -156,8 +156,8 @@ def test_one_triangle_of_glass_is_enough(motion):
     # Cells are counted by their middles: the slanted edges gain and lose up to one a row.
     assert frame.energy.sent == pytest.approx(3 * 2.0, rel=0.03)
     passing = 1 - fresnel_reflectance(0.0, 1.0, 1.5)
-    # In a part of the shutter light at edges counts as long as it lands there, but what is reflected, for all of it: that
-    # is off by half a part of those cells at most.
+    # Light at edges counts in a part of the shutter as long as it lands, but what is reflected counts for all of it:
+    # that is off by half a part of those cells at most.
     counts = frame.energy.counts
     again = counts["cells traced again in time"]
     at_edges = again / (counts["emitted"] - (INSTANTS - 1) * again)
