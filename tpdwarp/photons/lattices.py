@@ -196,23 +196,33 @@ class EmissionPlan:
         broader side to the light) get lattices of this shutter's own, and as many photons as all others together;
         their ids do not last.
         """
-        if not aimed:
-            return self._unaimed(split_lights(scene, self.splits))
-        if scene not in self._found:
-            self._found[scene] = self._emitted(split_lights(scene, self.splits))
-        found = self._found[scene]
+        found = self._found.get(scene) if aimed else None
+        if found is None:
+            found = self._emitted(split_lights(scene, self.splits), aimed)
+            if aimed:
+                self._found[scene] = found
         return [
             (lattice, _patch(lattice, light, bounds, found.behind, found.magnitude, self.normalization))
             for lattice, light, bounds in found.parts
         ]
 
-    def _emitted(self, scene: SceneAtShutter) -> _Emitted:
-        """What a scene emits, whose lights are split already."""
+    def _emitted(self, scene: SceneAtShutter, aimed: bool) -> _Emitted:
+        """What a scene emits, whose lights are split already; all of each planned lattice if it is not ``aimed``."""
         corners = specular_corners(scene, self.normalization)
         if not len(corners):
             return _Emitted()
         norm = self.normalization
         lights = {light.path: light for light in scene.lights if any(light.power)}
+        if aimed:
+            pairs = self._aimed(lights, corners)
+        else:
+            pairs = [(lattice, NOWHERE) for lattice in self.lattices if lattice.light in lights]
+        parts = [(lattice, lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
+        return _Emitted(parts, 2.0 * _radius(scene, norm) + 1.0, np.abs(corners).max(axis=(0, 1)))
+
+    def _aimed(self, lights: dict[str, LightAtShutter], corners: np.ndarray) -> list[tuple[Lattice, Bounds | None]]:
+        """The lattices of ``lights``, by path, that reach ``corners``, planned or made for them, with their bounds."""
+        norm = self.normalization
         foreseen: list[tuple[Lattice, Bounds | None]] = []
         unforeseen: list[_Candidate] = []
         of_light: dict[str, list[Lattice]] = {}
@@ -231,24 +241,7 @@ class EmissionPlan:
                 unforeseen += [c for c in _candidates(light.path, [(light, corners)], norm) if not c.spare]
         made = _lattices(unforeseen, self.photons, self.planned_ids)
         found = [bounds_of(lights[lattice.light], lattice.axes, lattice.limit, corners, norm) for lattice in made]
-        behind = 2.0 * _radius(scene, norm) + 1.0
-        pairs = *foreseen, *zip(made, found, strict=True)
-        parts = [(lattice, lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
-        return _Emitted(parts, behind, np.abs(corners).max(axis=(0, 1)))
-
-    def _unaimed(self, scene: SceneAtShutter) -> list[tuple[Lattice, Patch]]:
-        """Each planned lattice of a scene whose lights are split already, as its light stands, with no bounds."""
-        corners = specular_corners(scene, self.normalization)
-        if not len(corners):
-            return []
-        lights = {light.path: light for light in scene.lights if any(light.power)}
-        behind = 2.0 * _radius(scene, self.normalization) + 1.0
-        magnitude = np.abs(corners).max(axis=(0, 1))
-        return [
-            (lattice, _patch(lattice, lights[lattice.light], NOWHERE, behind, magnitude, self.normalization))
-            for lattice in self.lattices
-            if lattice.light in lights
-        ]
+        return [*foreseen, *zip(made, found, strict=True)]
 
     def _hold(
         self, light: LightAtShutter, corners: np.ndarray, pairs: Sequence[tuple[Lattice, Bounds | None]]
