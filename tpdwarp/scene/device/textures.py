@@ -257,10 +257,15 @@ def filtered(textures: TextureArrays, texture: int, st: wp.vec2, across: wp.vec2
 
 
 @wp.func
-def looked_up(
-    textures: TextureArrays, texture: int, index: wp.vec3i, hit: Hit, across: wp.vec3, down: wp.vec3
-) -> wp.vec3:
-    """A texture over the parallelogram of ``across`` and ``down`` about ``hit``, whose coordinates are ``index``."""
+def is_mapped(textures: TextureArrays, texture: int, hit: Hit) -> bool:
+    """Whether a texture says what is at ``hit``: there is one (−1: none), and coordinates for it."""
+    return texture >= 0 and textures.coordinate_indices[hit.triangle][0] >= 0
+
+
+@wp.func
+def looked_up(textures: TextureArrays, texture: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> wp.vec3:
+    """A texture over the parallelogram of ``across`` and ``down`` about ``hit``, which is mapped there."""
+    index = textures.coordinate_indices[hit.triangle]
     st0 = textures.coordinates[index[0]]
     along1 = textures.coordinates[index[1]] - st0
     along2 = textures.coordinates[index[2]] - st0
@@ -276,10 +281,9 @@ def textured_color(
 ) -> wp.vec3:
     """The texture's colour over the parallelogram of ``across`` and ``down`` about ``hit``; ``color`` without one."""
     texture = textures.texture_of[material]
-    index = textures.coordinate_indices[hit.triangle]
-    if texture < 0 or index[0] < 0:
+    if not is_mapped(textures, texture, hit):
         return color
-    return wp.max(looked_up(textures, texture, index, hit, across, down), wp.vec3(0.0, 0.0, 0.0))
+    return wp.max(looked_up(textures, texture, hit, across, down), wp.vec3(0.0, 0.0, 0.0))
 
 
 @wp.func
@@ -294,30 +298,27 @@ def mirror_tint(
 def transmittance_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> wp.vec3:
     """What a dielectric lets through of what it refracts there."""
     map = textures.transmittance_map_of[material]
-    index = textures.coordinate_indices[hit.triangle]
-    if map < 0 or index[0] < 0:
+    if not is_mapped(textures, map, hit):
         return textures.transmittances[material]
-    return looked_up(textures, map, index, hit, across, down)
+    return looked_up(textures, map, hit, across, down)
 
 
 @wp.func
 def roughness_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> float:
     """Width α of the microfacet distribution there; 0 for smooth."""
     map = textures.roughness_map_of[material]
-    index = textures.coordinate_indices[hit.triangle]
-    if map < 0 or index[0] < 0:
+    if not is_mapped(textures, map, hit):
         return textures.roughnesses[material]
-    return looked_up(textures, map, index, hit, across, down)[0]
+    return looked_up(textures, map, hit, across, down)[0]
 
 
 @wp.func
 def diffuse_share_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> float:
     """Share of a dielectric or mirror that is diffuse there; nearly none is none, and nearly all is all of it."""
     map = textures.diffuse_map_of[material]
-    index = textures.coordinate_indices[hit.triangle]
-    if map < 0 or index[0] < 0:
+    if not is_mapped(textures, map, hit):
         return textures.diffuse_shares[material]
-    share = looked_up(textures, map, index, hit, across, down)[0]
+    share = looked_up(textures, map, hit, across, down)[0]
     if share < LEAST_SHARE:
         share = 0.0
     if share > 1.0 - LEAST_SHARE:
@@ -329,10 +330,9 @@ def diffuse_share_at(textures: TextureArrays, material: int, hit: Hit, across: w
 def emission_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> wp.vec3:
     """Radiance that a diffuse surface gives off there, in the tracer's unit."""
     map = textures.emission_map_of[material]
-    index = textures.coordinate_indices[hit.triangle]
-    if map < 0 or index[0] < 0:
+    if not is_mapped(textures, map, hit):
         return textures.emissions[material]
-    return textures.radiance_unit * looked_up(textures, map, index, hit, across, down)
+    return textures.radiance_unit * looked_up(textures, map, hit, across, down)
 
 
 @wp.func
@@ -344,9 +344,9 @@ def mapped_normal(
     Its frame is n and, across n, the directions in which s and t grow while the other stays.
     """
     texture = textures.normal_map_of[material]
-    index = textures.coordinate_indices[hit.triangle]
-    if texture < 0 or index[0] < 0:
+    if not is_mapped(textures, texture, hit):
         return n
+    index = textures.coordinate_indices[hit.triangle]
     along1 = textures.coordinates[index[1]] - textures.coordinates[index[0]]
     along2 = textures.coordinates[index[2]] - textures.coordinates[index[0]]
     ds = along1[0] * hit.g1 + along2[0] * hit.g2
@@ -359,7 +359,7 @@ def mapped_normal(
     # Coordinates of no extent have no frame.
     if wp.min(wp.length_sq(along_s), wp.length_sq(along_t)) == 0.0:
         return n
-    map = looked_up(textures, texture, index, hit, across, down)
+    map = looked_up(textures, texture, hit, across, down)
     found = map[0] * wp.normalize(along_s) + map[1] * wp.normalize(along_t) + map[2] * n
     return wp.where(wp.length_sq(found) > 0.0, wp.normalize(found), n)
 
