@@ -6,6 +6,8 @@ solids, where branches branch again, that is most of it.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -69,8 +71,12 @@ def path_state(
 
 
 @wp.func
-def keep_state(states: wp.array(dtype=PathState), row: int, kept: int, state: PathState) -> int:
-    """Keeps a ``state``, as that number ``kept`` of its row, where there is room; how many the row has then."""
+def keep_state(states: wp.array(dtype=Any), row: int, kept: int, state: Any) -> int:
+    """Keeps a ``state``, of a photon or a view, as that number ``kept`` of its row, where there is room.
+
+    Returns:
+        How many the row has then.
+    """
     if kept < wp.static(KEPT_STATES):
         states[kept * (states.shape[0] // wp.static(KEPT_STATES)) + row] = state
     return kept + 1

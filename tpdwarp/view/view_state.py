@@ -8,7 +8,6 @@ from __future__ import annotations
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
-from tpdwarp.photons.path_state import KEPT_STATES
 
 
 @wp.struct
@@ -68,11 +67,3 @@ def view_state(
     out.bounce = bounce
     out.flags = flags
     return out
-
-
-@wp.func
-def keep_view(states: wp.array(dtype=ViewState), row: int, kept: int, state: ViewState) -> int:
-    """Keeps a ``state``, as that number ``kept`` of its row, where there is room; how many the row has then."""
-    if kept < wp.static(KEPT_STATES):
-        states[kept * (states.shape[0] // wp.static(KEPT_STATES)) + row] = state
-    return kept + 1

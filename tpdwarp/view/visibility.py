@@ -18,7 +18,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import Beam, interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
-from tpdwarp.photons.path_state import KEPT_STATES, kept_rows
+from tpdwarp.photons.path_state import KEPT_STATES, keep_state, kept_rows
 from tpdwarp.photons.rough_lobes import behind_sheet, facet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction
@@ -47,7 +47,7 @@ from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
 from tpdwarp.view.shared_branches import follows, samples_served
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
-from tpdwarp.view.view_state import ViewState, keep_view, view_state
+from tpdwarp.view.view_state import ViewState, view_state
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
 SMALLEST_THROUGHPUT = ViewSettings.view_cutoff
@@ -281,7 +281,7 @@ def visible_kernel(
                 throughput = part.throughput
                 reported = reported | part.reported
                 if part.reported != 0:
-                    kept = keep_view(states, tid, kept, state)
+                    kept = keep_state(states, tid, kept, state)
                 decision += part.decided
                 if part.decided == 1 and out.first_depth[i] < 0.0:
                     out.first_position[i] = hit.position
@@ -347,7 +347,7 @@ def visible_kernel(
                 throughput = part.throughput
                 reported = reported | part.reported
                 if part.reported != 0:
-                    kept = keep_view(states, tid, kept, state)
+                    kept = keep_state(states, tid, kept, state)
                 decision += part.decided
                 if part.reflected:
                     interaction = DIFFUSE
@@ -443,7 +443,6 @@ def visible_kernel(
                     branch = take_branch(mask, decision, first_open, reflectance, throughput, smallest_throughput)
                     reflected = branch.reflected
                     throughput = branch.throughput
-                    served = samples_served(branch.other, samples)
                     if reflected and branch.decided != 0:
                         throughput *= float(samples_served(throughput, samples))
                     if not reflected:
@@ -454,15 +453,17 @@ def visible_kernel(
                             if wp.static(mapped):
                                 passing = transmittance_at(textures, material, hit, across, down)
                             throughput = wp.cw_mul(throughput, passing)
-                    if branch.reported != 0 and follows(films[item], item % samples, mask | branch.reported, served):
-                        reported = reported | branch.reported
-                        # ---- What is reflected goes on from here
-                        other = scatter(beam, hit, at, True, False, wp.static(moves))
-                        of_branch = view_state(
-                            other, float(served) * branch.other, stream, 0.0, FAR, passed_by, travelled, depth_scale,
-                            out.first_depth[i], inside, decision + 1, bounce + 1, flags & MET_MOTION,
-                        )  # fmt: skip
-                        kept = keep_view(states, tid, kept, of_branch)
+                    if branch.reported != 0:
+                        served = samples_served(branch.other, samples)
+                        if follows(films[item], item % samples, mask | branch.reported, served):
+                            reported = reported | branch.reported
+                            # ---- What is reflected goes on from here
+                            other = scatter(beam, hit, at, True, False, wp.static(moves))
+                            of_branch = view_state(
+                                other, float(served) * branch.other, stream, 0.0, FAR, passed_by, travelled,
+                                depth_scale, out.first_depth[i], inside, decision + 1, bounce + 1, flags & MET_MOTION,
+                            )  # fmt: skip
+                            kept = keep_state(states, tid, kept, of_branch)
                     if wp.max(branch.culled) > 0.0:
                         flags = flags | CULLED
                     decision += branch.decided
