@@ -204,4 +204,4 @@ def test_light_that_a_sliver_passes_by_is_bounded_in_no_time():
     from tpdwarp.photons.aiming import Seen, _angles
 
     sliver = np.array([[[-0.4, 0.0, 1e-20], [1.0, 1e-20, 1e-20], [0.4, 0.0, 1e-20]]])
-    assert len(_angles(Seen.of(sliver), np.eye(3), np.pi / 4)) < 10_000
+    assert len(_angles(Seen(sliver), np.eye(3), np.pi / 4)) < 10_000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -28,6 +29,13 @@ def specular_corners(scene: SceneAtShutter, normalization: Normalization) -> np.
     meshes = [mesh for mesh in scene.meshes if mesh.specular]
     corners = [normalization.points(mesh.points)[specular_triangles(mesh)] for mesh in meshes]
     return np.concatenate(corners).astype(np.float64) if corners else np.zeros((0, 3, 3))
+
+
+def specular_points(scene: SceneAtShutter, normalization: Normalization) -> np.ndarray:
+    """The vertices of specular triangles, each but once, in the tracer's units, at mid shutter; shape [m, 3]."""
+    meshes = [mesh for mesh in scene.meshes if mesh.specular]
+    points = [normalization.points(mesh.points)[np.unique(specular_triangles(mesh))] for mesh in meshes]
+    return np.concatenate(points).astype(np.float64) if points else np.zeros((0, 3))
 
 
 def area_of(bounds: Bounds) -> float:
@@ -59,29 +67,39 @@ class Seen:
 
     Attributes:
         corners: From the light, in the tracer's units, shape [k, 3, 3].
-        centres: Their middles, shape [k, 3].
-        edges: Lengths of their edges, shape [k, 3].
-        angles: The largest angle [rad] that each may span, shape [k].
+        points: The same, each but once, shape [m, 3]; None where that is not known.
     """
 
     corners: np.ndarray
-    centres: np.ndarray
-    edges: np.ndarray
-    angles: np.ndarray
+    points: np.ndarray | None = None
 
-    @classmethod
-    def of(cls, corners: np.ndarray) -> Seen:
-        """Triangles whose corners are given from the light."""
-        lengths, edges = _lengths(corners), _lengths(corners - corners[:, (1, 2, 0)])
-        angles = _largest(edges) / np.maximum(-_largest(-lengths), 1e-9)
-        return cls(corners, (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0, edges, angles)
+    @cached_property
+    def centres(self) -> np.ndarray:
+        """Their middles, shape [k, 3]."""
+        return (self.corners[:, 0] + self.corners[:, 1] + self.corners[:, 2]) / 3.0
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """Lengths of their edges, shape [k, 3]."""
+        return _lengths(self.corners - self.corners[:, (1, 2, 0)])
+
+    @cached_property
+    def angles(self) -> np.ndarray:
+        """The largest angle [rad] that each may span, shape [k]."""
+        return _largest(self.edges) / np.maximum(-_largest(-_lengths(self.corners)), 1e-9)
 
 
-def seen_from(light: LightAtShutter, corners: np.ndarray, normalization: Normalization) -> Seen | None:
-    """What a point light sees of triangles; None for parallel light, which sees them by their corners alone."""
+def seen_from(
+    light: LightAtShutter, corners: np.ndarray, normalization: Normalization, points: np.ndarray | None = None
+) -> Seen | None:
+    """What a point light sees of triangles; None for parallel light, which sees them by their corners alone.
+
+    ``points`` [m, 3] are the corners, each but once.
+    """
     if light.kind == LightKind.DISTANT:
         return None
-    return Seen.of(corners - normalization.points(light.position[None])[0])
+    place = normalization.points(light.position[None])[0]
+    return Seen(corners - place, None if points is None else points - place)
 
 
 def bounds_of(
@@ -160,9 +178,10 @@ def _angles(seen: Seen, axes: np.ndarray, limit: float) -> np.ndarray:
     Triangles that look large from the light are cut across their longest edge until they look small, so that bounds
     stay tight where a surface surrounds the light.
     """
-    if len(seen.corners) and (seen.corners @ axes[2]).min() > 0.0:
+    points = seen.corners.reshape(-1, 3) if seen.points is None else seen.points
+    if len(points) and (points @ axes[2]).min() > 0.0:
         # All of it lies before the patch: tangents are greatest and least at corners.
-        flat = (seen.corners @ axes.T).reshape(-1, 3)
+        flat = points @ axes.T
         tangents = flat[:, :2] / flat[:, 2:]
         ends = flat[np.concatenate([tangents.argmin(axis=0), tangents.argmax(axis=0)])]
         uv = np.arctan2(ends[:, :2], ends[:, 2:])
@@ -190,7 +209,7 @@ def _angles(seen: Seen, axes: np.ndarray, limit: float) -> np.ndarray:
         rows, longest = np.arange(len(local)), edges.argmax(axis=1)
         a, b, c = (local[rows, (longest + corner) % 3] for corner in range(3))
         middle = 0.5 * (a + b)
-        parts = Seen.of(np.concatenate([np.stack(part, axis=1) for part in ((a, middle, c), (middle, b, c))]))
+        parts = Seen(np.concatenate([np.stack(part, axis=1) for part in ((a, middle, c), (middle, b, c))]))
         centre, turn = parts.centres, np.eye(3)
     found.append(local.reshape(-1, 3))
     points = np.concatenate(found)
