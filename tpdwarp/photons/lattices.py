@@ -12,23 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import warp as wp
 
-from tpdwarp.photons.aiming import (
-    Bounds,
-    Seen,
-    area_of,
-    bounds_of,
-    cube_axes,
-    seen_from,
-    specular_corners,
-    specular_points,
-    spread_of,
-)
+from tpdwarp.photons.aiming import Bounds, Specular, area_of, bounds_of, cube_axes, spread_of
 from tpdwarp.photons.emission import Domain, Patch
 from tpdwarp.photons.energy import FEWEST_OF_SEVERAL
 from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape, turned
@@ -125,15 +114,10 @@ class EmissionPlan:
     _found: WeakKeyDictionary[SceneAtShutter, _Emitted] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False, compare=False
     )
-    # Where their lights see what is specular does not depend on how fine lattices are.
-    _bounds: WeakKeyDictionary[SceneAtShutter, dict[_Sighted, Bounds | None]] = field(
-        default_factory=WeakKeyDictionary, repr=False, compare=False
-    )
 
     def with_photons(self, photons: int) -> EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
-        plan = _planned(self.candidates, photons, self.normalization, self.splits)
-        return replace(plan, _bounds=self._bounds)
+        return _planned(self.candidates, photons, self.normalization, self.splits)
 
     def foreseeing(self, scene: SceneAtShutter) -> EmissionPlan:
         """The plan with lattices for those lights of ``scene`` that shine in none of the stills; just it where all do.
@@ -141,12 +125,12 @@ class EmissionPlan:
         Their photons have neighbours and trajectories then, as those of other lights; their ids do not last.
         """
         scene = split_lights(scene, self.splits)
-        corners = specular_corners(scene, self.normalization)
+        specular = Specular.of(scene, self.normalization)
         known = {lattice.light for lattice in self.lattices}
         new = [light for light in scene.lights if any(light.power) and light.path not in known]
-        if not new or not len(corners):
+        if not new or not len(specular):
             return self
-        found = [c for light in new for c in _candidates(light.path, [(light, corners)], self.normalization)]
+        found = [c for light in new for c in _candidates(light.path, [(light, specular)], self.normalization)]
         made = _lattices([candidate for candidate in found if not candidate.spare], self.photons, self.planned_ids)
         used = max((lattice.first_id + math.prod(lattice.wrap) for lattice in made), default=self.planned_ids)
         return replace(self, lattices=(*self.lattices, *made), planned_ids=used)
@@ -206,8 +190,7 @@ class EmissionPlan:
         """
         found = self._found.get(scene) if aimed else None
         if found is None:
-            split = split_lights(scene, self.splits)
-            found = self._emitted(_Sight(split, self.normalization, self._bounds.setdefault(scene, {})), aimed)
+            found = self._emitted(split_lights(scene, self.splits), aimed)
             if aimed:
                 self._found[scene] = found
         return [
@@ -215,44 +198,52 @@ class EmissionPlan:
             for lattice, light, bounds in found.parts
         ]
 
-    def _emitted(self, sight: _Sight, aimed: bool) -> _Emitted:
-        """What the lights of a scene emit; all of each planned lattice if it is not ``aimed``."""
-        if not len(sight.points):
+    def _emitted(self, scene: SceneAtShutter, aimed: bool) -> _Emitted:
+        """What a scene emits, whose lights are split already; all of each planned lattice if it is not ``aimed``."""
+        specular = Specular.of(scene, self.normalization)
+        if not len(specular):
             return _Emitted()
+        norm = self.normalization
+        lights = {light.path: light for light in scene.lights if any(light.power)}
         if aimed:
-            pairs = self._aimed(sight)
+            pairs = self._aimed(lights, specular)
         else:
-            pairs = [(lattice, NOWHERE) for lattice in self.lattices if lattice.light in sight.lights]
-        parts = [(lattice, sight.lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
-        behind = 2.0 * _radius(sight.scene, self.normalization) + 1.0
-        return _Emitted(parts, behind, np.abs(sight.points).max(axis=0))
+            pairs = [(lattice, NOWHERE) for lattice in self.lattices if lattice.light in lights]
+        parts = [(lattice, lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
+        return _Emitted(parts, 2.0 * _radius(scene, norm) + 1.0, np.abs(specular.points).max(axis=0))
 
-    def _aimed(self, sight: _Sight) -> list[tuple[Lattice, Bounds | None]]:
-        """The lattices that reach what is specular, planned or made for the scene, with their bounds."""
+    def _aimed(self, lights: dict[str, LightAtShutter], specular: Specular) -> list[tuple[Lattice, Bounds | None]]:
+        """The lattices of ``lights``, by path, that reach ``specular``, planned or made for it, with their bounds."""
+        norm = self.normalization
         foreseen: list[tuple[Lattice, Bounds | None]] = []
         unforeseen: list[_Candidate] = []
         of_light: dict[str, list[Lattice]] = {}
         for lattice in self.lattices:
             of_light.setdefault(lattice.light, []).append(lattice)
-        for path, light in sight.lights.items():
-            pairs = [(lattice, sight.bounds(lattice)) for lattice in of_light.get(path, [])]
-            if pairs and self._hold(sight, pairs):
+        for light in lights.values():
+            planned = of_light.get(light.path, [])
+            bounds = [
+                bounds_of(light, lattice.axes, lattice.limit, specular, norm, lattice.turn) for lattice in planned
+            ]
+            pairs = list(zip(planned, bounds, strict=True))
+            if pairs and self._hold(light, specular, pairs):
                 foreseen += pairs
             else:
-                found = _candidates(path, [(light, sight.corners)], self.normalization)
-                unforeseen += [candidate for candidate in found if not candidate.spare]
+                unforeseen += [c for c in _candidates(light.path, [(light, specular)], norm) if not c.spare]
         made = _lattices(unforeseen, self.photons, self.planned_ids)
-        return [*foreseen, *((lattice, sight.bounds(lattice)) for lattice in made)]
+        found = [bounds_of(lights[lattice.light], lattice.axes, lattice.limit, specular, norm) for lattice in made]
+        return [*foreseen, *zip(made, found, strict=True)]
 
-    def _hold(self, sight: _Sight, pairs: Sequence[tuple[Lattice, Bounds | None]]) -> bool:
-        """Whether lattices of a light suit what it sees: nothing outside of them, and not far more than was foreseen.
+    def _hold(self, light: LightAtShutter, specular: Specular, pairs: Sequence[tuple[Lattice, Bounds | None]]) -> bool:
+        """Whether lattices suit what ``light`` sees: nothing outside of them, and not far more than was foreseen.
 
         That is counted over all faces of a cube: of one that stills graze, a part of the photons is many times as much.
         """
         emitted = 0
         for lattice, bounds in pairs:
-            if lattice.limit == WIDEST_KEPT_PATCH and sight.spread(lattice) > WIDEST_KEPT_PATCH:
-                return False
+            if lattice.limit == WIDEST_KEPT_PATCH:
+                if spread_of(light, specular.points, lattice.axes[2], self.normalization) > WIDEST_KEPT_PATCH:
+                    return False
             if bounds is None:
                 continue
             cells = _cells(lattice, bounds)
@@ -261,49 +252,6 @@ class EmissionPlan:
             emitted += math.prod(count for _, count in cells)
         foreseen = sum(lattice.wrap[0] * lattice.wrap[1] // 4 for lattice, _ in pairs)
         return emitted <= LARGEST_CELL_GROWTH * foreseen
-
-
-# A lattice as its light sees it: the light's path, and the limit, turn and axes of the patch.
-_Sighted = tuple[str, float, float, bytes]
-
-
-class _Sight:
-    """What the lights of a scene see of what is specular.
-
-    Args:
-        scene: Its lights are split already.
-        normalization: The tracer's units.
-        found: Bounds that were found before; what is found is added to them.
-    """
-
-    def __init__(
-        self, scene: SceneAtShutter, normalization: Normalization, found: dict[_Sighted, Bounds | None]
-    ) -> None:
-        self.scene, self._normalization, self._found = scene, normalization, found
-        self.lights = {light.path: light for light in scene.lights if any(light.power)}
-        self.points = specular_points(scene, normalization)
-        self._last: tuple[str, Seen | None] = ("", None)
-
-    @cached_property
-    def corners(self) -> np.ndarray:
-        """Of specular triangles, shape [k, 3, 3]."""
-        return specular_corners(self.scene, self._normalization)
-
-    def bounds(self, lattice: Lattice) -> Bounds | None:
-        """Where on a lattice photons start that reach what is specular; None if none do."""
-        axes = lattice.axes
-        key = lattice.light, lattice.limit, lattice.turn, b"" if axes is None else axes.tobytes()
-        if key not in self._found:
-            light, norm = self.lights[lattice.light], self._normalization
-            if self._last[0] != light.path:
-                self._last = light.path, seen_from(light, self.corners, norm, self.points)
-            given = light, axes, lattice.limit, self.corners, norm, lattice.turn
-            self._found[key] = bounds_of(*given, self._last[1])
-        return self._found[key]
-
-    def spread(self, lattice: Lattice) -> float:
-        """The largest angle [rad] between the middle of a lattice of directions and what its light sees."""
-        return spread_of(self.lights[lattice.light], self.points, lattice.axes[2], self._normalization)
 
 
 def plan_emission(
@@ -324,14 +272,14 @@ def plan_emission(
     """
     stills = reference_scenes(source, lambda scene: require_within_range(scene, normalization, source.file), stills)
     stills = [split_lights(scene, splits) for scene in stills]
-    corners = [specular_corners(scene, normalization) for scene in stills]
+    specular = [Specular.of(scene, normalization) for scene in stills]
     paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
     candidates = []
     shapes: dict[str, LatticeShape] = {}
     for path in paths:
         views = [
             (light, there)
-            for scene, there in zip(stills, corners, strict=True)
+            for scene, there in zip(stills, specular, strict=True)
             for light in scene.lights
             if light.path == path and len(there)
         ]
@@ -440,25 +388,21 @@ class _Candidate:
 
 def _candidates(
     path: str,
-    views: Sequence[tuple[LightAtShutter, np.ndarray]],
+    views: Sequence[tuple[LightAtShutter, Specular]],
     normalization: Normalization,
     shape: LatticeShape = OWN_AXES,
 ) -> list[_Candidate]:
-    first, first_corners = views[0]
+    first, first_seen = views[0]
     if first.kind == LightKind.DISTANT:
         faces, limit = [None], math.inf
     else:
-        centre = 0.5 * (first_corners.min(axis=(0, 1)) + first_corners.max(axis=(0, 1)))
+        centre = 0.5 * (first_seen.points.min(axis=0) + first_seen.points.max(axis=0))
         cube = cube_axes(centre - normalization.points(first.position[None])[0])
-        spread = max(spread_of(light, there, cube[0][2], normalization) for light, there in views)
+        spread = max(spread_of(light, there.points, cube[0][2], normalization) for light, there in views)
         faces, limit = (cube[:1], WIDEST_KEPT_PATCH) if spread < WIDEST_SINGLE_PATCH else (cube, CUBE_FACE)
     found = []
-    sights = [(light, there, seen_from(light, there, normalization)) for light, there in views]
     for number, axes in enumerate(faces):
-        bounds = [
-            (light, bounds_of(light, axes, limit, there, normalization, shape.turn, sight))
-            for light, there, sight in sights
-        ]
+        bounds = [(light, bounds_of(light, axes, limit, there, normalization, shape.turn)) for light, there in views]
         seen = [(light, b) for light, b in bounds if b is not None]
         if not seen:
             continue

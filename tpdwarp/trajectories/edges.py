@@ -24,6 +24,7 @@ from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.light_places import GOLDEN
 from tpdwarp.trajectories.neighbours import neighbours
@@ -75,8 +76,8 @@ def edge_cells(
     important = matters(photons, typical_area(photons), LEAST_BORDER)
     moving: Cells = {}
     resting: Cells = {}
-    size = np.maximum(*(np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)))
-    way = np.linalg.norm(photons.dxdt - photons.receiver_motion, axis=1)
+    size = np.maximum(lengths(photons.dxdu), lengths(photons.dxdv))
+    way = lengths(photons.dxdt - photons.receiver_motion)
     fast = photons.rows(important & (way > LONGEST_WAY_AT_REST * size))
     if not tell_apart:
         return _beside_edges(photons, plan, emitted_cells(plan, loaded.scene), important), resting

@@ -19,6 +19,7 @@ from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.grids import Riders, StateArrays, grid_of, interpolate
@@ -157,8 +158,8 @@ class ShutterKeyframes:
 
 def disagreement(photons: PhotonMap, before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """How far D_t x of each photon is from the mean of its keyframes', as a part of theirs together, shape [n]."""
-    apart = np.linalg.norm(photons.dxdt - 0.5 * (before + after), axis=1)
-    size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
+    apart = lengths(photons.dxdt - 0.5 * (before + after))
+    size = lengths(before) + lengths(after)
     return np.divide(apart, size, out=np.zeros_like(size), where=size > 0)
 
 

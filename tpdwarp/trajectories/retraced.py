@@ -14,6 +14,7 @@ import numpy as np
 from tpdwarp.photons.emission import ChosenCells, Patch
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.vectors import areas
 from tpdwarp.scene.description import SceneAtShutter
 from tpdwarp.trajectories.bends import reaches
 
@@ -28,6 +29,8 @@ LEAST_LIGHT = 0.002
 # the last instant stand for half a part each, since what begins and ends before the first one or after the last one is
 # not seen to: so there is one more than parts.
 PARTS = 8
+# Grids that are bits of one.
+LAYERS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,16 +249,11 @@ class CellsOfLattices:
         return rows, self._cells[rows]
 
 
-def areas_of(photons: PhotonMap) -> np.ndarray:
-    """Areas |D_u x × D_v x| of footprints, shape [n]."""
-    return np.linalg.norm(np.cross(photons.dxdu.astype(np.float64), photons.dxdv.astype(np.float64)), axis=1)
-
-
 def typical_area(photons: PhotonMap) -> float:
     """The median area of footprints, weighted by flux: half of the light falls in smaller ones."""
-    areas, flux = areas_of(photons), photons.flux.sum(axis=1, dtype=np.float64)
-    order = np.argsort(areas)
-    return float(areas[order][np.searchsorted(np.cumsum(flux[order]), 0.5 * flux.sum())]) if len(order) else 0.0
+    sizes, flux = areas(photons.dxdu, photons.dxdv), photons.flux.sum(axis=1, dtype=np.float64)
+    order = np.argsort(sizes)
+    return float(sizes[order][np.searchsorted(np.cumsum(flux[order]), 0.5 * flux.sum())]) if len(order) else 0.0
 
 
 def matters(photons: PhotonMap, typical: float, least: float) -> np.ndarray:
@@ -265,7 +263,8 @@ def matters(photons: PhotonMap, typical: float, least: float) -> np.ndarray:
         typical: Area of a footprint that counts as its flux does.
         least: The part of their cell's flux from which on photons are.
     """
-    narrow = np.sqrt(np.minimum(1.0, typical / np.maximum(areas_of(photons), np.finfo(np.float32).tiny)))
+    sizes = np.maximum(areas(photons.dxdu, photons.dxdv), np.finfo(np.float32).tiny)
+    narrow = np.sqrt(np.minimum(1.0, typical / sizes))
     return photons.share * narrow > least
 
 
@@ -280,22 +279,44 @@ def distances(sources: np.ndarray, most: int, wanted: np.ndarray | None = None) 
     """How many cells each one of a grid [..., u, v] lies from the nearest of ``sources``, about; ``most`` + 1 beyond.
 
     Steps go to four neighbours and to eight by turns: what is as far as another lies on an octagon around it. Where
-    cells are ``wanted``, others count as beyond once these are reached.
+    cells are ``wanted``, others but sources count as beyond.
     """
     found = np.where(sources, 0, most + 1).astype(np.int32)
-    reached = sources
-    for step in range(1, most + 1):
-        if not reached.any() or (reached.all() if wanted is None else reached[wanted].all()):
-            break
-        along_u = _beside(reached, -2)
-        wider = _beside(along_u, -1) if step % 2 == 0 else along_u | _beside(reached, -1)
-        found[wider & ~reached] = step
-        reached = wider
+    layers, values = sources.reshape(-1, *sources.shape[-2:]), found.reshape(-1, *sources.shape[-2:])
+    chosen = (~sources if wanted is None else wanted & ~sources).reshape(layers.shape)
+    for start in range(0, len(layers), LAYERS):
+        own = slice(start, start + LAYERS)
+        values[own][chosen[own]] = _steps_to(layers[own], chosen[own], most)
     return found
 
 
+def _steps_to(sources: np.ndarray, wanted: np.ndarray, most: int) -> np.ndarray:
+    """The same for each of the cells ``wanted`` of a few layers [k, u, v], which grow together as bits of one grid."""
+    layer, u, v = np.nonzero(wanted)
+    steps = np.full(len(layer), most + 1, np.int32)
+    if not len(layer) or not sources.any():
+        return steps
+    # What lies farther off than that from all that is wanted is not looked at.
+    window = tuple(slice(max(0, at.min() - most), at.max() + most + 1) for at in (u, v))
+    u, v = u - window[0].start, v - window[1].start
+    dtype = np.min_scalar_type((1 << len(sources)) - 1)
+    reached = np.zeros(sources[0][window].shape, dtype)
+    for number, there in enumerate(sources):
+        reached |= there[window].astype(dtype) << dtype.type(number)
+    left = np.arange(len(layer))
+    for step in range(1, most + 1):
+        along_u = _beside(reached, -2)
+        reached = _beside(along_u, -1) if step % 2 == 0 else along_u | _beside(reached, -1)
+        here = (reached[u[left], v[left]] >> layer[left].astype(dtype)) & dtype.type(1) != 0
+        steps[left[here]] = step
+        left = left[~here]
+        if not len(left):
+            break
+    return steps
+
+
 def _beside(chosen: np.ndarray, axis: int) -> np.ndarray:
-    """Chosen cells of a grid, and those on both sides of them along an axis."""
+    """Chosen cells of a grid, or of layers of bits, and those on both sides of them along an axis."""
     out = chosen.copy()
     ahead, behind = [slice(None)] * chosen.ndim, [slice(None)] * chosen.ndim
     ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
