@@ -6,7 +6,7 @@ common: which cells they are, which of them count, and where in them photons sta
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -89,14 +89,26 @@ class RetracedCells:
 
     def holds(self, photons: PhotonMap) -> np.ndarray:
         """Which of the photons stand for one of these cells, shape [n]."""
-        _, lattice, planned = self.plan.paths_of(photons.ids)
-        cells, held = cell_of(photons), np.zeros(len(photons), bool)
+        held = np.zeros(len(photons), bool)
+        of_lattices = CellsOfLattices(photons, self.plan)
         for number, mine in self.cells.items():
-            window = Window.around(mine.cell)
-            taken = window.grid(dtype=bool)
-            taken[window.at(mine.cell)] = True
-            held |= planned & (lattice == number) & window.holds(cells) & taken[window.at(cells)]
+            rows, theirs = of_lattices.of(number)
+            if len(rows):
+                held[rows] = _among(theirs, mine.cell)
         return held
+
+    def growth_of(self, photons: PhotonMap) -> np.ndarray:
+        """∇S of the cell that each of the photons stands for, shape [n, 2, 2]; zero of others."""
+        found = np.zeros((len(photons), 2, 2))
+        of_lattices = CellsOfLattices(photons, self.plan)
+        for number, growth in self.growth.items():
+            window = Window.around(self.cells[number].cell)
+            grid = window.grid(2, 2)
+            grid[window.at(self.cells[number].cell)] = growth
+            rows, theirs = of_lattices.of(number)
+            inside = window.holds(theirs)
+            found[rows[inside]] = grid[window.at(theirs[inside])]
+        return found
 
     def without(self, others: RetracedCells) -> RetracedCells:
         """Those of these cells that are not among ``others`` of the same lattices."""
@@ -104,11 +116,7 @@ class RetracedCells:
         for number, mine in self.cells.items():
             rows = np.ones(len(mine), bool)
             if number in others.cells:
-                theirs = others.cells[number].cell
-                window = Window.around(theirs)
-                taken = window.grid(dtype=bool)
-                taken[window.at(theirs)] = True
-                rows = ~(window.holds(mine.cell) & taken[window.at(mine.cell)])
+                rows = ~_among(mine.cell, others.cells[number].cell)
             if rows.any():
                 found[number] = ChosenCells(mine.cell[rows])
         return RetracedCells(found, self.plan)
@@ -120,13 +128,11 @@ class RetracedCells:
     def of_photons(self, maps: list[PhotonMap]) -> RetracedCells:
         """Those of these cells that photons of ``maps`` stand for."""
         found, growth = {}, {}
+        of_lattices = [CellsOfLattices(photons, self.plan) for photons in maps]
         for number, mine in self.cells.items():
-            theirs = np.concatenate([cells_of(photons, self.plan, number)[1] for photons in maps])
+            theirs = np.concatenate([cells.of(number)[1] for cells in of_lattices])
             if len(theirs):
-                window = Window.around(theirs)
-                taken = window.grid(dtype=bool)
-                taken[window.at(theirs)] = True
-                rows = window.holds(mine.cell) & taken[window.at(mine.cell)]
+                rows = _among(mine.cell, theirs)
                 if rows.any():
                     found[number] = ChosenCells(mine.cell[rows], mine.offset[rows])
                     if number in self.growth:
@@ -140,6 +146,14 @@ class RetracedCells:
             for lattice, mine in self.cells.items()
         }
         return riding(moved, self.plan, 1.0)
+
+
+def _among(cells: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Which of the cells [n, 2] of a lattice are among the ``chosen`` ones of it [m, 2], of which there is one."""
+    window = Window.around(chosen)
+    taken = window.grid(dtype=bool)
+    taken[window.at(chosen)] = True
+    return window.holds(cells) & taken[window.at(cells)]
 
 
 def place_in_cell(cell: np.ndarray, number: int) -> np.ndarray:
@@ -198,13 +212,9 @@ def number_of(plan: EmissionPlan, lattice: Lattice) -> int:
     return next((number for number, planned in enumerate(plan.lattices) if planned is lattice), -1)
 
 
-def numbers_of(maps: list[PhotonMap], plan: EmissionPlan) -> list[int]:
-    """Numbers of the lattices that photons come from."""
-    found: set[int] = set()
-    for photons in maps:
-        _, lattice, planned = plan.paths_of(photons.ids)
-        found |= set(np.unique(lattice[planned]).tolist())
-    return sorted(found)
+def numbers_of(maps: Sequence[CellsOfLattices]) -> list[int]:
+    """Numbers of the lattices that photons of any of ``maps`` come from."""
+    return sorted(set().union(*(cells.numbers() for cells in maps)))
 
 
 def cell_of(photons: PhotonMap) -> np.ndarray:
@@ -212,11 +222,31 @@ def cell_of(photons: PhotonMap) -> np.ndarray:
     return np.floor(photons.emission).astype(np.int64)
 
 
-def cells_of(photons: PhotonMap, plan: EmissionPlan, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the photons of a lattice, and their cells, shape [n, 2]."""
-    _, lattice, planned = plan.paths_of(photons.ids)
-    rows = np.flatnonzero(planned & (lattice == number))
-    return rows, cell_of(photons)[rows]
+class CellsOfLattices:
+    """Rows and cells of photons by the lattice that they come from; those of all are found at once.
+
+    Args:
+        photons: Of which those of lattices that were made for one frame are left out.
+        plan: The lattices.
+    """
+
+    def __init__(self, photons: PhotonMap, plan: EmissionPlan) -> None:
+        self.photons = photons
+        _, lattice, planned = plan.paths_of(photons.ids)
+        rows = np.flatnonzero(planned)
+        rows = rows[np.argsort(lattice[rows], kind="stable")]
+        numbers, starts = np.unique(lattice[rows], return_index=True)
+        self._rows = dict(zip(numbers.tolist(), np.split(rows, starts[1:]), strict=True)) if len(rows) else {}
+        self._cells = cell_of(photons)
+
+    def numbers(self) -> list[int]:
+        """Numbers of the lattices that photons come from, in their order."""
+        return list(self._rows)
+
+    def of(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of the photons of a lattice, shape [n], and their cells, shape [n, 2]."""
+        rows = self._rows.get(number, np.zeros(0, np.int64))
+        return rows, self._cells[rows]
 
 
 def typical_area(photons: PhotonMap) -> float:
