@@ -114,10 +114,15 @@ class EmissionPlan:
     _found: WeakKeyDictionary[SceneAtShutter, _Emitted] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False, compare=False
     )
+    # Where their lights see what is specular does not depend on how fine lattices are.
+    _bounds: WeakKeyDictionary[SceneAtShutter, dict[_Sighted, Bounds | None]] = field(
+        default_factory=WeakKeyDictionary, repr=False, compare=False
+    )
 
     def with_photons(self, photons: int) -> EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
-        return _planned(self.candidates, photons, self.normalization, self.splits)
+        plan = _planned(self.candidates, photons, self.normalization, self.splits)
+        return replace(plan, _bounds=self._bounds)
 
     def foreseeing(self, scene: SceneAtShutter) -> EmissionPlan:
         """The plan with lattices for those lights of ``scene`` that shine in none of the stills; just it where all do.
@@ -190,7 +195,8 @@ class EmissionPlan:
         """
         found = self._found.get(scene) if aimed else None
         if found is None:
-            found = self._emitted(split_lights(scene, self.splits), aimed)
+            split = split_lights(scene, self.splits)
+            found = self._emitted(_Sight(split, self.normalization, self._bounds.setdefault(scene, {})), aimed)
             if aimed:
                 self._found[scene] = found
         return [
@@ -198,52 +204,44 @@ class EmissionPlan:
             for lattice, light, bounds in found.parts
         ]
 
-    def _emitted(self, scene: SceneAtShutter, aimed: bool) -> _Emitted:
-        """What a scene emits, whose lights are split already; all of each planned lattice if it is not ``aimed``."""
-        specular = Specular.of(scene, self.normalization)
-        if not len(specular):
+    def _emitted(self, sight: _Sight, aimed: bool) -> _Emitted:
+        """What the lights of a scene emit; all of each planned lattice if it is not ``aimed``."""
+        if not len(sight.specular):
             return _Emitted()
-        norm = self.normalization
-        lights = {light.path: light for light in scene.lights if any(light.power)}
         if aimed:
-            pairs = self._aimed(lights, specular)
+            pairs = self._aimed(sight)
         else:
-            pairs = [(lattice, NOWHERE) for lattice in self.lattices if lattice.light in lights]
-        parts = [(lattice, lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
-        return _Emitted(parts, 2.0 * _radius(scene, norm) + 1.0, np.abs(specular.points).max(axis=0))
+            pairs = [(lattice, NOWHERE) for lattice in self.lattices if lattice.light in sight.lights]
+        parts = [(lattice, sight.lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
+        behind = 2.0 * _radius(sight.scene, self.normalization) + 1.0
+        return _Emitted(parts, behind, np.abs(sight.specular.points).max(axis=0))
 
-    def _aimed(self, lights: dict[str, LightAtShutter], specular: Specular) -> list[tuple[Lattice, Bounds | None]]:
-        """The lattices of ``lights``, by path, that reach ``specular``, planned or made for it, with their bounds."""
-        norm = self.normalization
+    def _aimed(self, sight: _Sight) -> list[tuple[Lattice, Bounds | None]]:
+        """The lattices that reach what is specular, planned or made for the scene, with their bounds."""
         foreseen: list[tuple[Lattice, Bounds | None]] = []
         unforeseen: list[_Candidate] = []
         of_light: dict[str, list[Lattice]] = {}
         for lattice in self.lattices:
             of_light.setdefault(lattice.light, []).append(lattice)
-        for light in lights.values():
-            planned = of_light.get(light.path, [])
-            bounds = [
-                bounds_of(light, lattice.axes, lattice.limit, specular, norm, lattice.turn) for lattice in planned
-            ]
-            pairs = list(zip(planned, bounds, strict=True))
-            if pairs and self._hold(light, specular, pairs):
+        for path, light in sight.lights.items():
+            pairs = [(lattice, sight.bounds(lattice)) for lattice in of_light.get(path, [])]
+            if pairs and self._hold(sight, pairs):
                 foreseen += pairs
             else:
-                unforeseen += [c for c in _candidates(light.path, [(light, specular)], norm) if not c.spare]
+                found = _candidates(path, [(light, sight.specular)], self.normalization)
+                unforeseen += [candidate for candidate in found if not candidate.spare]
         made = _lattices(unforeseen, self.photons, self.planned_ids)
-        found = [bounds_of(lights[lattice.light], lattice.axes, lattice.limit, specular, norm) for lattice in made]
-        return [*foreseen, *zip(made, found, strict=True)]
+        return [*foreseen, *((lattice, sight.bounds(lattice)) for lattice in made)]
 
-    def _hold(self, light: LightAtShutter, specular: Specular, pairs: Sequence[tuple[Lattice, Bounds | None]]) -> bool:
-        """Whether lattices suit what ``light`` sees: nothing outside of them, and not far more than was foreseen.
+    def _hold(self, sight: _Sight, pairs: Sequence[tuple[Lattice, Bounds | None]]) -> bool:
+        """Whether lattices of a light suit what it sees: nothing outside of them, and not far more than was foreseen.
 
         That is counted over all faces of a cube: of one that stills graze, a part of the photons is many times as much.
         """
         emitted = 0
         for lattice, bounds in pairs:
-            if lattice.limit == WIDEST_KEPT_PATCH:
-                if spread_of(light, specular.points, lattice.axes[2], self.normalization) > WIDEST_KEPT_PATCH:
-                    return False
+            if lattice.limit == WIDEST_KEPT_PATCH and sight.spread(lattice) > WIDEST_KEPT_PATCH:
+                return False
             if bounds is None:
                 continue
             cells = _cells(lattice, bounds)
@@ -252,6 +250,40 @@ class EmissionPlan:
             emitted += math.prod(count for _, count in cells)
         foreseen = sum(lattice.wrap[0] * lattice.wrap[1] // 4 for lattice, _ in pairs)
         return emitted <= LARGEST_CELL_GROWTH * foreseen
+
+
+# A lattice as its light sees it: the light's path, and the limit, turn and axes of the patch.
+_Sighted = tuple[str, float, float, bytes]
+
+
+class _Sight:
+    """What the lights of a scene see of what is specular.
+
+    Args:
+        scene: Its lights are split already.
+        normalization: The tracer's units.
+        found: Bounds that were found before; what is found is added to them.
+    """
+
+    def __init__(
+        self, scene: SceneAtShutter, normalization: Normalization, found: dict[_Sighted, Bounds | None]
+    ) -> None:
+        self.scene, self._normalization, self._found = scene, normalization, found
+        self.lights = {light.path: light for light in scene.lights if any(light.power)}
+        self.specular = Specular.of(scene, normalization)
+
+    def bounds(self, lattice: Lattice) -> Bounds | None:
+        """Where on a lattice photons start that reach what is specular; None if none do."""
+        axes = lattice.axes
+        key = lattice.light, lattice.limit, lattice.turn, b"" if axes is None else axes.tobytes()
+        if key not in self._found:
+            given = self.lights[lattice.light], axes, lattice.limit, self.specular, self._normalization, lattice.turn
+            self._found[key] = bounds_of(*given)
+        return self._found[key]
+
+    def spread(self, lattice: Lattice) -> float:
+        """The largest angle [rad] between the middle of a lattice of directions and what its light sees."""
+        return spread_of(self.lights[lattice.light], self.specular.points, lattice.axes[2], self._normalization)
 
 
 def plan_emission(
