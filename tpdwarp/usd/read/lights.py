@@ -27,6 +27,7 @@ from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is
 from tpdwarp.usd.read.light_inputs import PREFIX, light_input, old_inputs
 from tpdwarp.usd.read.links import LightLinks
 from tpdwarp.usd.read.materials.textures import picture_of
+from tpdwarp.usd.read.numbered_files import file_at
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
 from tpdwarp.usd.read.values import number_at, text_at, value_at
@@ -182,12 +183,11 @@ class Light:
     def _picture(self, frame: float) -> np.ndarray | None:
         """A rectangle's picture, brought down to a few pixels, shape [h, w, 3]; None where it has none."""
         attribute = self._input("texture:file")
-        value = attribute.Get(frame) if attribute else None
-        if not value or not value.path:
+        path = file_at(attribute, frame)
+        if not path:
             return None
-        path = value.resolvedPath or value.path
         if path not in self._pictures:
-            self._pictures[path] = picture_of(path, PICTURE_ROWS)
+            self._pictures = {path: picture_of(path, PICTURE_ROWS)}
         if self._pictures[path] is None:
             self._warnings(str(attribute.GetPath()), "cannot be read: the rectangle is of its colour all over")
         return self._pictures[path]

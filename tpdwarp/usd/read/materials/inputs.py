@@ -15,6 +15,7 @@ from tpdwarp.usd.read.materials.nodes import operation_of
 from tpdwarp.usd.read.materials.patterns import curve_of, mean_of, pattern_of
 from tpdwarp.usd.read.materials.physical import Color
 from tpdwarp.usd.read.materials.textures import LARGEST_HALF, Image, Textures, combined
+from tpdwarp.usd.read.numbered_files import changes_by_frame
 from tpdwarp.usd.read.values import raw_at, text_at, value_at
 
 # Networks deeper than this count as circular. Chosen, not derived: hand-made networks have a few.
@@ -362,7 +363,9 @@ class Inputs:
         file = inner.find(*FILES)
         attributes = [] if file is None else file.GetValueProducingAttributes()
         encoding = _encoding(inner, attributes, kind)
-        self.varies |= any(attribute.ValueMightBeTimeVarying() for attribute in attributes)
+        self.varies |= any(
+            attribute.ValueMightBeTimeVarying() or changes_by_frame(attribute, self.frame) for attribute in attributes
+        )
         if attributes and self._as_images:
             image = self.textures.image(attributes[0], self.frame, encoding, _wrap(inner), inner.coordinates())
             if image is not None:
