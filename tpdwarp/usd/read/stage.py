@@ -101,7 +101,7 @@ class StageScene:
         self.start, self.end = _time_range(stage)
         self._request = read_request(stage, settings.render_settings, warnings, settings.product)
         self._cubic = settings.motion == "cubic"
-        self._transforms = Transforms(self._cubic)
+        self._transforms = Transforms(self._cubic, warnings)
         self._materials = Materials(warnings, self._request.material_purpose)
         self._appearances = Appearances(self._materials, warnings)
         self._skeletons = Skeletons(self._transforms)

@@ -84,7 +84,7 @@ class Materials:
         """The surface bound to a mesh or a GeomSubset at a time code.
 
         Raises:
-            InputError: An index of refraction that means nothing, or an input that holds something else than numbers.
+            InputError: An index of refraction that means nothing.
         """
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(self.purpose)
         if not material and self.purpose == UsdShade.Tokens.full:
