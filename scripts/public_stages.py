@@ -114,7 +114,7 @@ def main() -> int:
 
 
 def import_everything(pictures: Path | None) -> None:
-    """What every stage needs, once for all processes: modules, and the kernels of a floor without glass for pictures."""
+    """What every stage needs, once for all processes: modules, and for pictures the kernels of a plain stage."""
     import tpdwarp.jobs.opening
     import tpdwarp.rendering.frame  # noqa: F401
 
