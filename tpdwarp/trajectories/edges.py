@@ -24,15 +24,17 @@ from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.scene.light_places import GOLDEN
 from tpdwarp.trajectories.neighbours import neighbours
 from tpdwarp.trajectories.parts import LAST_PART
 from tpdwarp.trajectories.retraced import (
     LEAST_LIGHT,
+    CellsOfLattices,
     RetracedCells,
     Window,
     cell_of,
-    cells_of,
     emitted_cells,
     flux_in,
     grown,
@@ -74,15 +76,16 @@ def edge_cells(
     important = matters(photons, typical_area(photons), LEAST_BORDER)
     moving: Cells = {}
     resting: Cells = {}
-    size = np.maximum(*(np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)))
-    way = np.linalg.norm(photons.dxdt - photons.receiver_motion, axis=1)
+    size = np.maximum(lengths(photons.dxdu), lengths(photons.dxdv))
+    way = lengths(photons.dxdt - photons.receiver_motion)
     fast = photons.rows(important & (way > LONGEST_WAY_AT_REST * size))
     if not tell_apart:
         return _beside_edges(photons, plan, emitted_cells(plan, loaded.scene), important), resting
+    going = CellsOfLattices(fast, plan)
     for number, cells in _beside_edges(photons, plan, emitted_cells(plan, loaded.scene), important).items():
         window = Window.around(cells, margin=1)
         moves = window.grid(dtype=bool)
-        there = cells_of(fast, plan, number)[1]
+        there = going.of(number)[1]
         moves[window.at(there[window.holds(there)])] = True
         moves = grown(moves)[window.at(cells)]
         for found, rows in ((moving, moves), (resting, ~moves)):
@@ -94,9 +97,10 @@ def edge_cells(
 def resting_edges(
     photons: PhotonMap, plan: EmissionPlan, resting: Cells, besides: RetracedCells | None = None
 ) -> RetracedCells | None:
-    """Cells at edges ``resting`` that are traced again; None where their light is hardly any, or they nearly all.
+    """Cells at edges ``resting`` that are traced again; None where their light is hardly any.
 
-    Their finer cells are no more than there are cells, lest a frame take twice the photons that were asked for.
+    Their finer cells are no more than there are cells, lest a frame take twice the photons that were asked for: so
+    those of some lattices may be left out, or of the only one.
 
     Args:
         besides: Cells that are traced again already.
@@ -104,11 +108,27 @@ def resting_edges(
     cells = RetracedCells({number: ChosenCells(found) for number, found in resting.items()}, plan)
     if besides is not None:
         cells = cells.without(besides)
-    if FINER**2 * len(cells) > plan.photons:
-        return None
+    cells = _as_many(cells, plan.photons // FINER**2)
     light = float(photons.flux.sum(dtype=np.float64))
     chosen = {number: mine.cell for number, mine in cells.cells.items()}
     return cells if flux_in(photons, plan, chosen) > LEAST_LIGHT * light else None
+
+
+def _as_many(cells: RetracedCells, most: int) -> RetracedCells:
+    """Cells of as many lattices as have no more than ``most`` together, of all where they do.
+
+    Edges of a lattice count for all or nothing: what one cell has too much, the one beside it lacks. Lattices are taken
+    by steps of the golden ratio, so that parts of a light that are taken lie all over it.
+    """
+    numbers = sorted(cells.cells)
+    order = sorted(range(len(numbers)), key=lambda place: place * GOLDEN % 1.0)
+    found, count = {}, 0
+    for number in (numbers[place] for place in order):
+        count += len(cells.cells[number])
+        if count > most:
+            break
+        found[number] = cells.cells[number]
+    return RetracedCells(found, cells.plan)
 
 
 def traced_finer(
