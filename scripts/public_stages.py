@@ -65,7 +65,7 @@ SOFT = tuple(
             r"has no .*: projected along",
             r"until then the mesh is left out",
             r"light that a surface gives off",
-            r"is named as before USD|has a material for previews alone",
+            r"is named as before USD|names no surface|has a material for previews alone",
             r"is not there for textures",
             r"to UsdUVTexture, which is not read",
             r"what is of purpose proxy is rendered",
