@@ -39,7 +39,7 @@ from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import Hit, along, closest_hit, occluded
 from tpdwarp.scene.device.links import PASSED, UNLIT, links_of
 from tpdwarp.scene.device.media import crossing_at, media_at
-from tpdwarp.scene.device.presence import presence_at
+from tpdwarp.scene.device.presence import presence_over
 from tpdwarp.scene.device.textures import (
     TextureArrays,
     absorbed_in_media,
@@ -329,7 +329,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     break
             if wp.static(partial):
                 # ---- What is not there lets light pass, and is no part of its path
-                share = presence_at(surfaces, textures, hit.triangle, hit.beta)
+                there = transfer_to(beam, hit, True, wp.static(moves))
+                share = presence_over(surfaces, textures, hit, there.dxdu, there.dxdv)
                 part = take_share(mask, decision, first_open, share, flux, cutoff)
                 flux = part.throughput
                 reported = reported | part.reported
@@ -338,7 +339,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 culled += part.culled
                 decision += part.decided
                 if not part.reflected:
-                    beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
+                    beam = passed(there, hit)
                     if wp.static(extended):
                         columns = transfer_columns(columns, beam.w, hit)
                     start = 0.0
