@@ -101,10 +101,10 @@ def changing_cells(
         for number, cells in chosen.items():
             ride = fields.get(number)
             if ride is None or ride.torn is None:
-                found[number] = ChosenCells(cells, _shifts_of(cells, photons, plan, number, suspects.get(number)))
-            else:
-                found[number] = ChosenCells(cells, ride.shifts[ride.window.at(cells)].astype(np.float32))
-                growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
+                window = Window.around(cells, margin=1)
+                ride = _Field(window, _shifts(photons, plan, number, window, suspects.get(number)), None)
+            found[number] = ChosenCells(cells, ride.shifts[ride.window.at(cells)].astype(np.float32))
+            growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
         return RetracedCells(found, plan, growth)
 
 
