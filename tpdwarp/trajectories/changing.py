@@ -76,7 +76,7 @@ def changing_cells(
     if suspects:
         ends = [keyframes.traced(part, plan, chosen=riding(suspects, plan, part)) for part in (-END, END)]
     with clock.stage("trace"):
-        typical = typical_area(photons)
+        typical = max(map(typical_area, [photons, *ends]))
         chosen = dict(besides or {})
         for number, cells in suspects.items():
             window = Window.around(cells.cell)
@@ -158,7 +158,7 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
         maps = [ends[0], maps[1], ends[1]]
     with clock.stage("trace"):
         found: dict[int, ChosenCells] = {}
-        typical = typical_area(maps[1])
+        typical = max(map(typical_area, maps))
         for number, window in windows.items():
             changing = _change(maps, sparse, number, window, typical)
             if changing.any():
