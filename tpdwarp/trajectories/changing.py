@@ -56,9 +56,9 @@ from tpdwarp.trajectories.rifts import LARGEST_DRIFT_APART, gradients, rift_cell
 # Flux of nothing, to divide by.
 _TINY = np.finfo(np.float64).tiny
 
-# Light that keyframes do not follow is traced in parts of the shutter where it leaves its straight way by more than this
-# part of its footprint. Chosen on a ball that rolls by 57 degrees within a segment: 1 and 0.3 err alike, by .127, and
-# straight ways by .368.
+# Light that keyframes do not follow is traced in parts of the shutter where it leaves its straight way by more than
+# this part of its footprint. Chosen on a ball that rolls by 57 degrees within a segment: 1 and 0.3 err alike, by .127,
+# and straight ways by .368.
 LARGEST_SAGITTA = 0.5
 
 # When keyframes are traced, as parts of the shutter from its middle.
@@ -128,7 +128,7 @@ def _unfollowed(
 ) -> dict[int, np.ndarray]:
     """Cells [n, 2] of each lattice whose photons matter and leave the way that they have at mid shutter, and whose
     trajectories do not curve, since keyframes disagree; arguments as of :func:`_change`."""
-    before, after = keyframes.around(photons, plan)
+    before, _, after = keyframes.states(photons, plan)
     size = np.maximum(*(np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)))
     sagitta = np.linalg.norm(after.dxdt - before.dxdt, axis=1) / 8.0
     off = before.valid & after.valid & (sagitta > LARGEST_SAGITTA * size)

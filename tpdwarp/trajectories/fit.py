@@ -66,8 +66,7 @@ def fit_trajectories(
     Returns:
         The photons, and an account that counts the keyframes' photons and those that go straight all the same.
     """
-    before, after = keyframes.around(photons, plan)
-    middle = keyframes.at_middle(photons, plan)
+    before, middle, after = keyframes.states(photons, plan)
     with clock.stage("trace"):
         follows = before.valid & middle.valid & after.valid
         follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT
