@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.instants import joined_in_time
@@ -63,7 +64,9 @@ def test_light_that_begins_or_ends_or_takes_another_path_has_nothing_to_go_on_fr
         assert not photons.trajectory.dxdtt.any() and not photons.trajectory.gain.any()
 
 
-def test_light_that_grows_at_once_is_never_below_zero():
-    maps = parts([[4]] * 5, lambda t, n: t + 0 * n, lambda t, n: 1e-6 + (t > 0) + 0 * n)
-    for photons in joined_in_time(maps):
-        assert (photons.flux > 0).all() and (np.abs(photons.trajectory.gain) <= 1).all()
+@pytest.mark.parametrize("least", [1e-6, 1e-38])
+def test_light_that_grows_at_once_is_never_below_zero_nor_without_bound(least):
+    maps = parts([[4]] * 5, lambda t, n: t + 0 * n, lambda t, n: least + (np.abs(t) > 0.2) + 0 * n)
+    for photons, before in zip(joined_in_time(maps), maps, strict=True):
+        assert (photons.flux > 0).all() and (photons.flux <= 1.5 * before.flux).all()
+        assert (np.abs(photons.trajectory.gain) <= 1).all()

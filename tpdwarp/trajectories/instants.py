@@ -68,7 +68,9 @@ def joined_in_time(maps: Sequence[PhotonMap]) -> list[PhotonMap]:
     ahead, behind = (time[after] - time)[both], (time - time[before])[both]
     here, rises = power[both, 0], (power[after] - power)[both, 0] / ahead
     second = 2.0 * (rises - (power - power[before])[both, 0] / behind) / (ahead + behind)
-    mean[both] += length[both] ** 2 / 24.0 * second / np.maximum(here, least)
+    bulge = length[both] ** 2 / 24.0 * second / np.maximum(here, least)
+    # What is far fainter than before and after follows no parabola.
+    mean[both] += np.clip(bulge, -0.5 * LARGEST_GAIN, 0.5 * LARGEST_GAIN)
     found = []
     ends = np.cumsum(counts)[:-1]
     for photons, *mine in zip(maps, *(np.split(part, ends) for part in (acceleration, gain, mean)), strict=True):
