@@ -21,10 +21,13 @@ from dataclasses import replace
 import numpy as np
 
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
-from tpdwarp.trajectories.fit import LARGEST_GAIN
+from tpdwarp.trajectories.fit import LARGEST_GROWTH
 
 # Parts follow each other where one begins as the other ends, up to rounding [shutters].
 SAME_TIME = 1e-6
+# The mean of a part is within half of what it has in the middle: what is far fainter than before and after follows no
+# parabola. Chosen, not derived.
+LARGEST_BULGE = 0.5
 
 
 def joined_in_time(maps: Sequence[PhotonMap]) -> list[PhotonMap]:
@@ -62,15 +65,14 @@ def joined_in_time(maps: Sequence[PhotonMap]) -> list[PhotonMap]:
     power = column("flux").sum(axis=1, dtype=np.float64)[:, None] / length[:, None]
     least = np.finfo(np.float64).tiny
     gain = change(power) * length[:, None] / np.maximum(power, least)
-    gain = np.clip(gain[:, 0], -LARGEST_GAIN, LARGEST_GAIN)
+    gain = np.clip(gain[:, 0], -LARGEST_GROWTH, LARGEST_GROWTH)
     both = np.flatnonzero((before != np.arange(len(time))) & (after != np.arange(len(time))))
     mean = np.ones(len(time))
     ahead, behind = (time[after] - time)[both], (time - time[before])[both]
     here, rises = power[both, 0], (power[after] - power)[both, 0] / ahead
     second = 2.0 * (rises - (power - power[before])[both, 0] / behind) / (ahead + behind)
     bulge = length[both] ** 2 / 24.0 * second / np.maximum(here, least)
-    # What is far fainter than before and after follows no parabola.
-    mean[both] += np.clip(bulge, -0.5 * LARGEST_GAIN, 0.5 * LARGEST_GAIN)
+    mean[both] += np.clip(bulge, -LARGEST_BULGE, LARGEST_BULGE)
     found = []
     ends = np.cumsum(counts)[:-1]
     for photons, *mine in zip(maps, *(np.split(part, ends) for part in (acceleration, gain, mean)), strict=True):
