@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from tests.photons.traced import sun
 from tests.view.scenes import Source, looking_down, quad, steady
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame, trace_frame
-from tpdwarp.scene.description import Extent, ExtentShape, LightAtShutter, Shutter
+from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.edges import FINER, place_in_finer_cell
 from usd_scenes.oracle.closed_forms import fresnel_reflectance
@@ -26,10 +25,10 @@ CELL = 4 / 64
 WATER = quad("/water", (-2, -2), (2, 2), 1.0, glass(1.33))
 
 
-def half_covered(place: float, light: LightAtShutter | None = None) -> Source:
+def half_covered(place: float) -> Source:
     """Flat water under a sun, and a board above it from ``place`` [cells] on, at rest."""
     board = quad("/board", (place * CELL, -9), (6, 9), 2.0)
-    return steady([floor(), WATER, board], (light or sun(),), looking_down((-1, 1, -0.125, 0.125), height=0.5))
+    return steady([floor(), WATER, board], (sun(),), looking_down((-1, 1, -0.125, 0.125), height=0.5))
 
 
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.45, 0.8])
@@ -69,13 +68,3 @@ def test_finer_cells_start_at_places_of_their_own_along_either_side():
     for axis in (0, 1):
         np.testing.assert_allclose(np.sort(along[:, axis]), (np.arange(FINER**2) + 0.5) / FINER**2, atol=1e-6)
     assert math.isclose(place_in_finer_cell(cells).sum(), 0.0, abs_tol=1e-5)
-
-
-def test_where_parts_of_a_light_have_too_many_edges_some_of_them_are_finer_within_the_photons_asked_for():
-    soft = replace(sun(), extent=Extent(ExtentShape.ROUND, math.radians(1.0)))
-    context = RenderContext(half_covered(0.45, soft), Settings.of(SETTINGS, light_splits=19))
-    energy = trace_frame(context, STILL).energy
-    # A part has some 215 cells, 15 along the edge of the board, to both sides of which they are traced again.
-    assert 2 * 14 <= energy.counts["cells traced again at edges"] <= SETTINGS.photons / FINER**2
-    # What is left to whole cells errs by half a cell of a part, √19 as wide, in as many ways as there are parts.
-    assert energy.sent / (3 * 4) == pytest.approx(2 + 0.45 * CELL, abs=CELL / 2)

@@ -422,6 +422,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         flux *= changes[2]
                         emitted *= changes[2]
                         entering *= changes[2]
+                        if changes[2] <= 0.0:
+                            # No place on the light shines there.
+                            fate = FATE_DIRECT
+                            break
 
             # ---- Reflection or refraction
             roughness = float(0.0)

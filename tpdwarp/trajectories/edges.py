@@ -26,7 +26,6 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.scene.light_places import GOLDEN
 from tpdwarp.trajectories.neighbours import neighbours
 from tpdwarp.trajectories.parts import LAST_PART
 from tpdwarp.trajectories.retraced import (
@@ -97,10 +96,9 @@ def edge_cells(
 def resting_edges(
     photons: PhotonMap, plan: EmissionPlan, resting: Cells, besides: RetracedCells | None = None
 ) -> RetracedCells | None:
-    """Cells at edges ``resting`` that are traced again; None where their light is hardly any.
+    """Cells at edges ``resting`` that are traced again; None where their light is hardly any, or they nearly all.
 
-    Their finer cells are no more than there are cells, lest a frame take twice the photons that were asked for: so
-    those of some lattices may be left out, or of the only one.
+    Their finer cells are no more than there are cells, lest a frame take twice the photons that were asked for.
 
     Args:
         besides: Cells that are traced again already.
@@ -108,27 +106,11 @@ def resting_edges(
     cells = RetracedCells({number: ChosenCells(found) for number, found in resting.items()}, plan)
     if besides is not None:
         cells = cells.without(besides)
-    cells = _as_many(cells, plan.photons // FINER**2)
+    if FINER**2 * len(cells) > plan.photons:
+        return None
     light = float(photons.flux.sum(dtype=np.float64))
     chosen = {number: mine.cell for number, mine in cells.cells.items()}
     return cells if flux_in(photons, plan, chosen) > LEAST_LIGHT * light else None
-
-
-def _as_many(cells: RetracedCells, most: int) -> RetracedCells:
-    """Cells of as many lattices as have no more than ``most`` together, of all where they do.
-
-    Edges of a lattice count for all or nothing: what one cell has too much, the one beside it lacks. Lattices are taken
-    by steps of the golden ratio, so that parts of a light that are taken lie all over it.
-    """
-    numbers = sorted(cells.cells)
-    order = sorted(range(len(numbers)), key=lambda place: place * GOLDEN % 1.0)
-    found, count = {}, 0
-    for number in (numbers[place] for place in order):
-        count += len(cells.cells[number])
-        if count > most:
-            break
-        found[number] = cells.cells[number]
-    return RetracedCells(found, cells.plan)
 
 
 def traced_finer(

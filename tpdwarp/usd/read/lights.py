@@ -165,7 +165,9 @@ class Light:
         )
         shaping, profile = None, EmissionProfile.UNIFORM
         if self.kind == LightKind.POINT:
-            shaping, (profile, _) = self._shaping(shutter.frame), PROFILES[self._shape]
+            profile, _ = PROFILES[self._shape]
+            if profile != EmissionProfile.SINE:
+                shaping = self._shaping(shutter.frame)
         extent = self._extent(shutter)
         place = position, axes, position_motion, axes_motion
         return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent)
