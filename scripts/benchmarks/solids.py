@@ -4,6 +4,7 @@
 .venv/bin/python scripts/benchmarks/solids.py                         # every scene whose truth is kept
 .venv/bin/python scripts/benchmarks/solids.py ball-gliding --quick    # 16 384 photons only
 .venv/bin/python scripts/benchmarks/solids.py --settings default --photons 16384 --photons 65536    # README's table
+.venv/bin/python scripts/benchmarks/solids.py --best                  # automatic segments beside the best number
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ SAMPLES = 4
 # A ball, a flat solid, an edge in time: together a few seconds at 16 384 photons.
 QUICK_SCENES = ("ball-gliding", "cube-turning", "board-over-water")
 QUICK_PHOTONS = (1 << 14,)
+# Numbers of segments that automatic ones are compared with.
+NUMBERS_OF_SEGMENTS = (1, 2, 4, 8, 16)
 
 
 def run(
@@ -83,6 +86,34 @@ def quick() -> list[dict[str, object]]:
     return run(QUICK_SCENES, QUICK_PHOTONS, ("default",))
 
 
+def compare_segments(scenes: Sequence[str] = (), photons: int = 1 << 16) -> list[dict[str, object]]:
+    """The error of automatic segments beside that of fixed numbers of them; prints a row a scene.
+
+    Returns:
+        A row a scene: ``scene``, ``photons``, ``chosen`` (number of segments), ``relative_rmse`` (of these),
+        ``truth_error``, ``errors`` (by number) and ``ratio`` (to the least of them).
+    """
+    rows: list[dict[str, object]] = []
+    numbers = " ".join(f"{f'K = {number}':>7s}" for number in NUMBERS_OF_SEGMENTS)
+    print(f"  {'scene':22s} {numbers} {'auto':>7s} {'of':>3s} {'ratio':>6s} {'truth':>7s}")
+    for name in scenes or [name for name in SCENES if (FOLDER / f"{name}.npz").exists()]:
+        truth = kept_truth(SCENES[name]())
+        with tempfile.TemporaryDirectory() as folder:
+            stage = write(name, Path(folder))
+            found = _measured(stage, truth, photons=photons)
+            fixed = {
+                number: float(_measured(stage, truth, photons=photons, segments=number)["relative_rmse"])
+                for number in NUMBERS_OF_SEGMENTS
+            }
+        error = float(found["relative_rmse"])
+        ratio = error / min(*fixed.values(), error)
+        rows.append({"scene": name, "photons": photons, "chosen": found["segments"], "relative_rmse": error})
+        rows[-1] |= {"truth_error": truth.error, "errors": fixed, "ratio": ratio}
+        errors = " ".join(f"{value:7.4f}" for value in fixed.values())
+        print(f"  {name:22s} {errors} {error:7.4f} {found['segments']:3d} {ratio:6.2f} {truth.error:7.4f}", flush=True)
+    return rows
+
+
 def _measured(stage: Path, truth: Truth, **settings: Any) -> dict[str, object]:
     """One render compared with the truth."""
     picture = stage.with_suffix(".exr")
@@ -109,6 +140,7 @@ def _measured(stage: Path, truth: Truth, **settings: Any) -> dict[str, object]:
         "irradiance_ratio": float(found[truth.mask].mean() / mean),
         "deposited": energy.deposited / energy.sent,
         "true_deposited": receivers / truth.energy["sent"],
+        "segments": int(energy.counts["segments traced"]),
         "lost": {cause: watts / energy.sent for cause, watts in energy.lost.items() if watts},
         "cpu_seconds": seconds,
     }
@@ -138,13 +170,16 @@ def main() -> int:
     parser.add_argument("--most", action="store_true", help=f"also {MOST_PHOTONS} photons")
     parser.add_argument("--photons", type=int, action="append", help="photons a frame, in place of the usual numbers")
     parser.add_argument("--settings", choices=SETTINGS, action="append", help="one: one segment; all by default")
+    parser.add_argument("--best", action="store_true", help="automatic segments beside fixed numbers of them")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
     options = parser.parse_args()
     for name in options.scene:
         if name not in SCENES:
             parser.error(f"there is no scene {name!r}; there are {', '.join(SCENES)}")
     photons = tuple(options.photons or ((*PHOTONS, MOST_PHOTONS) if options.most else PHOTONS))
-    if options.quick:
+    if options.best:
+        rows = [row for count in options.photons or (1 << 16,) for row in compare_segments(options.scene, count)]
+    elif options.quick:
         rows = run(options.scene or QUICK_SCENES, QUICK_PHOTONS, ("default",))
     else:
         rows = run(options.scene, photons, options.settings or tuple(SETTINGS))

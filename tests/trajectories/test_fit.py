@@ -116,6 +116,21 @@ def test_footprints_that_ride_on_a_turning_rod_turn_with_it():
         assert np.median(error) < 0.05 * np.median(np.linalg.norm(expected, axis=1))
 
 
+def test_a_lamp_that_brightens_ninefold_has_its_light_brighten_as_it_goes():
+    def at(shutter: Shutter) -> SceneAtShutter:
+        way = np.array([0.2, 0.0, 0.0])
+        water = bumpy("/water", WATER, 1.0, False)
+        motions = np.tile(shutter.exposure * way, (len(water.points), 1)) if shutter.exposure else None
+        water = replace(water, points=water.points + (shutter.middle - 0.5) * way, motions=motions)
+        sun = replace(SUN, power=(1.0 + 1.6 * (shutter.middle - 0.5),) * 3)
+        return SceneAtShutter(shutter, (floor(), water), (sun,), looking_down(height=0.6))
+
+    photons, _ = fitted_photons(Source(at))
+    # From 0.2 to 1.8 of its mean, whether keyframes see the photon or not.
+    assert np.median(photons.trajectory.gain) == pytest.approx(1.6, rel=1e-4)
+    assert (np.abs(photons.trajectory.gain - 1.6) < 0.1).mean() > 0.95
+
+
 def test_light_that_rides_on_what_moves_straight_on_goes_straight():
     def at(shutter: Shutter) -> SceneAtShutter:
         way = np.array([0.2, 0.0, 0.0])

@@ -2,7 +2,8 @@
 
 D_t x varies slowly over the light even where the light on the receiver folds, so few photons suffice, and their values
 are interpolated at any place on the light. A photon that rides on its surface has come from, and goes to, another place
-on the light; there its keyframes are looked up.
+on the light; there its keyframes are looked up. At the borders of bodies and facets, and on what is narrow, they have
+too few photons to say; those cells are traced at either end themselves.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import warp as wp
 
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
+from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
@@ -23,6 +25,7 @@ from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.grids import Riders, StateArrays, grids_of, interpolate
+from tpdwarp.trajectories.retraced import CellsOfLattices, riding
 
 # Part of the shutter over which keyframes take D_t x at either end of it. Chosen, not derived: a difference over it
 # errs by its square over 24, 7e-4 of D_ttt x.
@@ -129,6 +132,36 @@ class ShutterKeyframes:
         """Photons of mid shutter as keyframes see them, in the scene that the photons were traced through."""
         return self._looked_up(photons, plan, 0.0)
 
+    def states(self, photons: PhotonMap, plan: EmissionPlan) -> tuple[KeyframeState, KeyframeState, KeyframeState]:
+        """Photons of mid shutter as it opens, in its middle, and as it closes.
+
+        Where keyframes are too sparse to say, at the borders of bodies and facets, cells are traced at the ends
+        themselves, each where it rides; then the photon itself is what they are compared with.
+        """
+        before, after = self.around(photons, plan)
+        middle = self.at_middle(photons, plan)
+        unknown = ~(before.valid & middle.valid & after.valid)
+        rows = np.flatnonzero(unknown & plan.paths_of(photons.ids)[2])
+        if not len(rows) or self.tracer.settings.emission != "lattice":
+            return before, middle, after
+        with self._clock.stage("trace"):
+            cells = _with_shifts(photons.rows(rows), plan)
+        ends = [self.traced(part, plan, chosen=riding(cells, plan, part)) for part in (-END, END)]
+        with self._clock.stage("trace"):
+            at = [_same_photons(photons, rows, end) for end in ends]
+            both = (at[0] >= 0) & (at[1] >= 0)
+            rows = rows[both]
+            own = [end.rows(found[both]) for end, found in zip(ends, at, strict=True)]
+            for state, end, rate in (
+                (before, own[0], KEYFRAME_DURATION),
+                (middle, photons.rows(rows), 1.0),
+                (after, own[1], KEYFRAME_DURATION),
+            ):
+                state.dxdt[rows], state.position[rows] = end.dxdt / rate, end.position
+                state.valid[rows] = True
+                state.log_flux[rows] = np.log(np.maximum(end.flux.max(axis=1), np.finfo(np.float32).tiny))
+        return before, middle, after
+
     def photons(self, part: float) -> PhotonMap:
         """The keyframes' own photons at ``-END``, 0 or ``END``."""
         return self._at(part).photons
@@ -204,6 +237,27 @@ class _KeyframeGrids:
         riders.grid = launcher.array(grid, wp.int32)
         riders.scale, riders.offset = (launcher.array(np.array(values), wp.vec2d) for values in (scale, offset))
         return riders
+
+
+def _with_shifts(photons: PhotonMap, plan: EmissionPlan) -> dict[int, ChosenCells]:
+    """The cells of photons with their shifts as offsets, by lattice."""
+    found = {}
+    own = CellsOfLattices(photons, plan)
+    for number in own.numbers():
+        rows, cells = own.of(number)
+        cells, first = np.unique(cells, axis=0, return_index=True)
+        found[number] = ChosenCells(cells, photons.shift[rows[first]])
+    return found
+
+
+def _same_photons(photons: PhotonMap, rows: np.ndarray, others: PhotonMap) -> np.ndarray:
+    """Rows of ``others`` that are of the same cells and paths as ``rows`` of photons, −1 where there are none."""
+    names = np.stack([others.ids, others.path.astype(np.int64), others.receiver.astype(np.int64)], axis=1)
+    wanted = np.stack([photons.ids, photons.path.astype(np.int64), photons.receiver.astype(np.int64)], axis=1)[rows]
+    numbers = np.unique(np.concatenate([names, wanted]), axis=0, return_inverse=True)[1].reshape(-1)
+    at = np.full(numbers.max(initial=-1) + 1, -1)
+    at[numbers[: len(names)]] = np.arange(len(names))
+    return at[numbers[len(names) :]]
 
 
 def rows_by_path(photons: PhotonMap, plan: EmissionPlan) -> tuple[np.ndarray, np.ndarray]:

@@ -22,6 +22,7 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.trajectories.instants import joined_in_time
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.passing import parts_of_existence
 from tpdwarp.trajectories.retraced import (
@@ -85,33 +86,27 @@ def traced_in_parts(
         account.add(energy)
         maps.append(replace(photons, part=part + 1))
     rushing = cells_that_rush(maps, changing, light)
-    for part, extents in enumerate(parts_of_existence(maps, changing)):
-        maps[part] = _shining(maps[part], extents, rushing[part], account)
+    extents = parts_of_existence(maps, changing)
     for part, (piece, cells) in enumerate(zip(pieces, rushing, strict=True)):
         if not len(cells):
             continue
         middle, share = float(middles[part]), float(shares[part])
         account.subtract(traced(cells, piece, middle, share, part)[1])
-        maps[part] = maps[part].rows(~cells.holds(maps[part]))
+        stays = ~cells.holds(maps[part])
+        maps[part], extents[part] = maps[part].rows(stays), extents[part][stays]
         for number, smaller in enumerate(piece.segments(PARTS)):
             within = (number + 0.5) / PARTS - 0.5
             photons, energy = traced(cells, smaller, middle + share * within, share / PARTS, number)
             account.add(energy)
             maps.append(replace(photons, part=INSTANTS + PARTS * part + number + 1))
-    return maps, account
-
-
-def _shining(
-    photons: PhotonMap, extents: np.ndarray, rushing: RetracedCells, energy: EnergyAccount
-) -> PhotonMap:
-    """The photons with the flux of the parts ``extents`` [n] of their part, but those of ``rushing`` cells."""
-    ends = extents != 1.0
-    if len(rushing):
-        ends &= ~rushing.holds(photons)
-    flux = photons.flux.copy()
-    flux[ends] *= extents[ends, None].astype(np.float32)
-    _count_gained(float((flux - photons.flux).sum(dtype=np.float64)), rushing.plan, energy)
-    return replace(photons, flux=flux)
+            extents.append(np.ones(len(photons)))
+    shining = [
+        replace(photons, flux=photons.flux * extent[:, None].astype(np.float32))
+        for photons, extent in zip(joined_in_time(maps), extents, strict=True)
+    ]
+    before, after = (sum(float(photons.flux.sum(dtype=np.float64)) for photons in each) for each in (maps, shining))
+    _count_gained(after - before, plan, account)
+    return shining, account
 
 
 def _grown(photons: PhotonMap, cells: RetracedCells, part: float, energy: EnergyAccount) -> PhotonMap:
