@@ -21,7 +21,9 @@ def everything(tmp_path):
     UsdGeom.Xformable(ball).AddTranslateOp(opSuffix="away").Set(Gf.Vec3d(5, 0, 0))
     for prim in (small.mesh("/Surface", scheme="catmullClark"), small.mesh("/Facets"), ball):
         small.bind(prim, "/Glass")
-    UsdGeom.Camera.Define(small.stage, "/Camera")
+    camera = UsdGeom.Camera.Define(small.stage, "/Camera")
+    camera.CreateFocalLengthAttr(20.0)
+    camera.AddTranslateOp().Set(Gf.Vec3d(1, 2, 3))
     UsdLux.SphereLight.Define(small.stage, "/Lamp")
     instancer = UsdGeom.PointInstancer.Define(small.stage, "/Instancer")
     instancer.CreatePrototypesRel().SetTargets([UsdGeom.Cube.Define(small.stage, "/Instancer/Cube").GetPath()])
@@ -65,6 +67,7 @@ def told(small, path, kind, value):
         "/Facets.velocities",
         "/Instancer.protoIndices",
         "/Ball.xformOp:translate:away",
+        "/Camera.xformOp:translate",
     ],
 )
 @pytest.mark.parametrize("kind, value", [(TYPES.String, "much"), (TYPES.TokenArray, ["a"])])
@@ -78,6 +81,8 @@ def test_what_cannot_be_read_counts_as_not_authored(everything, path, kind, valu
         assert [m.ior for m in ours.materials] == [m.ior for m in theirs.materials]
     assert any(material.interaction == Interaction.DIELECTRIC for m in found.meshes for material in m.materials)
     assert [light.power for light in found.lights] == [light.power for light in expected.lights]
+    assert found.camera.window == expected.camera.window
+    np.testing.assert_array_equal(found.camera.position, expected.camera.position)
     assert len(said) == 1 and path in said[0], said
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Tf, Usd, UsdGeom
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.usd.read.coordinate_frames import frame_over
-from tpdwarp.usd.read.diagnostics import errors_at
 from tpdwarp.usd.read.render_settings import conformed
 from tpdwarp.usd.read.transforms import Transforms
 from tpdwarp.usd.read.values import number_or_fallback
@@ -156,8 +156,17 @@ class Camera:
         return 0.5 * camera.focalLength * Gf.Camera.FOCAL_LENGTH_UNIT / camera.fStop, camera.focusDistance
 
     def _lens(self, time: float) -> Gf.Camera:
-        with errors_at(self.path):
+        """The camera as USD has it; without its transform, which is read apart, where USD can make nothing of that."""
+        try:
             return self._camera.GetCamera(time)
+        except Tf.ErrorException:
+            stage = Usd.Stage.CreateInMemory()
+            alone = UsdGeom.Camera.Define(stage, "/Camera")
+            for name in UsdGeom.Camera.GetSchemaAttributeNames(False):
+                value = self.prim.GetAttribute(name).Get(time)
+                with suppress(Tf.ErrorException):
+                    alone.GetPrim().GetAttribute(name).Set(value)
+            return alone.GetCamera(Usd.TimeCode.Default())
 
     def _exposure_scale(self, frame: float) -> float:
         camera = self._camera
