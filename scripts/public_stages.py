@@ -8,7 +8,8 @@ A stage is read at its first frame, in a process of its own with a limit of time
 it says of its picture is left out: where there is no warning, or only such as :data:`SOFT` lists. The table of warnings
 shows for each kind how many stages hold it, and how many would be whole without it. With ``--pictures``, each is
 rendered, too, and what is empty (nothing in view), black, or not finite is listed, with what was said that explains it.
-With ``--resume``, stages that ``--out`` knows are not read again.
+With ``--resume``, stages that ``--out`` knows are not read again. They are taken in an order that mixes folders, so
+that what a run has found so far stands for all of them.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ import hashlib
 import json
 import logging
 import os
+import random
 import re
 import resource
 import sys
+import tempfile
 import time
 import traceback
 from collections import Counter
@@ -62,7 +65,7 @@ SOFT = tuple(
             r"has no .*: projected along",
             r"until then the mesh is left out",
             r"light that a surface gives off",
-            r"is named as before USD|has a material for previews alone",
+            r"is named as before USD|names no surface|has a material for previews alone",
             r"is not there for textures",
             r"to UsdUVTexture, which is not read",
             r"what is of purpose proxy is rendered",
@@ -94,10 +97,11 @@ def main() -> int:
     options = parser.parse_args()
     known = json.loads(options.out.read_text()) if options.resume and options.out.exists() else {}
     stages = sorted(str(f) for d in options.folders for f in d.rglob("*") if f.suffix in SUFFIXES and f.is_file())
+    random.Random(0).shuffle(stages)
     stages = stages[options.first :: options.every]
     if options.pictures:
         options.pictures.mkdir(parents=True, exist_ok=True)
-    import_everything()
+    import_everything(options.pictures)
     for done, stage in enumerate(stages):
         if stage in known:
             continue
@@ -109,10 +113,16 @@ def main() -> int:
     return 0
 
 
-def import_everything() -> None:
-    """What every stage needs, once for all processes; kernels are loaded by each."""
+def import_everything(pictures: Path | None) -> None:
+    """What every stage needs, once for all processes: modules, and for pictures the kernels of a plain stage."""
     import tpdwarp.jobs.opening
     import tpdwarp.rendering.frame  # noqa: F401
+
+    if pictures:
+        with tempfile.TemporaryDirectory() as folder:
+            stage = Path(folder) / "floor.usda"
+            stage.write_text('#usda 1.0\ndef Cube "Floor" {\n}\n')
+            looked_at(str(stage), Path(folder))
 
 
 def apart(stage: str, pictures: Path | None, seconds: float) -> dict:
@@ -151,8 +161,9 @@ def apart(stage: str, pictures: Path | None, seconds: float) -> dict:
 
 def looked_at(stage: str, pictures: Path | None) -> dict:
     """Result, what is said in words, and with a folder for ``pictures`` what is seen."""
-    from tpdwarp.errors import FrameError, InputError
+    from tpdwarp.errors import FrameError, InputError, logger
     from tpdwarp.io.images import encode_srgb
+    from tpdwarp.jobs.dark_frames import DarkWatch
     from tpdwarp.jobs.opening import chosen_settings, open_scene, shutter_of
     from tpdwarp.rendering.context import RenderContext
     from tpdwarp.rendering.frame import render_frame
@@ -160,6 +171,7 @@ def looked_at(stage: str, pictures: Path | None) -> dict:
     logging.disable()
     settings = chosen_settings({"photons": 1024, "samples": 1, "image_width": 64, "threads": 1})
     found: dict = {"result": "read"}
+    word: list[str] = []
     source = None
     try:
         source = open_scene(stage, settings, default_time=False)
@@ -171,6 +183,12 @@ def looked_at(stage: str, pictures: Path | None) -> dict:
             frame = render_frame(RenderContext(source, settings), shutter, *source.resolution())
             pixels = np.stack([frame.channels[name] for name in "RGBA"], axis=-1)
             found["seen"] = seen(pixels)
+            logging.disable(logging.NOTSET)
+            listener = logging.Handler()
+            listener.emit = lambda record: word.append(record.getMessage().removeprefix(stage))
+            logger.addHandler(listener)
+            DarkWatch(stage)(shutter.frame, frame.channels)
+            found["word"] = word
             found["picture"] = str(pictures / (hashlib.sha256(stage.encode()).hexdigest()[:16] + ".png"))
             write_png(found["picture"], encode_srgb(np.nan_to_num(pixels[..., :3])))
     except (InputError, FrameError) as error:
@@ -238,7 +256,7 @@ def report(stages: dict[str, dict]) -> None:
         print(f"{len(pictures)} pictures: " + ", ".join(f"{count} {name}" for name, count in counts.most_common()))
     for stage, found in pictures.items():
         if found["seen"] != "shown":
-            why = [message for message in found["warnings"] if not STAND_INS.search(message)]
+            why = [message for message in found["warnings"] if not STAND_INS.search(message)] + found["word"]
             print(f"  {stage}: {found['seen']}" + (f", for {why[0]}" if why else " WITHOUT A WORD"))
 
 

@@ -37,9 +37,9 @@ from usd_scenes.stage import CAMERA, FRAME
 
 SHIPPED = Path(__file__).resolve().parents[2] / "usd_scenes"
 CONVERGED = Path(__file__).resolve().parent / "converged"
-FEWER, PHOTONS, PIXELS, SAMPLES = 1 << 14, 1 << 16, 64, 4
+FEWER, PHOTONS, MORE, PIXELS, SAMPLES = 1 << 14, 1 << 16, 1 << 18, 64, 4
 # Plain photons of a truth of solids, so many that it errs by less than a quarter of what was asked for.
-TRUTH_PHOTONS = {"cardioid": 1 << 28, "torus-turning-10": 1 << 26, "ball-in-the-sun": 1 << 23, "ball-gliding": 1 << 24}
+TRUTH_PHOTONS = {"cardioid": 1 << 28, "torus-turning-10": 1 << 26, "ball-in-the-sun": 1 << 23, "ball-gliding": 1 << 26}
 # Points into which a light is split to compare costs: their number, and photons of each.
 POINT_PLACES = (16, 64, 256)
 POINT_PHOTONS = (1 << 10, 1 << 12, 1 << 14)
@@ -181,22 +181,24 @@ def run(only: Sequence[str] = (), cost: bool = True) -> list[dict[str, object]]:
         cost: Whether to measure CPU time, and points of the same error.
 
     Returns:
-        A row a case: ``case``, ``relative_rmse`` as chosen and with a quarter of the photons (``fewer``), with one part
-        a light in ``unsplit``, ``truth_error``, ``limit``, ``splits`` (as chosen), ``cpu_ratio`` (by a frame of the
-        same light without extent) and ``points_ratio`` (CPU time of points with the same error, by that of the frame;
-        at least, where no number of points tried was as good).
+        A row a case: ``case``, ``relative_rmse`` as chosen, with a quarter of the photons (``fewer``) and with four
+        times as many (``more``), with one part a light in ``unsplit``, ``truth_error``, ``limit``, ``splits`` (as
+        chosen), ``cpu_ratio`` (by a frame of the same light without extent) and ``points_ratio`` (CPU time of points
+        with the same error, by that of the frame; at least, where no number of points tried was as good).
     """
     if unknown := [name for name in only if name not in CASES]:
         raise SystemExit(f"there is no row {unknown[0]!r}; there are {', '.join(CASES)}")
     rows = []
-    print(f"  {'case':22s} {'rel.RMSE':>8s} {'1/4 of it':>9s} {'unsplit':>8s} {'limit':>6s} {'truth':>7s}", end=" ")
+    columns = (f"{FEWER // 1024} k", f"{PHOTONS // 1024} k", f"{MORE // 1024} k", "unsplit", "limit", "truth")
+    print(f"  {'case':22s} " + " ".join(f"{name:>7s}" for name in columns), end=" ")
     print(f"{'splits':>6s} {'CPU s':>6s} {'by point':>8s} {'of points':>9s}")
     for name in only or CASES:
         row = _measured(name, CASES[name], cost)
         rows.append(row)
         at_least = ">" if row["points_at_least"] else " "
         print(
-            f"  {name:22s} {row['relative_rmse']:8.4f} {row['fewer']:9.4f} {row['unsplit']:8.4f} {row['limit']:6.2f} "
+            f"  {name:22s} {row['fewer']:7.4f} {row['relative_rmse']:7.4f} {row['more']:7.4f} {row['unsplit']:7.4f} "
+            f"{row['limit']:7.2f} "
             f"{row['truth_error']:7.4f} {row['splits']:6d} {row['cpu_seconds']:6.2f} {row['cpu_ratio']:8.2f} "
             f"{at_least}{row['points_ratio']:8.1f}",
             flush=True,
@@ -291,6 +293,7 @@ def _measured(name: str, case: Case, cost: bool) -> dict[str, object]:
         "splits": frame.energy.counts.get("parts of each light with extent", 1),
         "relative_rmse": error(frame.channels["irradiance.R"].astype(np.float64)),
         "fewer": error(_irradiance(stage, case, photons=FEWER)),
+        "more": error(_irradiance(stage, case, photons=MORE)),
         "unsplit": error(_irradiance(stage, case, light_splits=1)),
     }
     # The kernels are loaded: each by turns, the better of three.

@@ -19,6 +19,7 @@ CASES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("wave", {"image_width": 512, "photons": 16384, "samples": 4}),
     ("wave", {"image_width": 512, "photons": 1_000_000, "samples": 1}),
     ("cylinder", {"image_width": 512, "photons": 65536, "samples": 4}),
+    ("tumbler", {"image_width": 720, "photons": 16384, "samples": 4}),
     ("sea", {"image_width": 1920, "photons": 65536, "samples": 4}),
 )
 FRAMES = (1, 2, 3, 4)

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.photons.aiming import specular_corners, specular_triangles
+from tpdwarp.photons.aiming import Specular, specular_triangles
 from tpdwarp.photons.beam import Beam
 from tpdwarp.photons.emission import Domain, Patch, cell_flux, emit
 from tpdwarp.photons.lattices import CUBE_FACE, LEAST_WEIGHT, EmissionPlan, plan_emission
@@ -181,7 +181,7 @@ def test_the_domain_covers_every_specular_vertex_at_mid_shutter_and_little_else(
     plan, _ = planned(scene)
     ((_, patch),) = plan.patches(scene)
     low, high = corner_range(patch)
-    corners = specular_corners(scene, plan.normalization).reshape(-1, 3)
+    corners = Specular.of(scene, plan.normalization).points
     position, u, v, w = placed(patch, 0.0)
     if patch.domain == Domain.PLANE:
         uv = corners @ np.array([u, v]).T
@@ -287,11 +287,11 @@ def test_only_the_specular_triangles_of_a_mesh_are_aimed_at():
     np.testing.assert_array_equal(specular_triangles(part), part.triangles)
 
 
-def test_specular_corners_stand_where_they_are_at_mid_shutter():
+def test_specular_points_stand_where_they_are_at_mid_shutter():
     body = moving(ball("/ball", (0, 0, 1), 0.5, 2, glass()), (0.2, 0, -0.4))
     norm = Normalization((0.0, 0.0, 0.0), 0.25, 1.0)
-    corners = specular_corners(scene_of([body, floor()], sun()), norm)
-    np.testing.assert_allclose(corners, 0.25 * body.points[body.triangles], atol=2 * EPS)
+    specular = Specular.of(scene_of([body, floor()], sun()), norm)
+    np.testing.assert_allclose(specular.points[specular.triangles], 0.25 * body.points[body.triangles], atol=2 * EPS)
 
 
 @pytest.mark.parametrize("far", [1.0, 1e3, 1e6])

@@ -19,6 +19,7 @@ from tpdwarp.scene.description import (
     LightKind,
     Material,
     SceneAtShutter,
+    Shaping,
     Shutter,
 )
 from usd_scenes.oracle import surfaces_of, trace
@@ -172,6 +173,24 @@ def test_photons_land_where_the_middle_of_their_light_does_with_its_mean_flux(na
     size = np.linalg.norm(shift, axis=1).max()
     assert size > 1e-3
     np.testing.assert_allclose((whole.positions - middle.positions)[kept], shift, atol=0.05 * size)
+
+
+@pytest.mark.parametrize("name", ["sphere", "disk"])
+def test_a_cone_lets_as_much_light_of_a_light_with_extent_through_a_sheet_as_of_its_middle(name):
+    """Each place has its own cone, which is as wide where it meets the sheet: where it leaves out the light's middle,
+    light from its rim may fall all the same."""
+    clear = quad("/clear", (-3, -3), (3, 3), 2.0, Material(Interaction.DIELECTRIC, ior=1.0))
+    cone = Shaping(math.radians(15.0), softness=0.3)
+    lamp = replace(LIGHTS[name], shaping=cone, axes=np.eye(3))
+    if name == "disk":
+        lamp = replace(lamp, extent=replace(lamp.extent, spans=0.2 * np.eye(3)[:2]))
+    soft, point = (
+        traced(Written(scene_of(light, [floor(), clear])), 4096, shutter=STILL).photons
+        for light in (lamp, replace(lamp, extent=None))
+    )
+    # Penumbras a fifth as wide as the light is far off, as five places have it.
+    assert soft.flux.sum() == pytest.approx(point.flux.sum(), rel=0.02)
+    assert np.ptp(soft.positions[:, 0]) > 1.1 * np.ptp(point.positions[:, 0])
 
 
 def test_scenes_without_extent_carry_no_columns():

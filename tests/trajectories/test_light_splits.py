@@ -24,7 +24,14 @@ from tpdwarp.scene.description import (
 )
 from tpdwarp.scene.light_places import pieces_of_disc
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.light_splits import LEFT_OUT, LEFT_OUT_POWER, _squares
+from tpdwarp.trajectories.light_splits import (
+    FEWEST_PHOTONS,
+    LEFT_OUT,
+    LEFT_OUT_POWER,
+    MOST_RINGS,
+    _squares,
+    candidates,
+)
 from usd_scenes import shapes
 
 SPANS = np.array([[0.4, 0.0, 0.0], [0.0, 0.25, 0.0]])
@@ -42,6 +49,16 @@ def test_rectangles_leave_out_as_much_of_a_disc_as_is_counted(count):
         covered += along.max(axis=-1) < 1 if number else np.linalg.norm(along, axis=-1) < 1
     left_out = 0.5 * np.abs(covered - inside).sum() / inside.sum()
     assert left_out == pytest.approx(LEFT_OUT * count**LEFT_OUT_POWER, rel=0.1)
+
+
+@pytest.mark.parametrize("photons", [100, 1 << 14, 1 << 18, 1 << 22])
+def test_numbers_of_parts_are_those_that_discs_are_cut_into_and_leave_each_enough_photons(photons):
+    numbers = candidates(photons)
+    assert numbers[0] == 1 and all(len(pieces_of_disc(int(number))) == number for number in numbers)
+    assert (numbers[1:] * FEWEST_PHOTONS <= photons).all()
+    # The next ring would leave too few, or there are as many as there may be.
+    rings = len(numbers)
+    assert rings > MOST_RINGS or (1 + 3 * rings * (rings + 1)) * FEWEST_PHOTONS > photons
 
 
 def test_photons_count_by_the_irradiance_where_they_lie():

@@ -58,6 +58,9 @@ def everywhere(pixels, expected, rtol=ROUNDING):
 
 @pytest.mark.parametrize("presence", [0.25, 0.9])
 def test_a_sheet_that_is_there_in_part_shows_and_shades_in_part(presence):
+    alone, uncovered = render([sheet(color=RED, presence=presence)])
+    everywhere(alone, presence * np.array(RED) / math.pi)
+    everywhere(uncovered.channels["A"], presence)
     found, frame = render([FLOOR, sheet(color=RED, presence=presence)])
     floor = 0.8 / math.pi * (1 - presence)
     everywhere(found, presence * np.array(RED) / math.pi + (1 - presence) * floor)
@@ -85,6 +88,38 @@ def test_cut_outs_are_holes_for_camera_and_light(threshold):
         render([FLOOR, card], aovs=("Z",))[1].channels["Z"], np.where(there[..., 0], 2.0, 3.0), rtol=1e-5
     )
     assert (frame.channels["A"] == 1).all()
+
+
+def striped(height, periods, size):
+    """A card with holes in stripes that are far finer than what looks at it, and the part of it that is there.
+
+    Where 1/2 + 1/2 sin(2π x) is at least 3/10: 1/2 + arcsin(2/5)/π of each period.
+    """
+    x = (np.arange(8 * periods) + 0.5) / 8
+    alpha = np.broadcast_to(0.5 + 0.5 * np.sin(2 * math.pi * x)[None, :, None], (8, len(x), 3)).astype(np.float16)
+    card = sheet(height, size, color=RED, threshold=0.3, cutout=Texture({(0, 0): alpha}))
+    card = replace(card, coordinates=(card.points[:, :2] / size + 1) / 2, coordinate_indices=card.triangles)
+    return card, 0.5 + math.asin(0.4) / math.pi
+
+
+# Linear between eight texels a period, the sine crosses .3 by up to so much of a period elsewhere, twice: its second
+# derivative is at most 2π², by an eighth of the square of a texel, by the slope there, π √(1 − .4²).
+STRIPES = 2 * (2 * math.pi**2 / 8**3) / (math.pi * math.sqrt(1 - 0.4**2))
+
+
+def test_a_pixel_sees_the_part_of_a_fine_cut_out_that_is_there():
+    card, part = striped(1.0, 4 * SIZE, 1.0)
+    found, frame = render([card])
+    everywhere(found, part * np.array(RED) / math.pi, rtol=STRIPES / part)
+    everywhere(frame.channels["A"], part, rtol=STRIPES / part)
+
+
+def test_photons_pass_the_holes_of_a_fine_cut_out_by_their_part():
+    # Cells of sixteen rows are as wide as two periods.
+    card, part = striped(1.8, 32, 2.0)
+    below = replace(looking_down(), position=np.array([0.0, 0.0, 0.9]))
+    found, _ = render([FLOOR, slab(ior=1.0), card], below, photons=256)
+    everywhere(middle(found), 0.8 / math.pi * (1 - part), rtol=STRIPES / (1 - part))
 
 
 def test_a_hole_over_nothing_is_no_coverage():

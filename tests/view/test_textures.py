@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.view.scenes import SUN, looking_down, quad, steady
-from tpdwarp.io.resampling import area_averaged, pyramid
+from tpdwarp.io.resampling import area_averaged, part_reaching, pyramid
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter, Texture, Wrap
@@ -130,6 +130,16 @@ def test_every_level_has_the_mean_of_the_picture(height, width):
     assert levels[-1].shape == (1, 1, 2)
     for level in levels:
         np.testing.assert_allclose(level.mean(axis=(0, 1)), pixels.mean(axis=(0, 1)), rtol=1e-5)
+
+
+@pytest.mark.parametrize("steps", [(0.0, 0.1), (0.2, 0.0), (0.0, -0.3), (0.0, 0.0)])
+def test_the_part_that_reaches_a_threshold_is_an_area(steps):
+    # Upright and level ramps that cross .35 between texels; beside the ends, each texel goes on half a step either way.
+    rows, columns = np.mgrid[:4, :6]
+    ramp = (0.35 + steps[0] * (rows - 1.3) + steps[1] * (columns - 2.4))[..., None]
+    finer = (np.arange(1000) + 0.5) / 1000 - 0.5
+    expected = (ramp + finer * sum(steps) >= 0.35).mean(axis=-1, keepdims=True)
+    np.testing.assert_allclose(part_reaching(ramp, 0.35), expected, atol=1 / 1000)
 
 
 def test_averages_are_over_areas():

@@ -9,11 +9,7 @@ from pathlib import Path
 
 from tpdwarp.errors import InputError
 from tpdwarp.io.frame_names import FrameNames
-
-UDIM = "<UDIM>"
-Tile = tuple[int, int]
-# UDIM counts the squares of ten columns from 1001 on.
-COLUMNS, FIRST = 10, 1001
+from tpdwarp.usd.read.numbered_files import COLUMNS, FIRST, UDIM, Tile
 
 
 def udim(tile: Tile) -> int:

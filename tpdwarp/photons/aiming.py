@@ -11,10 +11,6 @@ from tpdwarp.photons.lattice_shape import specular_faces, turned
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.normalization import Normalization
 
-# Triangles that look larger than this from the light [rad] are cut before their directions are bounded. Between its
-# ends an edge of this size departs from that bound by its square over eight, a thousandth.
-FINEST_ANGLE = 0.1
-
 Bounds = tuple[float, float, float, float]
 
 
@@ -23,11 +19,35 @@ def specular_triangles(mesh: MeshAtShutter) -> np.ndarray:
     return mesh.triangles[specular_faces(mesh)]
 
 
-def specular_corners(scene: SceneAtShutter, normalization: Normalization) -> np.ndarray:
-    """Corners [k, 3, 3] of the specular triangles in the tracer's units, at mid shutter: that is where photons go."""
-    meshes = [mesh for mesh in scene.meshes if mesh.specular]
-    corners = [normalization.points(mesh.points)[specular_triangles(mesh)] for mesh in meshes]
-    return np.concatenate(corners).astype(np.float64) if corners else np.zeros((0, 3, 3))
+@dataclass(frozen=True, eq=False)
+class Specular:
+    """What photons are aimed at: the specular surfaces of a scene at mid shutter, in the tracer's units.
+
+    Attributes:
+        points: Vertices of specular triangles, shape [n, 3].
+        triangles: Rows of ``points``, shape [k, 3].
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+
+    @classmethod
+    def of(cls, scene: SceneAtShutter, normalization: Normalization) -> Specular:
+        """Those of ``scene``."""
+        points, triangles = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)]
+        count = 0
+        for mesh in scene.meshes:
+            if mesh.specular:
+                found = specular_triangles(mesh)
+                used = np.zeros(len(mesh.points), bool)
+                used[found] = True
+                points.append(normalization.points(mesh.points)[used])
+                triangles.append(count + (np.cumsum(used) - 1)[found])
+                count += len(points[-1])
+        return cls(np.concatenate(points).astype(np.float64), np.concatenate(triangles))
+
+    def __len__(self) -> int:
+        return len(self.triangles)
 
 
 def area_of(bounds: Bounds) -> float:
@@ -46,157 +66,85 @@ def cube_axes(axis: np.ndarray) -> list[np.ndarray]:
     return [np.array(face) for face in ((u, v, w), (-u, v, -w), (v, w, u), (v, -w, -u), (w, u, v), (-w, u, -v))]
 
 
-def spread_of(light: LightAtShutter, corners: np.ndarray, axis: np.ndarray, normalization: Normalization) -> float:
-    """Largest angle [rad] between ``axis`` and the directions from a point light to ``corners``."""
-    offsets = corners.reshape(-1, 3) - normalization.points(light.position[None])[0]
+def spread_of(light: LightAtShutter, points: np.ndarray, axis: np.ndarray, normalization: Normalization) -> float:
+    """Largest angle [rad] between ``axis`` and the directions from a point light to ``points`` [n, 3]."""
+    offsets = points - normalization.points(light.position[None])[0]
     lengths = np.maximum(np.linalg.norm(offsets, axis=1), 1e-30)
     return float(np.arccos(np.clip((offsets @ axis / lengths).min(), -1.0, 1.0)))
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """Triangles as a point light sees them, whichever way it looks.
-
-    Attributes:
-        corners: From the light, in the tracer's units, shape [k, 3, 3].
-        centres: Their middles, shape [k, 3].
-        edges: Lengths of their edges, shape [k, 3].
-        angles: The largest angle [rad] that each may span, shape [k].
-    """
-
-    corners: np.ndarray
-    centres: np.ndarray
-    edges: np.ndarray
-    angles: np.ndarray
-
-    @classmethod
-    def of(cls, corners: np.ndarray) -> Seen:
-        """Triangles whose corners are given from the light."""
-        lengths, edges = _lengths(corners), _lengths(corners - corners[:, (1, 2, 0)])
-        angles = _largest(edges) / np.maximum(-_largest(-lengths), 1e-9)
-        return cls(corners, (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0, edges, angles)
-
-
-def seen_from(light: LightAtShutter, corners: np.ndarray, normalization: Normalization) -> Seen | None:
-    """What a point light sees of triangles; None for parallel light, which sees them by their corners alone."""
-    if light.kind == LightKind.DISTANT:
-        return None
-    return Seen.of(corners - normalization.points(light.position[None])[0])
 
 
 def bounds_of(
     light: LightAtShutter,
     axes: np.ndarray | None,
     limit: float,
-    corners: np.ndarray,
+    specular: Specular,
     normalization: Normalization,
     turn: float = 0.0,
-    seen: Seen | None = None,
 ) -> Bounds | None:
-    """Patch coordinates (u0, u1, v0, v1) that reach ``corners`` at mid shutter; None if none do.
+    """Patch coordinates (u0, u1, v0, v1) that reach ``specular`` at mid shutter; None if none do.
 
-    The patch of a distant light is turned by ``turn`` [rad] from the light's own axes. ``seen`` is what
-    :func:`seen_from` gives, where several patches of a light are bounded.
+    The patch of a distant light is turned by ``turn`` [rad] from the light's own axes.
     """
     if light.kind == LightKind.DISTANT:
-        uv = corners.reshape(-1, 3) @ turned(light.axes, turn)[:2].T
+        uv = specular.points @ turned(light.axes, turn)[:2].T
     else:
-        uv = _angles(seen or seen_from(light, corners, normalization), axes, limit)
+        local = (specular.points - normalization.points(light.position[None])[0]) @ axes.T
+        uv = np.arctan(_tangents_within(local, specular.triangles, math.tan(limit))).clip(-limit, limit)
     if not len(uv):
         return None
     lower, upper = uv.min(axis=0), uv.max(axis=0)
     return float(lower[0]), float(upper[0]), float(lower[1]), float(upper[1])
 
 
-def _lengths(vectors: np.ndarray) -> np.ndarray:
-    """Lengths of vectors [..., 3], shape [...]."""
-    return np.sqrt(vectors[..., 0] ** 2 + vectors[..., 1] ** 2 + vectors[..., 2] ** 2)
+def _tangents_within(points: np.ndarray, triangles: np.ndarray, slope: float) -> np.ndarray:
+    """(x/z, y/z) of corners of what triangles show of themselves within |x|, |y| ≤ slope · z, shape [m, 2].
 
-
-def _largest(corners: np.ndarray) -> np.ndarray:
-    """The largest of each row of [k, 3], shape [k]: column by column, which is several times as fast."""
-    return np.maximum(np.maximum(corners[:, 0], corners[:, 1]), corners[:, 2])
-
-
-def _inside(corners: np.ndarray, slope: float) -> np.ndarray:
-    """Whether triangles [k, 3, 3] lie within |x|, |y| ≤ slope · z as a whole, shape [k]."""
-    x, y, z = corners[..., 0], corners[..., 1], corners[..., 2]
-    return _largest(np.maximum(np.abs(x), np.abs(y)) - slope * z) <= 0.0
-
-
-def _outside(corners: np.ndarray, slope: float) -> np.ndarray:
-    """Whether triangles [k, 3, 3] lie beyond one of the planes x, y = ±slope · z as a whole, shape [k]."""
-    x, y, reach = corners[..., 0], corners[..., 1], slope * corners[..., 2]
-    sides = (_largest(reach - part) < 0.0 for part in (x, -x, y, -y))
-    return np.logical_or.reduce(list(sides))
-
-
-def _widened(low: np.ndarray, high: np.ndarray, points: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of tangents within the patch, [2] and [2], with those of more points [n, 3]."""
-    points = points[points[:, 2] > 0.0]
-    tangents = points[:, :2] / points[:, 2:]
-    kept = tangents[(np.abs(tangents) <= math.tan(limit + FINEST_ANGLE)).all(axis=1)]
-    if not len(kept):
-        return low, high
-    slope = math.tan(limit)
-    return np.minimum(low, kept.min(axis=0).clip(-slope, slope)), np.maximum(high, kept.max(axis=0).clip(-slope, slope))
-
-
-def _widen(corners: np.ndarray, low: np.ndarray, high: np.ndarray, limit: float) -> np.ndarray:
-    """Whether what triangles [k, 3, 3] show of themselves in the patch may lie outside of bounds of tangents, [k]."""
-    x, y, z = corners[..., 0], corners[..., 1], corners[..., 2]
-    front, slope = _largest(-z) < 0.0, math.tan(limit)
-    wider = ~front
-    for axis, part in enumerate((x, y)):
-        tangents = part / np.where(z > 0.0, z, 1.0)
-        wider |= np.minimum(_largest(tangents), slope) > high[axis]
-        wider |= np.maximum(-_largest(-tangents), -slope) < low[axis]
-    return wider
-
-
-def _angles(seen: Seen, axes: np.ndarray, limit: float) -> np.ndarray:
-    """(u, v) angles that bound the parts of triangles inside the patch, shape [m, 2].
-
-    Triangles that look large from the light are cut across their longest edge until they look small, so that bounds
-    stay tight where a surface surrounds the light.
+    Tangents are greatest and least at corners: vertices that lie inside, edges that pass a side of the patch, and
+    corners of the patch that a triangle hides.
     """
-    if len(seen.corners) and (seen.corners @ axes[2]).min() > 0.0:
-        # All of it lies before the patch: tangents are greatest and least at corners.
-        flat = (seen.corners @ axes.T).reshape(-1, 3)
-        tangents = flat[:, :2] / flat[:, 2:]
-        ends = flat[np.concatenate([tangents.argmin(axis=0), tangents.argmax(axis=0)])]
-        uv = np.arctan2(ends[:, :2], ends[:, 2:])
-        if np.abs(uv).max() <= limit:
-            return uv
+    x, y, z = points.T
+    reach = slope * z
+    # One bit for each side of the patch that a vertex lies beyond.
+    beyond = (x > reach) | (x < -reach) << 1 | (y > reach) << 2 | (y < -reach) << 3
+    inside = (beyond == 0) & (z > 0.0)
+    a, b, c = beyond[triangles].T
+    every, some = a & b & c, a | b | c
+    cut = triangles[(every == 0) & (some != 0)]
+    # A corner of the patch lies between two of its sides, and so does what hides it.
+    wide = triangles[(every == 0) & (some & 0b0011 != 0) & (some & 0b1100 != 0)]
+    edges = cut[:, ((0, 1), (1, 2), (2, 0))].reshape(-1, 2)
+    first, second = beyond[edges].T
+    edges = edges[(first & second == 0) & (first | second != 0)]
+    ends = _passing(points[edges[:, 0]], points[edges[:, 1]], slope)
+    return np.concatenate([points[inside, :2] / points[inside, 2:], ends, _hidden(points[wide], slope)])
+
+
+def _passing(a: np.ndarray, b: np.ndarray, slope: float) -> np.ndarray:
+    """(x/z, y/z) where edges from ``a`` to ``b``, both [n, 3], pass a side of the patch, shape [m, 2]."""
     found = []
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    # Most triangles lie on another side of the light: only the others are turned to the patch.
-    parts = seen
-    centre = parts.centres @ axes.T
-    turn = axes.T
-    for _ in range(24):
-        reach = np.arctan2(np.maximum(np.abs(centre[:, 0]), np.abs(centre[:, 1])), centre[:, 2])
-        near = (reach <= limit + parts.angles) | (parts.angles > 1.0)
-        local, edges, small = parts.corners[near] @ turn, parts.edges[near], parts.angles[near] <= FINEST_ANGLE
-        # What lies inside as a whole is bounded by its corners; of what lies outside as a whole nothing is kept below.
-        inside, outside = _inside(local, math.tan(limit)), _outside(local, math.tan(limit + FINEST_ANGLE))
-        found.append(local[inside | small].reshape(-1, 3))
-        low, high = _widened(low, high, found[-1], limit)
-        cut = ~(inside | small | outside)
-        cut[cut] = _widen(local[cut], low, high, limit)
-        local, edges = local[cut], edges[cut]
-        if not len(local) or len(local) > 200_000:
-            break
-        rows, longest = np.arange(len(local)), edges.argmax(axis=1)
-        a, b, c = (local[rows, (longest + corner) % 3] for corner in range(3))
-        middle = 0.5 * (a + b)
-        parts = Seen.of(np.concatenate([np.stack(part, axis=1) for part in ((a, middle, c), (middle, b, c))]))
-        centre, turn = parts.centres, np.eye(3)
-    found.append(local.reshape(-1, 3))
-    points = np.concatenate(found)
-    points = points[points[:, 2] > 0.0]
-    if not len(points):
-        return np.zeros((0, 2))
-    uv = np.arctan2(points[:, :2], points[:, 2:])
-    inside = np.all(np.abs(uv) <= limit + FINEST_ANGLE, axis=1)
-    return np.clip(uv[inside], -limit, limit)
+    for axis in (0, 1):
+        for side in (-slope, slope):
+            from_a, from_b = (side * end[:, 2] - end[:, axis] for end in (a, b))
+            passes = (from_a < 0.0) != (from_b < 0.0)
+            start, away = from_a[passes, None], (from_a - from_b)[passes, None]
+            there = a[passes] + (start / away) * (b[passes] - a[passes])
+            there = there[(there[:, 2] > 0.0) & (np.abs(there[:, 1 - axis]) <= slope * there[:, 2])]
+            tangents = there[:, :2] / there[:, 2:]
+            tangents[:, axis] = side
+            found.append(tangents)
+    return np.concatenate(found)
+
+
+def _hidden(corners: np.ndarray, slope: float) -> np.ndarray:
+    """The corners (±slope, ±slope) of the patch that any of triangles [k, 3, 3] hides from the light, shape [m, 2]."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    # Volumes that the light spans with each edge, as functions of a direction: of one sign where the ray passes inside.
+    sides = np.stack([np.cross(a, b), np.cross(b, c), np.cross(c, a)])
+    volumes = np.einsum("ki,ki->k", a, sides[1])
+    found = []
+    for tangents in ((-slope, -slope), (-slope, slope), (slope, -slope), (slope, slope)):
+        spanned = sides @ np.array([*tangents, 1.0])
+        before = spanned.sum(axis=0) * volumes > 0.0
+        if (before & ((spanned >= 0.0).all(axis=0) | (spanned <= 0.0).all(axis=0))).any():
+            found.append(tangents)
+    return np.array(found).reshape(-1, 2)

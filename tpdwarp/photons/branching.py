@@ -87,6 +87,19 @@ def take_share(mask: int, decision: int, first_open: int, share: float, throughp
     return out
 
 
+def reported_branches(reported: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Decision and row of every reported branch, in order of decision, then of row; shape [m] int32 and [m].
+
+    Args:
+        reported: Decisions of each path whose reflected branch is to be followed, as bits, shape [n] int32.
+    """
+    rows = np.flatnonzero(reported)
+    found = reported[rows]
+    bits = np.arange(int(found.max(initial=0)).bit_length(), dtype=np.int32)
+    decision, at = np.nonzero(found & (np.int32(1) << bits[:, None]))
+    return decision.astype(np.int32), rows[at]
+
+
 def reported_paths(items: np.ndarray, masks: np.ndarray, reported: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The paths of the next pass: every reported branch becomes one, in order of decision, then of item.
 
@@ -98,11 +111,5 @@ def reported_paths(items: np.ndarray, masks: np.ndarray, reported: np.ndarray) -
     Returns:
         Items and masks of the paths, shape [m] int32 each.
     """
-    next_items, next_masks = [], []
-    for decision in range(int(reported.max(initial=0)).bit_length()):
-        chosen = np.flatnonzero(reported & (1 << decision))
-        next_items.append(items[chosen])
-        next_masks.append(masks[chosen] | np.int32(1 << decision))
-    if not next_items:
-        return items[:0], masks[:0]
-    return np.concatenate(next_items), np.concatenate(next_masks)
+    decision, rows = reported_branches(reported)
+    return items[rows], masks[rows] | (np.int32(1) << decision)

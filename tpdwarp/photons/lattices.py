@@ -17,15 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import warp as wp
 
-from tpdwarp.photons.aiming import (
-    Bounds,
-    area_of,
-    bounds_of,
-    cube_axes,
-    seen_from,
-    specular_corners,
-    spread_of,
-)
+from tpdwarp.photons.aiming import Bounds, Specular, area_of, bounds_of, cube_axes, spread_of
 from tpdwarp.photons.emission import Domain, Patch
 from tpdwarp.photons.energy import FEWEST_OF_SEVERAL
 from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape, turned
@@ -122,10 +114,15 @@ class EmissionPlan:
     _found: WeakKeyDictionary[SceneAtShutter, _Emitted] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False, compare=False
     )
+    # Where their lights see what is specular does not depend on how fine lattices are.
+    _bounds: WeakKeyDictionary[SceneAtShutter, dict[_Sighted, Bounds | None]] = field(
+        default_factory=WeakKeyDictionary, repr=False, compare=False
+    )
 
     def with_photons(self, photons: int) -> EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
-        return _planned(self.candidates, photons, self.normalization, self.splits)
+        plan = _planned(self.candidates, photons, self.normalization, self.splits)
+        return replace(plan, _bounds=self._bounds)
 
     def foreseeing(self, scene: SceneAtShutter) -> EmissionPlan:
         """The plan with lattices for those lights of ``scene`` that shine in none of the stills; just it where all do.
@@ -133,12 +130,12 @@ class EmissionPlan:
         Their photons have neighbours and trajectories then, as those of other lights; their ids do not last.
         """
         scene = split_lights(scene, self.splits)
-        corners = specular_corners(scene, self.normalization)
+        specular = Specular.of(scene, self.normalization)
         known = {lattice.light for lattice in self.lattices}
         new = [light for light in scene.lights if any(light.power) and light.path not in known]
-        if not new or not len(corners):
+        if not new or not len(specular):
             return self
-        found = [c for light in new for c in _candidates(light.path, [(light, corners)], self.normalization)]
+        found = [c for light in new for c in _candidates(light.path, [(light, specular)], self.normalization)]
         made = _lattices([candidate for candidate in found if not candidate.spare], self.photons, self.planned_ids)
         used = max((lattice.first_id + math.prod(lattice.wrap) for lattice in made), default=self.planned_ids)
         return replace(self, lattices=(*self.lattices, *made), planned_ids=used)
@@ -198,7 +195,8 @@ class EmissionPlan:
         """
         found = self._found.get(scene) if aimed else None
         if found is None:
-            found = self._emitted(split_lights(scene, self.splits), aimed)
+            split = split_lights(scene, self.splits)
+            found = self._emitted(_Sight(split, self.normalization, self._bounds.setdefault(scene, {})), aimed)
             if aimed:
                 self._found[scene] = found
         return [
@@ -206,55 +204,44 @@ class EmissionPlan:
             for lattice, light, bounds in found.parts
         ]
 
-    def _emitted(self, scene: SceneAtShutter, aimed: bool) -> _Emitted:
-        """What a scene emits, whose lights are split already; all of each planned lattice if it is not ``aimed``."""
-        corners = specular_corners(scene, self.normalization)
-        if not len(corners):
+    def _emitted(self, sight: _Sight, aimed: bool) -> _Emitted:
+        """What the lights of a scene emit; all of each planned lattice if it is not ``aimed``."""
+        if not len(sight.specular):
             return _Emitted()
-        norm = self.normalization
-        lights = {light.path: light for light in scene.lights if any(light.power)}
         if aimed:
-            pairs = self._aimed(lights, corners)
+            pairs = self._aimed(sight)
         else:
-            pairs = [(lattice, NOWHERE) for lattice in self.lattices if lattice.light in lights]
-        parts = [(lattice, lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
-        return _Emitted(parts, 2.0 * _radius(scene, norm) + 1.0, np.abs(corners).max(axis=(0, 1)))
+            pairs = [(lattice, NOWHERE) for lattice in self.lattices if lattice.light in sight.lights]
+        parts = [(lattice, sight.lights[lattice.light], bounds) for lattice, bounds in pairs if bounds is not None]
+        behind = 2.0 * _radius(sight.scene, self.normalization) + 1.0
+        return _Emitted(parts, behind, np.abs(sight.specular.points).max(axis=0))
 
-    def _aimed(self, lights: dict[str, LightAtShutter], corners: np.ndarray) -> list[tuple[Lattice, Bounds | None]]:
-        """The lattices of ``lights``, by path, that reach ``corners``, planned or made for them, with their bounds."""
-        norm = self.normalization
+    def _aimed(self, sight: _Sight) -> list[tuple[Lattice, Bounds | None]]:
+        """The lattices that reach what is specular, planned or made for the scene, with their bounds."""
         foreseen: list[tuple[Lattice, Bounds | None]] = []
         unforeseen: list[_Candidate] = []
         of_light: dict[str, list[Lattice]] = {}
         for lattice in self.lattices:
             of_light.setdefault(lattice.light, []).append(lattice)
-        for light in lights.values():
-            planned = of_light.get(light.path, [])
-            seen = seen_from(light, corners, norm)
-            bounds = [
-                bounds_of(light, lattice.axes, lattice.limit, corners, norm, lattice.turn, seen) for lattice in planned
-            ]
-            pairs = list(zip(planned, bounds, strict=True))
-            if pairs and self._hold(light, corners, pairs):
+        for path, light in sight.lights.items():
+            pairs = [(lattice, sight.bounds(lattice)) for lattice in of_light.get(path, [])]
+            if pairs and self._hold(sight, pairs):
                 foreseen += pairs
             else:
-                unforeseen += [c for c in _candidates(light.path, [(light, corners)], norm) if not c.spare]
+                found = _candidates(path, [(light, sight.specular)], self.normalization)
+                unforeseen += [candidate for candidate in found if not candidate.spare]
         made = _lattices(unforeseen, self.photons, self.planned_ids)
-        found = [bounds_of(lights[lattice.light], lattice.axes, lattice.limit, corners, norm) for lattice in made]
-        return [*foreseen, *zip(made, found, strict=True)]
+        return [*foreseen, *((lattice, sight.bounds(lattice)) for lattice in made)]
 
-    def _hold(
-        self, light: LightAtShutter, corners: np.ndarray, pairs: Sequence[tuple[Lattice, Bounds | None]]
-    ) -> bool:
-        """Whether lattices suit what ``light`` sees: nothing outside of them, and not far more than was foreseen.
+    def _hold(self, sight: _Sight, pairs: Sequence[tuple[Lattice, Bounds | None]]) -> bool:
+        """Whether lattices of a light suit what it sees: nothing outside of them, and not far more than was foreseen.
 
         That is counted over all faces of a cube: of one that stills graze, a part of the photons is many times as much.
         """
         emitted = 0
         for lattice, bounds in pairs:
-            if lattice.limit == WIDEST_KEPT_PATCH:
-                if spread_of(light, corners, lattice.axes[2], self.normalization) > WIDEST_KEPT_PATCH:
-                    return False
+            if lattice.limit == WIDEST_KEPT_PATCH and sight.spread(lattice) > WIDEST_KEPT_PATCH:
+                return False
             if bounds is None:
                 continue
             cells = _cells(lattice, bounds)
@@ -263,6 +250,40 @@ class EmissionPlan:
             emitted += math.prod(count for _, count in cells)
         foreseen = sum(lattice.wrap[0] * lattice.wrap[1] // 4 for lattice, _ in pairs)
         return emitted <= LARGEST_CELL_GROWTH * foreseen
+
+
+# A lattice as its light sees it: the light's path, and the limit, turn and axes of the patch.
+_Sighted = tuple[str, float, float, bytes]
+
+
+class _Sight:
+    """What the lights of a scene see of what is specular.
+
+    Args:
+        scene: Its lights are split already.
+        normalization: The tracer's units.
+        found: Bounds that were found before; what is found is added to them.
+    """
+
+    def __init__(
+        self, scene: SceneAtShutter, normalization: Normalization, found: dict[_Sighted, Bounds | None]
+    ) -> None:
+        self.scene, self._normalization, self._found = scene, normalization, found
+        self.lights = {light.path: light for light in scene.lights if any(light.power)}
+        self.specular = Specular.of(scene, normalization)
+
+    def bounds(self, lattice: Lattice) -> Bounds | None:
+        """Where on a lattice photons start that reach what is specular; None if none do."""
+        axes = lattice.axes
+        key = lattice.light, lattice.limit, lattice.turn, b"" if axes is None else axes.tobytes()
+        if key not in self._found:
+            given = self.lights[lattice.light], axes, lattice.limit, self.specular, self._normalization, lattice.turn
+            self._found[key] = bounds_of(*given)
+        return self._found[key]
+
+    def spread(self, lattice: Lattice) -> float:
+        """The largest angle [rad] between the middle of a lattice of directions and what its light sees."""
+        return spread_of(self.lights[lattice.light], self.specular.points, lattice.axes[2], self._normalization)
 
 
 def plan_emission(
@@ -283,14 +304,14 @@ def plan_emission(
     """
     stills = reference_scenes(source, lambda scene: require_within_range(scene, normalization, source.file), stills)
     stills = [split_lights(scene, splits) for scene in stills]
-    corners = [specular_corners(scene, normalization) for scene in stills]
+    specular = [Specular.of(scene, normalization) for scene in stills]
     paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
     candidates = []
     shapes: dict[str, LatticeShape] = {}
     for path in paths:
         views = [
             (light, there)
-            for scene, there in zip(stills, corners, strict=True)
+            for scene, there in zip(stills, specular, strict=True)
             for light in scene.lights
             if light.path == path and len(there)
         ]
@@ -399,25 +420,21 @@ class _Candidate:
 
 def _candidates(
     path: str,
-    views: Sequence[tuple[LightAtShutter, np.ndarray]],
+    views: Sequence[tuple[LightAtShutter, Specular]],
     normalization: Normalization,
     shape: LatticeShape = OWN_AXES,
 ) -> list[_Candidate]:
-    first, first_corners = views[0]
+    first, first_seen = views[0]
     if first.kind == LightKind.DISTANT:
         faces, limit = [None], math.inf
     else:
-        centre = 0.5 * (first_corners.min(axis=(0, 1)) + first_corners.max(axis=(0, 1)))
+        centre = 0.5 * (first_seen.points.min(axis=0) + first_seen.points.max(axis=0))
         cube = cube_axes(centre - normalization.points(first.position[None])[0])
-        spread = max(spread_of(light, there, cube[0][2], normalization) for light, there in views)
+        spread = max(spread_of(light, there.points, cube[0][2], normalization) for light, there in views)
         faces, limit = (cube[:1], WIDEST_KEPT_PATCH) if spread < WIDEST_SINGLE_PATCH else (cube, CUBE_FACE)
     found = []
-    sights = [(light, there, seen_from(light, there, normalization)) for light, there in views]
     for number, axes in enumerate(faces):
-        bounds = [
-            (light, bounds_of(light, axes, limit, there, normalization, shape.turn, sight))
-            for light, there, sight in sights
-        ]
+        bounds = [(light, bounds_of(light, axes, limit, there, normalization, shape.turn)) for light, there in views]
         seen = [(light, b) for light, b in bounds if b is not None]
         if not seen:
             continue

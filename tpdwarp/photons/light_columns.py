@@ -94,41 +94,50 @@ def columns_at(patch: Patch, beam: Beam) -> LightColumns:
 
 
 @wp.func
-def _flux_from(patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3, a: float, b: float) -> float:
-    """Flux from the place (a, b) through the surface of normal n_g that the beam meets, by area and up to a factor."""
+def _flux_from(patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3, a: float, b: float) -> wp.vec2:
+    """Flux from the place (a, b) through the surface of normal n_g that the beam meets, by area and up to a factor, and
+    the part of it that the light's shaping leaves."""
     w = wp.normalize(beam.w + a * columns.dwda + b * columns.dwdb)
     facing = wp.max(wp.dot(w, n_g) * wp.sign(wp.dot(beam.w, n_g)), 0.0)
     if patch.domain == 0:
-        return facing
+        return wp.vec2(facing, 1.0)
     d = wp.length(beam.x - patch.position)
     along = beam.w * d + d * (a * columns.dwda + b * columns.dwdb)
     if patch.extent_shape != ROUND:
         along = beam.w * d - a * patch.span_a
         if patch.extent_shape != CYLINDER:
             along -= b * patch.span_b
+    left = float(1.0)
     if patch.is_shaped == 1:
-        facing *= shaped(patch.shaping, patch.shaping_axis, wp.normalize(along))
-    return facing / wp.length_sq(along)
+        left = shaped(patch.shaping, patch.shaping_axis, wp.normalize(along))
+    return wp.vec2(facing / wp.length_sq(along), left)
 
 
 @wp.func
 def flux_changes(patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3) -> wp.vec3:
-    """D_a ln Φ and D_b ln Φ of light through a point of the first specular surface, and the mean of Φ by the middle's.
+    """D_a ln Φ and D_b ln Φ of light through a point of the first specular surface, and the mean of Φ by what the
+    middle would send without shaping: where a cone leaves the middle out, it may not do so with the rim.
 
-    Both by differences from rim to rim; changes are limited to all of the light. What the surface reflects is left out.
+    Both by differences from rim to rim; changes are limited to all of the light, means to half and twice what there is.
+    What the surface reflects is left out.
     """
     middle = _flux_from(patch, beam, columns, n_g, 0.0, 0.0)
-    if middle <= 0.0:
-        return wp.vec3(0.0, 0.0, 1.0)
-    right = _flux_from(patch, beam, columns, n_g, 1.0, 0.0) / middle
-    left = _flux_from(patch, beam, columns, n_g, -1.0, 0.0) / middle
-    upper = _flux_from(patch, beam, columns, n_g, 0.0, 1.0) / middle
-    lower = _flux_from(patch, beam, columns, n_g, 0.0, -1.0) / middle
+    if middle[0] <= 0.0:
+        return wp.vec3(0.0, 0.0, middle[1])
+    right = _flux_from(patch, beam, columns, n_g, 1.0, 0.0)
+    left = _flux_from(patch, beam, columns, n_g, -1.0, 0.0)
+    upper = _flux_from(patch, beam, columns, n_g, 0.0, 1.0)
+    lower = _flux_from(patch, beam, columns, n_g, 0.0, -1.0)
     k = VARIANCE_OF_INTERVAL
     if columns.image == IMAGE_DISC:
         k = VARIANCE_OF_DISC
-    mean = wp.clamp(1.0 + 0.5 * k * (right + left + upper + lower - 4.0), 0.5, 2.0)
-    change = 0.5 * wp.vec2(right - left, upper - lower) / mean
+    rims = wp.vec4(right[0] * right[1], left[0] * left[1], upper[0] * upper[1], lower[0] * lower[1]) / middle[0]
+    most = wp.max(wp.max(wp.max(right[1], left[1]), wp.max(upper[1], lower[1])), middle[1])
+    mean = middle[1] + 0.5 * k * (rims[0] + rims[1] + rims[2] + rims[3] - 4.0 * middle[1])
+    mean = wp.clamp(mean, 0.5 * middle[1], 2.0 * most)
+    if mean <= 0.0:
+        return wp.vec3(0.0, 0.0, 0.0)
+    change = 0.5 * wp.vec2(rims[0] - rims[1], rims[2] - rims[3]) / mean
     change /= wp.max(wp.length(change), 1.0)
     return wp.vec3(change[0], change[1], mean)
 

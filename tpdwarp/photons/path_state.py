@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
+from tpdwarp.photons.branching import reported_branches
 from tpdwarp.photons.light_columns import LightColumns
 
 # States that a path keeps for those that branch from it; where it reports more branches, the others start from the
@@ -91,10 +92,8 @@ def kept_rows(reported: np.ndarray) -> np.ndarray:
     Returns:
         Rows of the array of states; −1 where there was no room.
     """
-    rows, before = [np.zeros(0, np.int32)], np.zeros(len(reported), np.int32)
-    for decision in range(int(reported.max(initial=0)).bit_length()):
-        chosen = np.flatnonzero(reported & (1 << decision))
-        kept = before[chosen]
-        rows.append(np.where(kept < KEPT_STATES, kept * len(reported) + chosen, -1).astype(np.int32))
-        before[chosen] += 1
-    return np.concatenate(rows)
+    decision, rows = reported_branches(reported)
+    # As many as it reported before.
+    earlier = reported[rows] & ((np.int32(1) << decision) - np.int32(1))
+    kept = np.unpackbits(earlier.view(np.uint8).reshape(-1, 4), axis=1).sum(axis=1, dtype=np.int32)
+    return np.where(kept < KEPT_STATES, kept * len(reported) + rows, -1).astype(np.int32)

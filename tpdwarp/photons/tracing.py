@@ -39,7 +39,7 @@ from tpdwarp.scene.device.geometry import Geometry, Surfaces
 from tpdwarp.scene.device.intersection import Hit, along, closest_hit, occluded
 from tpdwarp.scene.device.links import PASSED, UNLIT, links_of
 from tpdwarp.scene.device.media import crossing_at, media_at
-from tpdwarp.scene.device.presence import presence_at
+from tpdwarp.scene.device.presence import presence_over
 from tpdwarp.scene.device.textures import (
     TextureArrays,
     absorbed_in_media,
@@ -329,7 +329,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     break
             if wp.static(partial):
                 # ---- What is not there lets light pass, and is no part of its path
-                share = presence_at(surfaces, textures, hit.triangle, hit.beta)
+                there = transfer_to(beam, hit, True, wp.static(moves))
+                share = presence_over(surfaces, textures, hit, there.dxdu, there.dxdv)
                 part = take_share(mask, decision, first_open, share, flux, cutoff)
                 flux = part.throughput
                 reported = reported | part.reported
@@ -338,7 +339,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 culled += part.culled
                 decision += part.decided
                 if not part.reflected:
-                    beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
+                    beam = passed(there, hit)
                     if wp.static(extended):
                         columns = transfer_columns(columns, beam.w, hit)
                     start = 0.0
@@ -421,6 +422,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         flux *= changes[2]
                         emitted *= changes[2]
                         entering *= changes[2]
+                        if changes[2] <= 0.0:
+                            # No place on the light shines there.
+                            fate = FATE_DIRECT
+                            break
 
             # ---- Reflection or refraction
             roughness = float(0.0)
@@ -623,30 +628,35 @@ def trace_photons(
         own = launcher.array(links[of_lattice] if len(links) else np.zeros((0, 0), np.int32), wp.int32)
         for begin in range(0, len(emitting.cells), BLOCK):
             paths = _Paths.from_light(emitting.cells[begin : begin + BLOCK], launcher)
-            while len(paths.cells):
-                out = launcher.rows(PhotonArrays, len(paths.cells), but=left_out)
-                kept = _Kept.room_for(len(paths.cells), variant, launcher)
+            traced: _Traced | None = None
+            while count := len(paths.cells):
+                if traced is None or not traced.suits(count):
+                    traced = _Traced.room_for(count, left_out, launcher)
+                kept = _Kept.room_for(count, variant, launcher)
                 inputs = [band.surfaces, textures or TextureArrays(), patches, first_cells]
                 inputs += [launcher.array(paths.cells, wp.int32), launcher.array(paths.masks, wp.int32)]
                 inputs += [offsets, device_tags, own, launcher.array(paths.sources, wp.int32)]
                 inputs += [paths.kept.states, paths.kept.vertices, requirements.bounces, smallest_branch, seed]
-                launcher(kernel, len(paths.cells), [*inputs, out, kept.states, kept.vertices])
-                fate = out.fate.numpy()
+                launcher(kernel, count, [*inputs, traced.arrays, kept.states, kept.vertices])
+                out = traced.columns(count)
+                fate = out["fate"]
                 # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
-                first = np.ones(len(paths.cells), bool) if needs.partial else paths.masks == 0
-                _tally(account, out, fate, first, plan.normalization.power)
+                first = np.ones(count, bool) if needs.partial else paths.masks == 0
+                _tally(account, out, first, plan.normalization.power)
                 keep = np.flatnonzero(fate == Fate.DEPOSITED)
                 if len(keep):
                     # Where all of them have landed nothing is copied.
-                    landing = slice(None) if len(keep) == len(paths.cells) else keep
-                    rows = {name: getattr(out, name).numpy()[landing] for name in columns}
+                    landing = slice(None) if len(keep) == count else keep
+                    rows = {name: out[name][landing] for name in columns}
                     path = band.path(paths.masks[keep])
                     lattice, rows["ids"] = emitting.ids(paths.cells[keep], path, plan.id_count)
                     if recording:
                         rows["vertices"] = kept.vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
                     rows["light"] = of_lattice[lattice]
                     landed.append(rows)
-                paths = paths.reported(out.reported.numpy(), kept)
+                paths = paths.reported(out["reported"], kept)
+                if len(keep) == count:
+                    traced = None
                 # Before the next pass makes its own.
                 del out, inputs, fate, kept
     account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
@@ -655,6 +665,41 @@ def trace_photons(
     columns += ["ids", "light", *(["vertices"] if recording else [])]
     rows = {name: joined([found[name] for found in landed]) for name in columns}
     return PhotonMap(**rows, light_paths=lights, light_parts=plan.splits), account
+
+
+@dataclass(frozen=True, eq=False)
+class _Traced:
+    """What a pass finds of its paths, in room that later ones use again: to make two dozen arrays takes longer than to
+    trace some hundred paths.
+
+    Attributes:
+        arrays: On the device.
+        on_host: Views of them; none on a GPU.
+        capacity: Paths that there is room for.
+    """
+
+    arrays: PhotonArrays
+    on_host: dict[str, np.ndarray]
+    capacity: int
+
+    @classmethod
+    def room_for(cls, count: int, left_out: Sequence[str], launcher: Launcher) -> _Traced:
+        """Room for ``count`` paths, without the columns ``left_out``."""
+        traced = cls(launcher.rows(PhotonArrays, count, but=left_out), {}, count)
+        if not launcher.device.is_cuda:
+            traced.on_host.update(traced.columns(count))
+        return traced
+
+    def suits(self, count: int) -> bool:
+        """Whether ``count`` paths may use it again; on a GPU, from which all of it is copied, none do."""
+        return bool(self.on_host) and count <= self.capacity
+
+    def columns(self, count: int) -> dict[str, np.ndarray]:
+        """What it holds of ``count`` paths, on the host."""
+        if self.on_host:
+            return {name: values[:count] for name, values in self.on_host.items()}
+        arrays = ((name, getattr(self.arrays, name)) for name in PhotonArrays.vars)
+        return {name: array.numpy() for name, array in arrays if array is not None and array.shape[0]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -758,35 +803,42 @@ class _Emitting:
         return number, masks.astype(np.int64) * id_count + first_id + v * wrap[0] + u
 
 
-def _tally(account: EnergyAccount, out: PhotonArrays, fate: np.ndarray, first: np.ndarray, unit: float) -> None:
+def _tally(account: EnergyAccount, out: dict[str, np.ndarray], first: np.ndarray, unit: float) -> None:
     """Adds one pass to the account.
 
     Args:
+        out: The columns of :class:`PhotonArrays`.
         first: Paths whose emitted flux no other has counted, shape [n].
         unit: The tracer's unit of power [W].
     """
-    specular = fate != Fate.DIRECT
+    fate = out["fate"]
+    ended = np.bincount(fate, minlength=len(Fate))
+    specular = None if not ended[Fate.DIRECT] else fate != Fate.DIRECT
+
+    def ending(how: Fate) -> float:
+        """Flux of the paths that ended so."""
+        return unit * _total(out["flux"], fate == how) if ended[how] else 0.0
+
     # Counted at the light, not added up from where it went: so the account can show that something is missing.
-    account.sent += unit * _total(out.emitted, specular & first)
-    retried = int(out.retried.numpy().sum(dtype=np.int64))
+    account.sent += unit * _total(out["emitted"], first if specular is None else specular & first)
+    retried = int(out["retried"].sum(dtype=np.int64))
     if retried:
         account.counts["hits at the second try"] = account.counts.get("hits at the second try", 0) + retried
-    account.deposited += unit * _total(out.flux, fate == Fate.DEPOSITED)
-    account.escaped += unit * _total(out.flux, fate == Fate.ESCAPED)
-    account.absorbed += unit * _total(out.absorbed, specular)
-    for cause, array, rows in (
-        ("branch below cutoff", out.culled, specular),
-        ("too many bounces", out.flux, fate == Fate.DEPTH),
-        ("not finite", out.flux, fate == Fate.NONFINITE),
+    account.deposited += ending(Fate.DEPOSITED)
+    account.escaped += ending(Fate.ESCAPED)
+    account.absorbed += unit * _total(out["absorbed"], specular)
+    for cause, value in (
+        ("branch below cutoff", unit * _total(out["culled"], specular)),
+        ("too many bounces", ending(Fate.DEPTH)),
+        ("not finite", ending(Fate.NONFINITE)),
     ):
-        if value := unit * _total(array, rows):
+        if value:
             account.lost[cause] = account.lost.get(cause, 0.0) + value
 
 
-def _total(array: wp.array, rows: np.ndarray) -> float:
-    """Sum of all channels of some rows of vectors, by mask."""
-    values = array.numpy()
-    return float((values if rows.all() else values[rows]).sum(dtype=np.float64))
+def _total(values: np.ndarray, rows: np.ndarray | None) -> float:
+    """Sum of all channels of some rows of vectors, by mask; None for all."""
+    return float((values if rows is None or rows.all() else values[rows]).sum(dtype=np.float64))
 
 
 def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:

@@ -30,6 +30,7 @@ import numpy as np
 
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.neighbours import Pairs, differences, neighbours
 
 # Neighbours are of one smooth sheet where the way between them is the mean of their columns, up to this part of the
@@ -44,15 +45,16 @@ def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
         same = photons.receiver[a] == photons.receiver[b]
         a, b = a[same], b[same]
         column = (photons.dxdu, photons.dxdv)[axis]
-        apart = np.linalg.norm(photons.position[b] - photons.position[a], axis=1)
-        reach[:, axis] = _reach(column, (a, b), apart)
+        way = photons.position.take(b, axis=0) - photons.position.take(a, axis=0)
+        reach[:, axis] = _reach(column, (a, b), lengths(way))
         column = column * reach[:, axis : axis + 1]
-        mean = 0.5 * (column[a] + column[b])
-        misfit = np.linalg.norm(photons.position[b] - photons.position[a] - mean, axis=1)
-        longer = np.maximum(*(np.linalg.norm(column[rows], axis=1) for rows in (a, b)))
+        mean = 0.5 * (column.take(a, axis=0) + column.take(b, axis=0))
+        misfit = lengths(way - mean)
+        sizes = lengths(column)
+        longer = np.maximum(sizes[a], sizes[b])
         beside = misfit <= LARGEST_MISFIT * longer
         bend += 0.5 * differences(column, (a[beside], b[beside]))
-    bend -= photons.normal * np.sum(photons.normal * bend, axis=1, keepdims=True)
+    bend -= photons.normal * np.einsum("ij,ij->i", photons.normal, bend)[:, None]
     return replace(photons, bend=_at_rest(photons) * bend, reach=reach)
 
 
@@ -70,7 +72,7 @@ def reaches(photons: PhotonMap, plan: EmissionPlan, place: np.ndarray) -> np.nda
         a, b = a[same], b[same]
         aligned = photons.position - place[:, 1 - axis, None] * columns[1 - axis]
         steps = 1.0 + place[b, axis] - place[a, axis]
-        apart = np.linalg.norm(aligned[b] - aligned[a], axis=1) / steps
+        apart = lengths(aligned.take(b, axis=0) - aligned.take(a, axis=0)) / steps
         reach[:, axis] = _reach(columns[axis], (a, b), apart)
     return reach
 
@@ -88,8 +90,8 @@ def within_reach(photons: PhotonMap) -> PhotonMap:
 
 def _at_rest(photons: PhotonMap) -> np.ndarray:
     """One where light stands still, less where it moves, nothing where it moves by its footprint; shape [n, 1]."""
-    longer = np.maximum(*(np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)))
-    moved = np.linalg.norm(photons.dxdt, axis=1)
+    longer = np.maximum(lengths(photons.dxdu), lengths(photons.dxdv))
+    moved = lengths(photons.dxdt)
     share = np.divide(moved, longer, out=np.ones_like(moved), where=longer > moved)
     return (1.0 - share)[:, None].astype(np.float32)
 
@@ -104,6 +106,6 @@ def _reach(column: np.ndarray, pairs: Pairs, apart: np.ndarray) -> np.ndarray:
     for rows in pairs:
         # A photon has one neighbour at most on either side.
         farthest[rows] = np.maximum(farthest[rows], apart)
-    length = np.linalg.norm(column, axis=1)
+    length = lengths(column)
     limited = (farthest > 0.0) & (farthest < length)
     return np.divide(farthest, length, out=np.ones_like(length), where=limited)

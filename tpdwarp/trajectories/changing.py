@@ -40,9 +40,9 @@ from tpdwarp.trajectories.passing import FARTHEST
 from tpdwarp.trajectories.retraced import (
     LEAST_LIGHT,
     LEAST_SHARE,
+    CellsOfLattices,
     RetracedCells,
     Window,
-    cells_of,
     distances,
     flux_in,
     grown,
@@ -81,27 +81,31 @@ def changing_cells(
     """
     suspects = _suspects(keyframes, plan, clock)
     with clock.stage("trace"):
+        here = CellsOfLattices(photons, plan)
         suspects = {
-            number: ChosenCells(cells.cell, _shifts_of(cells.cell, photons, plan, number, cells))
+            number: ChosenCells(cells.cell, _shifts_of(cells.cell, here, number, cells))
             for number, cells in suspects.items()
         }
     ends: list[PhotonMap] = []
     if suspects:
-        ends = [keyframes.traced(part, plan, chosen=riding(suspects, plan, part)) for part in (-END, END)]
+        ends = [keyframes.traced(part, plan, chosen=riding(suspects, plan, part), aimed=False) for part in (-END, END)]
     with clock.stage("trace"):
         typical = max(map(typical_area, [photons, *ends]))
         chosen = dict(besides or {})
         for number, cells in _unfollowed(keyframes, photons, plan, typical).items():
             chosen[number] = np.unique(np.concatenate([cells, chosen.get(number, cells)]), axis=0)
+        change_in = _Change([ends[0], photons, ends[1]], plan, typical) if suspects else None
         for number, cells in suspects.items():
             window = Window.around(cells.cell)
-            here = window.grid(dtype=bool)
-            here[window.at(cells.cell)] = True
-            change = _change([ends[0], photons, ends[1]], plan, number, window, typical)
-            changing = window.cells(grown(change, 1 + _beyond_ends(change)) & here)
+            suspected = window.grid(dtype=bool)
+            suspected[window.at(cells.cell)] = True
+            change = change_in.within(number, window)
+            changing = window.cells(grown(change, 1 + _beyond_ends(change)) & suspected)
             chosen[number] = np.unique(np.concatenate([changing, chosen.get(number, changing)]), axis=0)
         chosen = {number: cells for number, cells in chosen.items() if len(cells)}
-        fields = {number: _field(photons, plan, number, suspects.get(number)) for number in numbers_of([photons], plan)}
+        fields = {
+            number: _field(here, plan.lattices[number], number, suspects.get(number)) for number in here.numbers()
+        }
         for number, ride in fields.items():
             if ride.torn is not None:
                 cells = [ride.torn, *([chosen[number]] if number in chosen else [])]
@@ -117,7 +121,7 @@ def changing_cells(
             ride = fields.get(number)
             if ride is None or ride.torn is None:
                 window = Window.around(cells, margin=1)
-                ride = _Field(window, _shifts(photons, plan, number, window, suspects.get(number)), None)
+                ride = _Field(window, _shifts(here, number, window, suspects.get(number)), None)
             found[number] = ChosenCells(cells, ride.shifts[ride.window.at(cells)].astype(np.float32))
             growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
         return RetracedCells(found, plan, growth)
@@ -133,8 +137,8 @@ def _unfollowed(
     sagitta = np.linalg.norm(after.dxdt - before.dxdt, axis=1) / 8.0
     off = before.valid & after.valid & (sagitta > LARGEST_SAGITTA * size)
     off &= disagreement(photons, before.dxdt, after.dxdt) > LARGEST_DISAGREEMENT
-    lost = photons.rows(off & matters(photons, typical, LEAST_SHARE))
-    return {number: np.unique(cells_of(lost, plan, number)[1], axis=0) for number in numbers_of([lost], plan)}
+    lost = CellsOfLattices(photons.rows(off & matters(photons, typical, LEAST_SHARE)), plan)
+    return {number: np.unique(lost.of(number)[1], axis=0) for number in lost.numbers()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,18 +156,18 @@ class _Field:
     torn: np.ndarray | None
 
 
-def _field(photons: PhotonMap, plan: EmissionPlan, number: int, given: ChosenCells | None) -> _Field:
-    """How the cells of a lattice ride."""
-    rows, cells = cells_of(photons, plan, number)
+def _field(found: CellsOfLattices, lattice: Lattice, number: int, given: ChosenCells | None) -> _Field:
+    """How the cells of a lattice ride, of which photons were found."""
+    rows, cells = found.of(number)
     window = Window.around(cells, margin=1)
-    if np.ptp(photons.shift[rows], axis=0).max() <= LARGEST_DRIFT_APART:
+    if np.ptp(found.photons.shift[rows], axis=0).max() <= LARGEST_DRIFT_APART:
         return _Field(window, window.grid(2), None)
-    shifts = _shifts(photons, plan, number, window, given)
+    shifts = _shifts(found, number, window, given)
     torn, smooth = rift_cells(shifts)
     if not torn.any():
         return _Field(window, shifts, None)
     cells = window.cells(torn)
-    return _Field(window, np.where(torn[..., None], smooth, shifts), cells[plan.lattices[number].holds(cells)])
+    return _Field(window, np.where(torn[..., None], smooth, shifts), cells[lattice.holds(cells)])
 
 
 def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> dict[int, ChosenCells]:
@@ -174,22 +178,25 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
         riders: dict[int, ChosenCells] = {}
         windows: dict[int, Window] = {}
         shifts: dict[int, np.ndarray] = {}
-        for number in numbers_of(maps, sparse):
-            cells = np.concatenate([cells_of(photons, sparse, number)[1] for photons in maps])
+        of_lattices = [CellsOfLattices(photons, sparse) for photons in maps]
+        for number in numbers_of(of_lattices):
+            cells = np.concatenate([found.of(number)[1] for found in of_lattices])
             windows[number] = window = Window.around(cells, margin=1)
             inside = window.cells(np.ones(window.size, bool))
             inside = inside[sparse.lattices[number].holds(inside)]
-            shifts[number] = _shifts(maps[1], sparse, number, window)
+            shifts[number] = _shifts(of_lattices[1], number, window)
             riders[number] = ChosenCells(inside, shifts[number][window.at(inside)])
         drift = max((END * np.abs(cells.offset).max() for cells in riders.values()), default=0.0)
     if drift > LARGEST_DRIFT:
-        ends = [keyframes.traced(part, sparse, chosen=riding(riders, sparse, part)) for part in (-END, END)]
+        ends = [
+            keyframes.traced(part, sparse, chosen=riding(riders, sparse, part), aimed=False) for part in (-END, END)
+        ]
         maps = [ends[0], maps[1], ends[1]]
     with clock.stage("trace"):
         found: dict[int, ChosenCells] = {}
-        typical = max(map(typical_area, maps))
+        change = _Change(maps, sparse, max(map(typical_area, maps)))
         for number, window in windows.items():
-            changing = _change(maps, sparse, number, window, typical)
+            changing = change.within(number, window)
             if changing.any():
                 lattices = plan.lattices[number], sparse.lattices[number]
                 found[number] = _finer(*lattices, window, changing, shifts[number])
@@ -210,26 +217,34 @@ def _finer(fine: Lattice, coarse: Lattice, window: Window, changing: np.ndarray,
     return ChosenCells(cells[chosen], (shifts[window.at(around[chosen])] * ratio).astype(np.float32))
 
 
-def _change(maps: list[PhotonMap], plan: EmissionPlan, number: int, window: Window, typical: float) -> np.ndarray:
+class _Change:
     """Cells in which a photon that matters takes a path that none takes in the middle, or at either end of the shutter.
 
     Args:
         maps: Photons at the opening, in the middle and at the closing.
-        number: Of the lattice.
+        plan: Their lattices.
         typical: Area of a footprint that counts as its flux does.
     """
-    keys, matter = [], []
-    for photons in maps:
-        rows, cells = cells_of(photons, plan, number)
-        inside = window.holds(cells)
-        rows, (u, v) = rows[inside], window.at(cells[inside])
-        keys.append((u * window.size[1] + v).astype(np.uint64) << np.uint64(32) | photons.path[rows].astype(np.uint64))
-        matter.append(matters(photons.rows(rows), typical, LEAST_SHARE))
-    grid = window.grid(dtype=bool)
-    for one, other in ((0, 1), (1, 0), (1, 2), (2, 1)):
-        alone = keys[one][matter[one] & ~np.isin(keys[one], keys[other])]
-        grid.ravel()[(alone >> np.uint64(32)).astype(np.int64)] = True
-    return grid
+
+    def __init__(self, maps: list[PhotonMap], plan: EmissionPlan, typical: float) -> None:
+        self._maps = [CellsOfLattices(photons, plan) for photons in maps]
+        self._matter = [matters(photons, typical, LEAST_SHARE) for photons in maps]
+
+    def within(self, number: int, window: Window) -> np.ndarray:
+        """Which cells of ``window`` of a lattice they are, shape [u, v]."""
+        keys, matter = [], []
+        for found, important in zip(self._maps, self._matter, strict=True):
+            rows, cells = found.of(number)
+            inside = window.holds(cells)
+            rows, (u, v) = rows[inside], window.at(cells[inside])
+            path = found.photons.path[rows].astype(np.uint64)
+            keys.append((u * window.size[1] + v).astype(np.uint64) << np.uint64(32) | path)
+            matter.append(important[rows])
+        grid = window.grid(dtype=bool)
+        for one, other in ((0, 1), (1, 0), (1, 2), (2, 1)):
+            alone = keys[one][matter[one] & ~np.isin(keys[one], keys[other])]
+            grid.ravel()[(alone >> np.uint64(32)).astype(np.int64)] = True
+        return grid
 
 
 def _beyond_ends(change: np.ndarray) -> int:
@@ -243,18 +258,16 @@ def _beyond_ends(change: np.ndarray) -> int:
     return math.ceil(middle * (0.5 - END) / END)
 
 
-def _shifts(
-    photons: PhotonMap, plan: EmissionPlan, number: int, window: Window, given: ChosenCells | None = None
-) -> np.ndarray:
+def _shifts(found: CellsOfLattices, number: int, window: Window, given: ChosenCells | None = None) -> np.ndarray:
     """Shift over the whole shutter of all cells of ``window``, of those without a photon as ``given`` or as of those
     nearest; shape [u, v, 2]."""
     grid, known = window.grid(2, dtype=np.float32), window.grid(dtype=bool)
     if given is not None:
         inside = window.holds(given.cell)
         grid[window.at(given.cell[inside])], known[window.at(given.cell[inside])] = given.offset[inside], True
-    rows, cells = cells_of(photons, plan, number)
+    rows, cells = found.of(number)
     inside = window.holds(cells)
-    grid[window.at(cells[inside])], known[window.at(cells[inside])] = photons.shift[rows[inside]], True
+    grid[window.at(cells[inside])], known[window.at(cells[inside])] = found.photons.shift[rows[inside]], True
     if not known.any():
         return grid
     _spread(grid, known)
@@ -286,9 +299,7 @@ def _spread(grid: np.ndarray, known: np.ndarray) -> None:
         last = ring
 
 
-def _shifts_of(
-    cells: np.ndarray, photons: PhotonMap, plan: EmissionPlan, number: int, given: ChosenCells | None
-) -> np.ndarray:
+def _shifts_of(cells: np.ndarray, found: CellsOfLattices, number: int, given: ChosenCells | None) -> np.ndarray:
     """Shift of ``cells`` [n, 2], as :func:`_shifts` has it."""
     window = Window.around(cells, margin=1)
-    return _shifts(photons, plan, number, window, given)[window.at(cells)]
+    return _shifts(found, number, window, given)[window.at(cells)]

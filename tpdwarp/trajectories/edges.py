@@ -24,15 +24,16 @@ from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.neighbours import neighbours
 from tpdwarp.trajectories.parts import LAST_PART
 from tpdwarp.trajectories.retraced import (
     LEAST_LIGHT,
+    CellsOfLattices,
     RetracedCells,
     Window,
     cell_of,
-    cells_of,
     emitted_cells,
     flux_in,
     grown,
@@ -74,15 +75,16 @@ def edge_cells(
     important = matters(photons, typical_area(photons), LEAST_BORDER)
     moving: Cells = {}
     resting: Cells = {}
-    size = np.maximum(*(np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)))
-    way = np.linalg.norm(photons.dxdt - photons.receiver_motion, axis=1)
+    size = np.maximum(lengths(photons.dxdu), lengths(photons.dxdv))
+    way = lengths(photons.dxdt - photons.receiver_motion)
     fast = photons.rows(important & (way > LONGEST_WAY_AT_REST * size))
     if not tell_apart:
         return _beside_edges(photons, plan, emitted_cells(plan, loaded.scene), important), resting
+    going = CellsOfLattices(fast, plan)
     for number, cells in _beside_edges(photons, plan, emitted_cells(plan, loaded.scene), important).items():
         window = Window.around(cells, margin=1)
         moves = window.grid(dtype=bool)
-        there = cells_of(fast, plan, number)[1]
+        there = going.of(number)[1]
         moves[window.at(there[window.holds(there)])] = True
         moves = grown(moves)[window.at(cells)]
         for found, rows in ((moving, moves), (resting, ~moves)):

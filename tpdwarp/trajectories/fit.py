@@ -34,6 +34,7 @@ from tpdwarp.clock import Clock
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.keyframes import (
     END,
     LARGEST_DISAGREEMENT,
@@ -114,7 +115,7 @@ def _shortened(photons: PhotonMap, follows: np.ndarray) -> tuple[PhotonMap, int]
     shutter: light would leave the picture that is in it whenever it exists.
     """
     way = photons.dxdt - photons.receiver_motion
-    length = np.linalg.norm(way, axis=1)
+    length = lengths(way)
     if follows.all() or not follows.any():
         return photons, 0
     longest = float(np.quantile(length[follows], LONGEST_QUANTILE))

@@ -13,14 +13,24 @@ FEWEST_CORNERS = wp.constant(3)
 
 
 @wp.struct
-class GridArrays:
-    """The photons of one lattice on one path, by cell: ``u · size[1] + v`` from cell ``first`` on.
+class Grid:
+    """Where the photons of one lattice on one path lie in :class:`GridArrays`.
 
-    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ.
+    That of cell (u, v) from cell ``first`` on is at ``start`` + u · ``size[1]`` + v.
     """
 
     first: wp.vec2d
     size: wp.vec2i
+    start: int
+
+
+@wp.struct
+class GridArrays:
+    """The photons of all grids, cell by cell.
+
+    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ.
+    """
+
     path: wp.array(dtype=wp.int64)
     dxdt: wp.array(dtype=wp.vec3)
     position: wp.array(dtype=wp.vec3)
@@ -31,14 +41,16 @@ class GridArrays:
 class Riders:
     """Photons that are looked up: their place on the light at mid shutter, their shift over the whole of it, paths.
 
-    Places are in steps of the lattice of the photons; ``scale`` and ``offset`` make them steps of the grid's.
+    ``grid`` is the number of each one's grid. Places are in steps of the lattice of the photons; ``scale`` and
+    ``offset``, one for each grid, make them steps of the grid's.
     """
 
+    grid: wp.array(dtype=wp.int32)
     emission: wp.array(dtype=wp.vec2)
     shift: wp.array(dtype=wp.vec2)
     path: wp.array(dtype=wp.uint32)
-    scale: wp.vec2d
-    offset: wp.vec2d
+    scale: wp.array(dtype=wp.vec2d)
+    offset: wp.array(dtype=wp.vec2d)
 
 
 @wp.struct
@@ -63,15 +75,15 @@ class Corner:
 
 
 @wp.func
-def corner_at(grid: GridArrays, u: int, v: int, path: wp.uint32) -> Corner:
+def corner_at(cells: GridArrays, grid: Grid, u: int, v: int, path: wp.uint32) -> Corner:
     """The photon of a cell; none outside of the grid."""
     out = Corner()
     if u >= 0 and v >= 0 and u < grid.size[0] and v < grid.size[1]:
-        k = u * grid.size[1] + v
-        if grid.path[k] == wp.int64(path):
-            out.dxdt = wp.vec3d(grid.dxdt[k])
-            out.position = wp.vec3d(grid.position[k])
-            out.log_flux = wp.float64(grid.log_flux[k])
+        k = grid.start + u * grid.size[1] + v
+        if cells.path[k] == wp.int64(path):
+            out.dxdt = wp.vec3d(cells.dxdt[k])
+            out.position = wp.vec3d(cells.position[k])
+            out.log_flux = wp.float64(cells.log_flux[k])
             out.valid = 1
     return out
 
@@ -91,7 +103,8 @@ def on_plane_of(missing: Corner, a: Corner, b: Corner, opposite: Corner) -> Corn
 def interpolate(
     base: int,
     # In
-    grid: GridArrays,
+    grids: wp.array(dtype=Grid),
+    cells: GridArrays,
     riders: Riders,
     rows: wp.array(dtype=wp.int32),
     part: wp.float64,
@@ -101,9 +114,12 @@ def interpolate(
     """Values at the places that photons have at the part ``part`` (−½ … ½) of the shutter, bilinearly."""
     i = rows[base + wp.tid()]
     half = wp.float64(0.5)
+    number = riders.grid[i]
+    grid = grids[number]
+    scale = riders.scale[number]
     moved = part * wp.vec2d(riders.shift[i])
-    out.drift[i] = wp.max(wp.abs(wp.cw_mul(moved, riders.scale)))
-    place = wp.cw_mul(wp.vec2d(riders.emission[i]) + moved, riders.scale) + riders.offset - grid.first
+    out.drift[i] = wp.max(wp.abs(wp.cw_mul(moved, scale)))
+    place = wp.cw_mul(wp.vec2d(riders.emission[i]) + moved, scale) + riders.offset[number] - grid.first
     place = place - wp.vec2d(half, half)
     last = wp.vec2d(wp.float64(grid.size[0] - 1), wp.float64(grid.size[1] - 1))
 
@@ -115,10 +131,10 @@ def interpolate(
     x = place[0] - wp.float64(u)
     y = place[1] - wp.float64(v)
     path = riders.path[i]
-    a = corner_at(grid, u, v, path)
-    b = corner_at(grid, u + 1, v, path)
-    c = corner_at(grid, u, v + 1, path)
-    d = corner_at(grid, u + 1, v + 1, path)
+    a = corner_at(cells, grid, u, v, path)
+    b = corner_at(cells, grid, u + 1, v, path)
+    c = corner_at(cells, grid, u, v + 1, path)
+    d = corner_at(cells, grid, u + 1, v + 1, path)
     count = a.valid + b.valid + c.valid + d.valid
     if beyond < wp.float64(1.0) and count >= FEWEST_CORNERS:
         p = on_plane_of(a, b, c, d)
@@ -136,22 +152,34 @@ def interpolate(
         out.valid[i] = 1
 
 
-def grid_of(photons: PhotonMap, rows: np.ndarray, launcher: Launcher) -> GridArrays:
-    """The grid of those ``rows`` of photons, which are of one lattice and on one path."""
+def grids_of(
+    photons: PhotonMap, rows: np.ndarray, starts: np.ndarray, launcher: Launcher
+) -> tuple[wp.array, GridArrays]:
+    """The grids of photons, each of one lattice and on one path, and their cells.
+
+    Args:
+        rows: Rows of the photons, those of a grid side by side, shape [n].
+        starts: Where in ``rows`` those of each grid begin, shape [k].
+    """
     cell = np.floor(photons.emission[rows]).astype(np.int64)
-    first = cell.min(axis=0)
-    size = cell.max(axis=0) - first + 1
-    at = (cell - first) @ [size[1], 1]
+    first = np.minimum.reduceat(cell, starts, axis=0)
+    size = np.maximum.reduceat(cell, starts, axis=0) - first + 1
+    counts = size.prod(axis=1)
+    ends = np.cumsum(counts)
+    table = np.zeros(len(starts), Grid.numpy_dtype())
+    table["first"], table["size"], table["start"] = first, size, ends - counts
+    number = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(rows)))
+    u, v = (cell - first[number]).T
+    at = (ends - counts)[number] + u * size[number, 1] + v
 
     def column(values: np.ndarray, dtype: object, empty: int = 0) -> wp.array:
-        filled = np.full((int(size.prod()), *values.shape[1:]), empty, values.dtype)
+        filled = np.full((int(ends[-1]), *values.shape[1:]), empty, values.dtype)
         filled[at] = values
         return launcher.array(filled, dtype)
 
     flux = np.log(np.maximum(photons.flux[rows].max(axis=1), np.finfo(np.float32).tiny))
     out = GridArrays()
-    out.first, out.size = wp.vec2d(*map(float, first)), wp.vec2i(*map(int, size))
     out.path = column(photons.path[rows].astype(np.int64), wp.int64, -1)
     out.dxdt, out.position = (column(getattr(photons, name)[rows], wp.vec3) for name in ("dxdt", "position"))
     out.log_flux = column(flux.astype(np.float32), wp.float32)
-    return out
+    return wp.array(table, dtype=Grid, device=launcher.device), out

@@ -21,10 +21,11 @@ from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.grids import Riders, StateArrays, grid_of, interpolate
-from tpdwarp.trajectories.retraced import cells_of, numbers_of, riding
+from tpdwarp.trajectories.grids import Riders, StateArrays, grids_of, interpolate
+from tpdwarp.trajectories.retraced import CellsOfLattices, riding
 
 # Part of the shutter over which keyframes take D_t x at either end of it. Chosen, not derived: a difference over it
 # errs by its square over 24, 7e-4 of D_ttt x.
@@ -42,8 +43,8 @@ LARGEST_DISAGREEMENT = 0.25
 # Cells of the keyframes that a photon may ride over for these to say where its light is, not only how fast it moves.
 # Chosen, not derived: interpolation between other cells errs by more.
 LARGEST_DRIFT = 0.1
-
-Key = tuple[int, int]
+# Lattices that a plan may have: the rest of a key, of 64 bits, is a path's mask of 31 bits and its wavelength.
+MOST_LATTICES = 1 << 24
 
 
 def keyframe_shutters(shutter: Shutter) -> tuple[Shutter, Shutter, Shutter]:
@@ -144,8 +145,8 @@ class ShutterKeyframes:
         if not len(rows) or self.tracer.settings.emission != "lattice":
             return before, middle, after
         with self._clock.stage("trace"):
-            cells = _riders(photons.rows(rows), plan)
-        ends = [self.traced(part, plan, chosen=riding(cells, plan, part)) for part in (-END, END)]
+            cells = _cells_that_ride(photons.rows(rows), plan)
+        ends = [self.traced(part, plan, chosen=riding(cells, plan, part), aimed=False) for part in (-END, END)]
         with self._clock.stage("trace"):
             at = [_same_photons(photons, rows, end) for end in ends]
             both = (at[0] >= 0) & (at[1] >= 0)
@@ -190,8 +191,8 @@ class ShutterKeyframes:
 
 def disagreement(photons: PhotonMap, before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """How far D_t x of each photon is from the mean of its keyframes', as a part of theirs together, shape [n]."""
-    apart = np.linalg.norm(photons.dxdt - 0.5 * (before + after), axis=1)
-    size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
+    apart = lengths(photons.dxdt - 0.5 * (before + after))
+    size = lengths(before) + lengths(after)
     return np.divide(apart, size, out=np.zeros_like(size), where=size > 0)
 
 
@@ -203,32 +204,46 @@ class _KeyframeGrids:
 
     def __init__(self, photons: PhotonMap, plan: EmissionPlan, rate: float, launcher: Launcher) -> None:
         self.photons, self._plan, self._rate, self._launcher = photons, plan, rate, launcher
-        self._grids = {key: grid_of(photons, rows, launcher) for key, rows in rows_by_path(photons, plan)}
+        rows, keys = rows_by_path(photons, plan)
+        starts = np.flatnonzero(np.diff(keys, prepend=-1))
+        self._keys = keys[starts]
+        self._grids = grids_of(photons, rows, starts, launcher) if len(rows) else None
 
     def looked_up(self, photons: PhotonMap, plan: EmissionPlan, part: float) -> KeyframeState:
         """What they say of photons at the part ``part`` of the shutter."""
         launcher = self._launcher
-        out, riders = launcher.rows(StateArrays, len(photons)), Riders()
-        for name, dtype in (("emission", wp.vec2), ("shift", wp.vec2), ("path", wp.uint32)):
-            setattr(riders, name, launcher.array(getattr(photons, name), dtype))
-        for key, rows in rows_by_path(photons, plan):
-            if key not in self._grids:
-                continue
-            fine, coarse = plan.lattices[key[0]], self._plan.lattices[key[0]]
-            riders.scale = wp.vec2d(*np.divide(fine.step, coarse.step))
-            riders.offset = wp.vec2d(*np.subtract(fine.origin, coarse.origin) / coarse.step)
-            which = launcher.array(rows.astype(np.int32), wp.int32)
-            launcher(interpolate, len(rows), [self._grids[key], riders, which, float(part), out])
+        out = launcher.rows(StateArrays, len(photons))
+        rows, keys = rows_by_path(photons, plan)
+        if self._grids and len(rows):
+            number = np.searchsorted(self._keys, keys).clip(max=len(self._keys) - 1)
+            known = self._keys[number] == keys
+            riders = self._riders(photons, plan, rows[known], number[known])
+            which = launcher.array(rows[known].astype(np.int32), wp.int32)
+            launcher(interpolate, len(which), [*self._grids, riders, which, float(part), out])
         valid = out.valid.numpy() > 0
         columns = [out.position.numpy(), valid, out.drift.numpy(), out.log_flux.numpy()]
         return KeyframeState(self._rate * out.dxdt.numpy(), *columns)
 
+    def _riders(self, photons: PhotonMap, plan: EmissionPlan, rows: np.ndarray, numbers: np.ndarray) -> Riders:
+        """Photons on the lattices of ``plan``, of which ``rows`` are looked up in the grids ``numbers``, both [n]."""
+        launcher, riders = self._launcher, Riders()
+        for name, dtype in (("emission", wp.vec2), ("shift", wp.vec2), ("path", wp.uint32)):
+            setattr(riders, name, launcher.array(getattr(photons, name), dtype))
+        grid = np.zeros(len(photons), np.int32)
+        grid[rows] = numbers
+        pairs = [(plan.lattices[number], self._plan.lattices[number]) for number in self._keys % MOST_LATTICES]
+        scale = [np.divide(fine.step, coarse.step) for fine, coarse in pairs]
+        offset = [np.subtract(fine.origin, coarse.origin) / coarse.step for fine, coarse in pairs]
+        riders.grid = launcher.array(grid, wp.int32)
+        riders.scale, riders.offset = (launcher.array(np.array(values), wp.vec2d) for values in (scale, offset))
+        return riders
 
-def _riders(photons: PhotonMap, plan: EmissionPlan) -> dict[int, ChosenCells]:
+
+def _cells_that_ride(photons: PhotonMap, plan: EmissionPlan) -> dict[int, ChosenCells]:
     """The cells of photons with their shifts as offsets, by lattice."""
-    found = {}
-    for number in numbers_of([photons], plan):
-        rows, cells = cells_of(photons, plan, number)
+    found, of_lattices = {}, CellsOfLattices(photons, plan)
+    for number in of_lattices.numbers():
+        rows, cells = of_lattices.of(number)
         cells, first = np.unique(cells, axis=0, return_index=True)
         found[number] = ChosenCells(cells, photons.shift[rows[first]])
     return found
@@ -244,17 +259,11 @@ def _same_photons(photons: PhotonMap, rows: np.ndarray, others: PhotonMap) -> np
     return at[numbers[len(names) :]]
 
 
-def rows_by_path(photons: PhotonMap, plan: EmissionPlan) -> list[tuple[Key, np.ndarray]]:
-    """Rows of the photons of each lattice of ``plan`` on each path, by (lattice, mask)."""
+def rows_by_path(photons: PhotonMap, plan: EmissionPlan) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the photons on lattices of ``plan``, path by path, and a key for the lattice and path of each, [n]."""
     mask, lattice, foreseen = plan.paths_of(photons.ids)
     planned = np.flatnonzero(foreseen)
-    if not len(planned):
-        return []
-    keys = mask[planned] * len(plan.lattices) + lattice[planned]
+    keys = mask[planned] * MOST_LATTICES + lattice[planned]
     # Photons come path by path, which a stable sort makes use of.
     order = np.argsort(keys, kind="stable")
-    keys = keys[order]
-    starts = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
-    masks, lattices = np.divmod(keys[starts], len(plan.lattices))
-    found = zip(lattices.tolist(), masks.tolist(), strict=True)
-    return list(zip(found, np.split(planned[order], starts[1:]), strict=True))
+    return planned[order], keys[order]

@@ -10,37 +10,59 @@ from tpdwarp.photons.photon_map import PhotonMap
 Pairs = tuple[np.ndarray, np.ndarray]
 
 
+# Cells of a table of rows for each photon at most; of photons that lie farther apart on the light, rows are sorted.
+# Chosen, not derived.
+MOST_CELLS = 8
+
+
 def neighbours(photons: PhotonMap, plan: EmissionPlan) -> tuple[Pairs, Pairs]:
     """Rows of photons and of those one cell on in u, and likewise in v, on the same path."""
-    if not len(photons):
+    count = len(photons)
+    if not count:
         none = np.zeros(0, np.int64)
         return (none, none), (none, none)
-    mask, lattice, _ = plan.paths_of(photons.ids)
-    _, sheet = np.unique(mask * len(plan.lattices) + lattice, return_inverse=True)
+    sheet = _sheets(photons, plan)
     cell = np.floor(photons.emission).astype(np.int64)
     u, v = (cell - cell.min(axis=0)).T
     # One more than there are, so that the end of a row and the start of the next are no neighbours.
     width, height = u.max() + 2, v.max() + 2
     numbers = (sheet * height + v) * width + u
-    # Photons come in the order of their cells, path by path, which a stable sort makes use of.
-    order = np.argsort(numbers, kind="stable")
-    numbers = numbers[order]
+    rows = np.arange(count)
     pairs = []
-    for step in (1, width):
-        there = np.minimum(np.searchsorted(numbers, numbers + step), len(numbers) - 1)
-        a, b = order, order[there]
-        beside = (numbers[there] == numbers + step) & (photons.path[a] == photons.path[b])
-        pairs.append((a[beside], b[beside]))
-    return pairs[0], pairs[1]
+    if numbers.max() + width < MOST_CELLS * count:
+        table = np.full(numbers.max() + width + 1, -1, np.int32)
+        table[numbers] = rows
+        for step in (1, width):
+            there = table[numbers + step]
+            pairs.append((rows, there, there >= 0))
+    else:
+        order = np.argsort(numbers, kind="stable")
+        numbers = numbers[order]
+        for step in (1, width):
+            there = np.minimum(np.searchsorted(numbers, numbers + step), count - 1)
+            pairs.append((order, order[there], numbers[there] == numbers + step))
+    beside = [(a[there], b[there].astype(np.int64)) for a, b, there in pairs]
+    same = [photons.path[a] == photons.path[b] for a, b in beside]
+    u, v = ((a[alike], b[alike]) for (a, b), alike in zip(beside, same, strict=True))
+    return u, v
+
+
+def _sheets(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
+    """A number for each lattice and path that photons come from, shape [n]."""
+    mask, lattice, _ = plan.paths_of(photons.ids)
+    keys = mask * len(plan.lattices) + lattice
+    # Photons come path by path: there are few runs of them.
+    starts = np.flatnonzero(np.diff(keys, prepend=keys[0] - 1))
+    numbers = np.unique(keys[starts], return_inverse=True)[1].reshape(-1)
+    return np.repeat(numbers, np.diff(starts, append=len(keys)))
 
 
 def differences(values: np.ndarray, pairs: Pairs) -> np.ndarray:
     """Central differences of ``values`` [n, 3] per cell; one-sided at the ends of a row, zero without neighbours."""
     a, b = pairs
-    change = values[b] - values[a]
-    total, count = np.zeros_like(values), np.zeros((len(values), 1), values.dtype)
+    rows = np.arange(len(values))
+    ahead, behind = rows.copy(), rows.copy()
     # A photon has one neighbour at most on either side.
-    for side in (a, b):
-        total[side] += change
-        count[side] += 1
-    return total / np.maximum(count, 1)
+    ahead[a], behind[b] = b, a
+    between = np.where((ahead != rows) & (behind != rows), 0.5, 1.0).astype(values.dtype)
+    return (values.take(ahead, axis=0) - values.take(behind, axis=0)) * between[:, None]

@@ -114,9 +114,10 @@ def _grown(photons: PhotonMap, cells: RetracedCells, part: float, energy: Energy
 
     What cells gain in flux is counted as sent and deposited.
     """
+    if not cells.growth:
+        return photons
     before = photons.flux.sum(dtype=np.float64)
-    for number, growth in cells.growth.items():
-        photons = stretched(photons, cells.plan, number, cells.cells[number].cell, part * growth)
+    photons = stretched(photons, part * cells.growth_of(photons))
     _count_gained(float(photons.flux.sum(dtype=np.float64) - before), cells.plan, energy)
     return photons
 

@@ -6,7 +6,7 @@ common: which cells they are, which of them count, and where in them photons sta
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from tpdwarp.photons.emission import ChosenCells, Patch
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.vectors import areas
 from tpdwarp.scene.description import SceneAtShutter
 from tpdwarp.trajectories.bends import reaches
 
@@ -28,6 +29,8 @@ LEAST_LIGHT = 0.002
 # the last instant stand for half a part each, since what begins and ends before the first one or after the last one is
 # not seen to: so there is one more than parts.
 PARTS = 8
+# Grids that are bits of one.
+LAYERS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +89,26 @@ class RetracedCells:
 
     def holds(self, photons: PhotonMap) -> np.ndarray:
         """Which of the photons stand for one of these cells, shape [n]."""
-        _, lattice, planned = self.plan.paths_of(photons.ids)
-        cells, held = cell_of(photons), np.zeros(len(photons), bool)
+        held = np.zeros(len(photons), bool)
+        of_lattices = CellsOfLattices(photons, self.plan)
         for number, mine in self.cells.items():
-            window = Window.around(mine.cell)
-            taken = window.grid(dtype=bool)
-            taken[window.at(mine.cell)] = True
-            held |= planned & (lattice == number) & window.holds(cells) & taken[window.at(cells)]
+            rows, theirs = of_lattices.of(number)
+            if len(rows):
+                held[rows] = _among(theirs, mine.cell)
         return held
+
+    def growth_of(self, photons: PhotonMap) -> np.ndarray:
+        """∇S of the cell that each of the photons stands for, shape [n, 2, 2]; zero of others."""
+        found = np.zeros((len(photons), 2, 2))
+        of_lattices = CellsOfLattices(photons, self.plan)
+        for number, growth in self.growth.items():
+            window = Window.around(self.cells[number].cell)
+            grid = window.grid(2, 2)
+            grid[window.at(self.cells[number].cell)] = growth
+            rows, theirs = of_lattices.of(number)
+            inside = window.holds(theirs)
+            found[rows[inside]] = grid[window.at(theirs[inside])]
+        return found
 
     def without(self, others: RetracedCells) -> RetracedCells:
         """Those of these cells that are not among ``others`` of the same lattices."""
@@ -101,11 +116,7 @@ class RetracedCells:
         for number, mine in self.cells.items():
             rows = np.ones(len(mine), bool)
             if number in others.cells:
-                theirs = others.cells[number].cell
-                window = Window.around(theirs)
-                taken = window.grid(dtype=bool)
-                taken[window.at(theirs)] = True
-                rows = ~(window.holds(mine.cell) & taken[window.at(mine.cell)])
+                rows = ~_among(mine.cell, others.cells[number].cell)
             if rows.any():
                 found[number] = ChosenCells(mine.cell[rows])
         return RetracedCells(found, self.plan)
@@ -117,13 +128,11 @@ class RetracedCells:
     def of_photons(self, maps: list[PhotonMap]) -> RetracedCells:
         """Those of these cells that photons of ``maps`` stand for."""
         found, growth = {}, {}
+        of_lattices = [CellsOfLattices(photons, self.plan) for photons in maps]
         for number, mine in self.cells.items():
-            theirs = np.concatenate([cells_of(photons, self.plan, number)[1] for photons in maps])
+            theirs = np.concatenate([cells.of(number)[1] for cells in of_lattices])
             if len(theirs):
-                window = Window.around(theirs)
-                taken = window.grid(dtype=bool)
-                taken[window.at(theirs)] = True
-                rows = window.holds(mine.cell) & taken[window.at(mine.cell)]
+                rows = _among(mine.cell, theirs)
                 if rows.any():
                     found[number] = ChosenCells(mine.cell[rows], mine.offset[rows])
                     if number in self.growth:
@@ -137,6 +146,14 @@ class RetracedCells:
             for lattice, mine in self.cells.items()
         }
         return riding(moved, self.plan, 1.0)
+
+
+def _among(cells: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Which of the cells [n, 2] of a lattice are among the ``chosen`` ones of it [m, 2], of which there is one."""
+    window = Window.around(chosen)
+    taken = window.grid(dtype=bool)
+    taken[window.at(chosen)] = True
+    return window.holds(cells) & taken[window.at(cells)]
 
 
 def place_in_cell(cell: np.ndarray, number: int) -> np.ndarray:
@@ -195,13 +212,9 @@ def number_of(plan: EmissionPlan, lattice: Lattice) -> int:
     return next((number for number, planned in enumerate(plan.lattices) if planned is lattice), -1)
 
 
-def numbers_of(maps: list[PhotonMap], plan: EmissionPlan) -> list[int]:
-    """Numbers of the lattices that photons come from."""
-    found: set[int] = set()
-    for photons in maps:
-        _, lattice, planned = plan.paths_of(photons.ids)
-        found |= set(np.unique(lattice[planned]).tolist())
-    return sorted(found)
+def numbers_of(maps: Sequence[CellsOfLattices]) -> list[int]:
+    """Numbers of the lattices that photons of any of ``maps`` come from."""
+    return sorted(set().union(*(cells.numbers() for cells in maps)))
 
 
 def cell_of(photons: PhotonMap) -> np.ndarray:
@@ -209,23 +222,38 @@ def cell_of(photons: PhotonMap) -> np.ndarray:
     return np.floor(photons.emission).astype(np.int64)
 
 
-def cells_of(photons: PhotonMap, plan: EmissionPlan, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the photons of a lattice, and their cells, shape [n, 2]."""
-    _, lattice, planned = plan.paths_of(photons.ids)
-    rows = np.flatnonzero(planned & (lattice == number))
-    return rows, cell_of(photons)[rows]
+class CellsOfLattices:
+    """Rows and cells of photons by the lattice that they come from; those of all are found at once.
 
+    Args:
+        photons: Of which those of lattices that were made for one frame are left out.
+        plan: The lattices.
+    """
 
-def areas_of(photons: PhotonMap) -> np.ndarray:
-    """Areas |D_u x × D_v x| of footprints, shape [n]."""
-    return np.linalg.norm(np.cross(photons.dxdu.astype(np.float64), photons.dxdv.astype(np.float64)), axis=1)
+    def __init__(self, photons: PhotonMap, plan: EmissionPlan) -> None:
+        self.photons = photons
+        _, lattice, planned = plan.paths_of(photons.ids)
+        rows = np.flatnonzero(planned)
+        rows = rows[np.argsort(lattice[rows], kind="stable")]
+        numbers, starts = np.unique(lattice[rows], return_index=True)
+        self._rows = dict(zip(numbers.tolist(), np.split(rows, starts[1:]), strict=True)) if len(rows) else {}
+        self._cells = cell_of(photons)
+
+    def numbers(self) -> list[int]:
+        """Numbers of the lattices that photons come from, in their order."""
+        return list(self._rows)
+
+    def of(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of the photons of a lattice, shape [n], and their cells, shape [n, 2]."""
+        rows = self._rows.get(number, np.zeros(0, np.int64))
+        return rows, self._cells[rows]
 
 
 def typical_area(photons: PhotonMap) -> float:
     """The median area of footprints, weighted by flux: half of the light falls in smaller ones."""
-    areas, flux = areas_of(photons), photons.flux.sum(axis=1, dtype=np.float64)
-    order = np.argsort(areas)
-    return float(areas[order][np.searchsorted(np.cumsum(flux[order]), 0.5 * flux.sum())]) if len(order) else 0.0
+    sizes, flux = areas(photons.dxdu, photons.dxdv), photons.flux.sum(axis=1, dtype=np.float64)
+    order = np.argsort(sizes)
+    return float(sizes[order][np.searchsorted(np.cumsum(flux[order]), 0.5 * flux.sum())]) if len(order) else 0.0
 
 
 def matters(photons: PhotonMap, typical: float, least: float) -> np.ndarray:
@@ -235,7 +263,8 @@ def matters(photons: PhotonMap, typical: float, least: float) -> np.ndarray:
         typical: Area of a footprint that counts as its flux does.
         least: The part of their cell's flux from which on photons are.
     """
-    narrow = np.sqrt(np.minimum(1.0, typical / np.maximum(areas_of(photons), np.finfo(np.float32).tiny)))
+    sizes = np.maximum(areas(photons.dxdu, photons.dxdv), np.finfo(np.float32).tiny)
+    narrow = np.sqrt(np.minimum(1.0, typical / sizes))
     return photons.share * narrow > least
 
 
@@ -250,22 +279,44 @@ def distances(sources: np.ndarray, most: int, wanted: np.ndarray | None = None) 
     """How many cells each one of a grid [..., u, v] lies from the nearest of ``sources``, about; ``most`` + 1 beyond.
 
     Steps go to four neighbours and to eight by turns: what is as far as another lies on an octagon around it. Where
-    cells are ``wanted``, others count as beyond once these are reached.
+    cells are ``wanted``, others but sources count as beyond.
     """
     found = np.where(sources, 0, most + 1).astype(np.int32)
-    reached = sources
-    for step in range(1, most + 1):
-        if not reached.any() or (reached.all() if wanted is None else reached[wanted].all()):
-            break
-        along_u = _beside(reached, -2)
-        wider = _beside(along_u, -1) if step % 2 == 0 else along_u | _beside(reached, -1)
-        found[wider & ~reached] = step
-        reached = wider
+    layers, values = sources.reshape(-1, *sources.shape[-2:]), found.reshape(-1, *sources.shape[-2:])
+    chosen = (~sources if wanted is None else wanted & ~sources).reshape(layers.shape)
+    for start in range(0, len(layers), LAYERS):
+        own = slice(start, start + LAYERS)
+        values[own][chosen[own]] = _steps_to(layers[own], chosen[own], most)
     return found
 
 
+def _steps_to(sources: np.ndarray, wanted: np.ndarray, most: int) -> np.ndarray:
+    """The same for each of the cells ``wanted`` of a few layers [k, u, v], which grow together as bits of one grid."""
+    layer, u, v = np.nonzero(wanted)
+    steps = np.full(len(layer), most + 1, np.int32)
+    if not len(layer) or not sources.any():
+        return steps
+    # What lies farther off than that from all that is wanted is not looked at.
+    window = tuple(slice(max(0, at.min() - most), at.max() + most + 1) for at in (u, v))
+    u, v = u - window[0].start, v - window[1].start
+    dtype = np.min_scalar_type((1 << len(sources)) - 1)
+    reached = np.zeros(sources[0][window].shape, dtype)
+    for number, there in enumerate(sources):
+        reached |= there[window].astype(dtype) << dtype.type(number)
+    left = np.arange(len(layer))
+    for step in range(1, most + 1):
+        along_u = _beside(reached, -2)
+        reached = _beside(along_u, -1) if step % 2 == 0 else along_u | _beside(reached, -1)
+        here = (reached[u[left], v[left]] >> layer[left].astype(dtype)) & dtype.type(1) != 0
+        steps[left[here]] = step
+        left = left[~here]
+        if not len(left):
+            break
+    return steps
+
+
 def _beside(chosen: np.ndarray, axis: int) -> np.ndarray:
-    """Chosen cells of a grid, and those on both sides of them along an axis."""
+    """Chosen cells of a grid, or of layers of bits, and those on both sides of them along an axis."""
     out = chosen.copy()
     ahead, behind = [slice(None)] * chosen.ndim, [slice(None)] * chosen.ndim
     ahead[axis], behind[axis] = slice(1, None), slice(None, -1)

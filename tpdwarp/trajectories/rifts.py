@@ -19,9 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
-from tpdwarp.trajectories.retraced import Window, cells_of
 
 # Cells side by side may drift apart by less than this [cells] within the shutter. Chosen, not derived: with half of it
 # a torus that turns by 10 degrees takes half as long again, for nothing.
@@ -62,24 +60,17 @@ def gradients(field: np.ndarray) -> np.ndarray:
     return np.stack(parts, axis=2)
 
 
-def stretched(photons: PhotonMap, plan: EmissionPlan, number: int, cells: np.ndarray, growth: np.ndarray) -> PhotonMap:
-    """Photons of lattice ``number`` with the sizes and the flux of ``cells`` [n, 2] that have grown.
+def stretched(photons: PhotonMap, growth: np.ndarray) -> PhotonMap:
+    """Photons with the sizes and the flux of cells that have grown.
 
     Args:
-        growth: s ∇S of each cell, shape [n, 2, 2].
+        growth: s ∇S of the cell of each, shape [n, 2, 2].
     """
-    window = Window.around(cells)
-    grid = window.grid(2, 2)
-    grid[window.at(cells)] = growth
-    rows, mine = cells_of(photons, plan, number)
-    inside = window.holds(mine)
-    rows, grown = rows[inside], grid[window.at(mine[inside])]
-    columns = [photons.dxdu.copy(), photons.dxdv.copy()]
-    for axis, column in enumerate(columns):
-        by_u, by_v = (grown[:, axis, along, None] for along in (0, 1))
-        column[rows] += (by_u * photons.dxdu[rows] + by_v * photons.dxdv[rows]).astype(np.float32)
-    flux = photons.flux.copy()
-    flux[rows] *= np.linalg.det(np.eye(2) + grown)[:, None].astype(np.float32)
+    columns = []
+    for axis, column in enumerate((photons.dxdu, photons.dxdv)):
+        by_u, by_v = (growth[:, axis, along, None] for along in (0, 1))
+        columns.append(column + (by_u * photons.dxdu + by_v * photons.dxdv).astype(np.float32))
+    flux = photons.flux * np.linalg.det(np.eye(2) + growth)[:, None].astype(np.float32)
     return replace(photons, dxdu=columns[0], dxdv=columns[1], flux=flux)
 
 

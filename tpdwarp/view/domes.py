@@ -172,7 +172,7 @@ def dome_radiance(domes: DomeArrays, w: wp.vec3) -> wp.vec3:
         # 1/π and 1/(2π).
         s = 0.5 - 0.15915494 * wp.atan2(local[0], local[2])
         t = 0.5 + 0.31830989 * wp.asin(wp.clamp(local[1], -1.0, 1.0))
-        total += domes.units[k] * filtered(domes.pictures, k, wp.vec2(s, t), none, none)
+        total += domes.units[k] * filtered(domes.pictures, k, wp.vec2(s, t), none, none, 0.0)
     return total
 
 

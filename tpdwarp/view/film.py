@@ -44,7 +44,8 @@ class Film:
         self._norm, self._scale, self._aovs, self._groups = normalization, scale, aovs, groups
         count = width * height
         self._sums: dict[str, np.ndarray] = {}
-        self._coverage = np.zeros(count)
+        # Samples that meet something, and what they see of nothing beyond surfaces that are there in part.
+        self._coverage, self._beyond = np.zeros(count), np.zeros(count)
         self._diffuse = np.zeros(count)
         self._motion_weight = np.zeros(count)
         self._depth = np.full(count, np.inf)
@@ -75,7 +76,11 @@ class Film:
         depth = points.arrays.first_depth.numpy()
         hit = depth >= 0.0
         _add_up(self._coverage, weight * hit, pixels)
-        _add_up(self._diffuse, weight * (points.queries.receiver.numpy() >= 0), pixels)
+        stays = points.queries.receiver.numpy() >= 0
+        _add_up(self._diffuse, weight * stays, pixels)
+        leaves = np.flatnonzero(hit & ~stays)
+        if len(leaves):
+            _add_up(self._beyond, weight * points.arrays.weight.numpy()[leaves].mean(axis=1), pixels[leaves])
         if "N" in self._aovs:
             self._add("N", weight * points.arrays.first_normal.numpy(), pixels)
         if "P" in self._aovs:
@@ -129,7 +134,7 @@ class Film:
         direct = self._get("direct", 3) * (per_sample * self._scale * area)
         caustic = self._get("caustic", 3) * (per_sample * self._scale * area)
         beauty = direct + caustic
-        out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": self._coverage * per_sample}
+        out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": (self._coverage - self._beyond) * per_sample}
         hits, diffuse = np.maximum(self._coverage, 1e-30), np.maximum(self._diffuse, 1e-30)
         for group in self._groups:
             for name, factor in (("caustic", per_sample * self._scale * area), ("irradiance", area / diffuse)):

@@ -25,7 +25,7 @@ from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import Hit, along, closest_hit, diffuse_color, shading_normal
 from tpdwarp.scene.device.media import crossing_at, media_at
-from tpdwarp.scene.device.presence import presence_at
+from tpdwarp.scene.device.presence import presence_over
 from tpdwarp.scene.device.textures import (
     TextureArrays,
     absorbed_in_media,
@@ -81,7 +81,8 @@ CULLED = wp.constant(int(PathFlag.CULLED))
 
 @wp.struct
 class VisibleArrays:
-    """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π.
+    """One row a camera path. ``weight`` turns irradiance into radiance: throughput · albedo/π; of a path that leaves
+    the scene through surfaces that are there in part, and met nothing else, it is the share that it leaves by.
 
     ``flags`` are those of :class:`PathFlag`; position, normal and triangle of what was met first are those of paths
     that start at the camera.
@@ -154,7 +155,7 @@ def visible_kernel(
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular, branches = refraction and reflection, refraction or reflection, refraction or partial
-    placed = textured or mapped
+    placed = textured or mapped or partial
     arrives = share_that_arrives(linked, partial)
     from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
 
@@ -206,6 +207,7 @@ def visible_kernel(
         passed_by = float(0.0)
         travelled = float(0.0)
         depth_scale = float(0.0)
+        straight = bool(True)
         inside = int(0)
         decision = int(0)
         first_bounce = int(0)
@@ -269,14 +271,25 @@ def visible_kernel(
             if hit.triangle < 0:
                 if wp.static(domed):
                     out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
+                if wp.static(partial):
+                    if straight and branch_of < 0:
+                        out.weight[i] = throughput
                 break
+            across = wp.vec3(0.0, 0.0, 0.0)
+            down = wp.vec3(0.0, 0.0, 0.0)
             if wp.static(placed):
+                # What a sample stands for is taken to be as wide as it would be without what bent its ray.
                 travelled += hit.distance
+                width = sample_side
+                if camera.orthographic == 0:
+                    width *= travelled * depth_scale
+                across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
+                down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
             if wp.static(nested and tinted):
                 throughput = wp.cw_mul(throughput, absorbed_in_media(textures, inside, hit.distance))
             if wp.static(partial):
                 # ---- What is not there is seen through
-                share = presence_at(surfaces, textures, hit.triangle, hit.beta)
+                share = presence_over(surfaces, textures, hit, across, down)
                 part = take_share(mask, decision, first_open, share, throughput, smallest_throughput)
                 throughput = part.throughput
                 reported = reported | part.reported
@@ -330,15 +343,6 @@ def visible_kernel(
                 out.first_depth[i] = depth * depth_scale
             material = surfaces.material_of[hit.triangle]
             interaction = surfaces.interaction[material]
-            across = wp.vec3(0.0, 0.0, 0.0)
-            down = wp.vec3(0.0, 0.0, 0.0)
-            if wp.static(placed):
-                # What a sample stands for is taken to be as wide as it would be without what bent its ray.
-                width = sample_side
-                if camera.orthographic == 0:
-                    width *= travelled * depth_scale
-                across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
-                down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
             if wp.static(partial):
                 diffuse = textures.diffuse_shares[material]
                 if wp.static(mapped):
@@ -404,6 +408,7 @@ def visible_kernel(
             if wp.static(specular):
                 if bounce == bounces:
                     break
+                straight = False
                 dielectric = wp.static(refraction)
                 if wp.static(both):
                     dielectric = interaction == DIELECTRIC

@@ -571,3 +571,13 @@ def test_a_material_for_previews_is_better_than_none(small):
     assert any("has a material for previews alone" in message for message in scene.warnings.messages)
     api.Bind(UsdShade.Material(small.stage.GetPrimAtPath("/Whole")))
     assert small.open().at(Shutter.still(1)).meshes[0].materials[0].color == (0.0, 1.0, 0.0)
+
+
+def test_a_material_that_names_no_surface_shows_display_colours_as_viewers_do(small):
+    UsdShade.Material.Define(small.stage, "/Material")
+    surface = small.mesh()
+    surface.CreateDisplayColorAttr([Gf.Vec3f(0.25, 0.5, 0.75)])
+    small.bind(surface, "/Material")
+    mesh, warnings = read(small)
+    np.testing.assert_array_equal(mesh.colors[mesh.color_indices], np.broadcast_to((0.25, 0.5, 0.75), (2, 3, 3)))
+    assert [text for text in warnings if "names no surface" in text and "/Material" in text] == warnings

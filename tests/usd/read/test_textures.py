@@ -426,3 +426,24 @@ def test_a_normal_map_on_glass_is_said(small):
     source = small.open()
     source.at(Shutter.still(1))
     assert any("inputs:normal: a normal map of what reflects" in message for message in source.warnings.messages)
+
+
+@pytest.mark.parametrize("name", ["movie.####.exr", ""])
+def test_a_film_of_textures_shows_each_frame_its_own_picture(small, name):
+    colors = {frame: np.full((2, 2, 3), 0.1 * frame, np.float32) for frame in (1, 2)}
+    for frame, pixels in colors.items():
+        write(small, pixels, f"movie.{frame:04d}.exr")
+    texture = textured(small, None, name)
+    if not name:
+        for frame in colors:
+            texture.GetInput("file").GetAttr().Set(f"./movie.{frame:04d}.exr", frame)
+    small.stage.SetEndTimeCode(2)
+    scene = small.open()
+    assert scene.frames() == (1, 2)
+    for frame, pixels in colors.items():
+        (mesh,) = scene.at(Shutter.still(frame)).meshes
+        (tile,) = mesh.materials[0].texture.tiles.values()
+        np.testing.assert_allclose(tile, pixels, rtol=HALF)
+    assert not scene.warnings.messages
+    files = {Path(file).name for file in scene.used_files()}
+    assert {f"movie.{frame:04d}.exr" for frame in colors} <= files

@@ -3,7 +3,7 @@
 import warp as wp
 
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
+from tpdwarp.scene.device.intersection import Hit, is_plane_left, occluded, plane_of
 from tpdwarp.scene.device.textures import LEAST_SHARE, TextureArrays, filtered
 
 # Surfaces that a shadow ray passes at most. Chosen, not derived: trees of leaf cards have some dozens.
@@ -15,6 +15,28 @@ STEP = wp.constant(1.0e-5)
 @wp.func
 def presence_at(surfaces: Surfaces, textures: TextureArrays, face: int, beta: wp.vec3) -> float:
     """Share of the surface that is there at barycentric coordinates of triangle ``face``."""
+    none = wp.vec2(0.0, 0.0)
+    return _presence(surfaces, textures, face, beta, none, none)
+
+
+@wp.func
+def presence_over(surfaces: Surfaces, textures: TextureArrays, hit: Hit, across: wp.vec3, down: wp.vec3) -> float:
+    """Share of the surface that is there over the parallelogram of ``across`` and ``down`` about ``hit``."""
+    d_across = wp.vec2(0.0, 0.0)
+    d_down = wp.vec2(0.0, 0.0)
+    index = textures.coordinate_indices[hit.triangle]
+    if textures.cutout_of[surfaces.material_of[hit.triangle]] >= 0 and index[0] >= 0:
+        along1 = textures.coordinates[index[1]] - textures.coordinates[index[0]]
+        along2 = textures.coordinates[index[2]] - textures.coordinates[index[0]]
+        d_across = along1 * wp.dot(hit.g1, across) + along2 * wp.dot(hit.g2, across)
+        d_down = along1 * wp.dot(hit.g1, down) + along2 * wp.dot(hit.g2, down)
+    return _presence(surfaces, textures, hit.triangle, hit.beta, d_across, d_down)
+
+
+@wp.func
+def _presence(
+    surfaces: Surfaces, textures: TextureArrays, face: int, beta: wp.vec3, across: wp.vec2, down: wp.vec2
+) -> float:
     material = surfaces.material_of[face]
     share = float(textures.presences[material])
     cutout = textures.cutout_of[material]
@@ -25,12 +47,7 @@ def presence_at(surfaces: Surfaces, textures: TextureArrays, face: int, beta: wp
             + beta[1] * textures.coordinates[index[1]]
             + beta[2] * textures.coordinates[index[2]]
         )
-        none = wp.vec2(0.0, 0.0)
-        there = wp.clamp(filtered(textures, cutout, st, none, none)[0], 0.0, 1.0)
-        threshold = textures.thresholds[material]
-        if threshold > 0.0:
-            there = wp.where(there >= threshold, 1.0, 0.0)
-        share *= there
+        share *= wp.clamp(filtered(textures, cutout, st, across, down, textures.thresholds[material])[0], 0.0, 1.0)
     if share < LEAST_SHARE:
         share = 0.0
     if share > 1.0 - LEAST_SHARE:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.io.resampling import pyramid
+from tpdwarp.io.resampling import part_reaching, pyramid
 from tpdwarp.scene.description import Material, MeshAtShutter, Texture, Wrap
 from tpdwarp.scene.device.intersection import Hit
 
@@ -36,7 +36,8 @@ class TextureArrays:
     ``emissions`` (in its unit of radiance) are as in :class:`tpdwarp.scene.description.Material`, and so are
     ``thin_walls`` (1 for a sheet) and ``roughnesses``; ``medium_absorptions`` are those of nested media. A texture has
     a grid of tiles (its columns, rows and first tile), a tile its levels (the first of them and their number; none
-    where it is missing), a level its width, height and first texel. Rows of texels go from t = 1 down.
+    where it is missing), a level its width, height and first texel. Rows of texels go from t = 1 down. Of a
+    cut-out with a threshold the first level is the picture, and the others hold what part of each texel reaches it.
     """
 
     coordinates: wp.array(dtype=wp.vec2)
@@ -95,7 +96,8 @@ class TextureStore:
         used = [texture for m in materials for name in MAPS if (texture := getattr(m, name)) is not None]
         numbers = {texture: k for k, texture in enumerate(dict.fromkeys(used))}
         if tuple(numbers) != self._textures:
-            self._arrays = packed_textures(tuple(numbers), launcher)
+            thresholds = {m.cutout: m.threshold for m in materials if m.cutout is not None}
+            self._arrays = packed_textures(tuple(numbers), launcher, thresholds)
             self._textures = tuple(numbers)
         arrays = TextureArrays()
         for name in ("grids", "wraps", "borders", "tiles", "levels", "texels"):
@@ -131,8 +133,17 @@ class TextureStore:
         return arrays
 
 
-def packed_textures(textures: tuple[Texture, ...], launcher: Launcher) -> TextureArrays:
-    """The pictures of textures, by their numbers; without coordinates and materials."""
+def packed_textures(
+    textures: tuple[Texture, ...], launcher: Launcher, thresholds: Mapping[Texture, float] | None = None
+) -> TextureArrays:
+    """The pictures of textures, by their numbers; without coordinates and materials.
+
+    Args:
+        textures: The textures.
+        launcher: Their device.
+        thresholds: Those of cut-outs, which are all there or not at all; 0 for those that are there in part.
+    """
+    thresholds = thresholds or {}
     grids, wraps, borders, tiles, levels, texels = [], [], [], [], [], [np.zeros((0, 3), np.float16)]
     texel_count = 0
     for texture in textures:
@@ -144,6 +155,8 @@ def packed_textures(textures: tuple[Texture, ...], launcher: Launcher) -> Textur
             for column in range(columns):
                 pixels = texture.tiles.get((column, row))
                 halves = [] if pixels is None else pyramid(pixels)
+                if halves and (threshold := thresholds.get(texture, 0.0)) > 0:
+                    halves[1:] = pyramid(part_reaching(pixels, threshold))
                 tiles.append((len(levels), len(halves)))
                 for level in halves:
                     levels.append((level.shape[1], level.shape[0], texel_count))
@@ -209,10 +222,13 @@ def _bilinear(textures: TextureArrays, texture: int, level: wp.vec3i, st: wp.vec
 
 
 @wp.func
-def filtered(textures: TextureArrays, texture: int, st: wp.vec2, across: wp.vec2, down: wp.vec2) -> wp.vec3:
+def filtered(
+    textures: TextureArrays, texture: int, st: wp.vec2, across: wp.vec2, down: wp.vec2, threshold: float
+) -> wp.vec3:
     """The mean colour about (s, t) over the parallelogram with sides ``across`` and ``down`` (in s and t).
 
-    The shorter side chooses between the picture's halves, the longer is sampled at several places.
+    The shorter side chooses between the picture's halves, the longer is sampled at several places. Of a cut-out with a
+    ``threshold`` above 0 (:func:`packed_textures`) it is the part that reaches it.
     """
     grid = textures.grids[texture]
     wrap = textures.wraps[texture]
@@ -239,13 +255,21 @@ def filtered(textures: TextureArrays, texture: int, st: wp.vec2, across: wp.vec2
         swap = long
         long = short
         short = swap
+    begin = tile[0]
+    last = tile[1] - 1
+    if threshold > 0.0:
+        if long <= 1.0:
+            there = _bilinear(textures, texture, finest, place, wrap)[0] >= threshold
+            return wp.where(there, wp.vec3(1.0, 1.0, 1.0), wp.vec3(0.0, 0.0, 0.0))
+        begin += 1
+        last -= 1
     taps = wp.clamp(int(wp.ceil(long / wp.max(short, 1.0))), 1, MOST_TAPS)
     width = wp.max(wp.max(short, long / float(MOST_TAPS)), 1.0)
-    level = wp.min(wp.log2(width), float(tile[1] - 1))
+    level = wp.min(wp.log2(width), float(last))
     coarse = int(wp.floor(level))
     blend = level - float(coarse)
-    fine = textures.levels[tile[0] + coarse]
-    next = textures.levels[tile[0] + wp.min(coarse + 1, tile[1] - 1)]
+    fine = textures.levels[begin + coarse]
+    next = textures.levels[begin + wp.min(coarse + 1, last)]
     total = wp.vec3(0.0, 0.0, 0.0)
     for k in range(taps):
         at = place + ((float(k) + 0.5) / float(taps) - 0.5) * longer
@@ -272,7 +296,7 @@ def looked_up(textures: TextureArrays, texture: int, hit: Hit, across: wp.vec3, 
     st = st0 + hit.beta[1] * along1 + hit.beta[2] * along2
     d_across = along1 * wp.dot(hit.g1, across) + along2 * wp.dot(hit.g2, across)
     d_down = along1 * wp.dot(hit.g1, down) + along2 * wp.dot(hit.g2, down)
-    return filtered(textures, texture, st, d_across, d_down)
+    return filtered(textures, texture, st, d_across, d_down, 0.0)
 
 
 @wp.func

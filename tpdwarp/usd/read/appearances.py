@@ -12,7 +12,7 @@ from tpdwarp.scene.description import Interaction, Material
 from tpdwarp.usd.read.materials import BRIGHTEST, DISPLAY_COLOR, Materials, Surface
 from tpdwarp.usd.read.primvars import flattened
 from tpdwarp.usd.read.topology import Topology
-from tpdwarp.usd.read.values import indices_at, text_at, value_at
+from tpdwarp.usd.read.values import indices_or_none, text_at, value_at
 
 # Of nested dielectrics; see tpdwarp.scene.nesting.
 PRIORITY = "tpdwarp:priority"
@@ -123,7 +123,7 @@ def appearance_of(
             warnings(str(subset.GetPath()), "binds a material to something other than faces and is ignored")
             continue
         subsets_vary |= subset.GetIndicesAttr().ValueMightBeTimeVarying()
-        faces = indices_at(subset.GetIndicesAttr(), frame)
+        faces = indices_or_none(subset.GetIndicesAttr(), frame, warnings)
         if len(faces) and (faces.min() < 0 or faces.max() >= topology.face_count):
             warnings(f"{subset.GetPath()}.indices", "names faces that the mesh does not have, which are ignored")
             faces = faces[(faces >= 0) & (faces < topology.face_count)]

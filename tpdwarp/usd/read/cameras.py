@@ -13,7 +13,7 @@ from tpdwarp.usd.read.coordinate_frames import frame_over
 from tpdwarp.usd.read.diagnostics import errors_at
 from tpdwarp.usd.read.render_settings import conformed
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_at
+from tpdwarp.usd.read.values import number_or_fallback
 
 WIDEST_WINDOW = 1e12
 Window = tuple[float, float, float, float]
@@ -67,8 +67,8 @@ class Camera:
         Raises:
             InputError: A shutter that closes before it opens.
         """
-        opening = number_at(self._camera.GetShutterOpenAttr(), frame)
-        closing = number_at(self._camera.GetShutterCloseAttr(), frame)
+        opening = number_or_fallback(self._camera.GetShutterOpenAttr(), frame, self._warnings)
+        closing = number_or_fallback(self._camera.GetShutterCloseAttr(), frame, self._warnings)
         if not (math.isfinite(opening) and math.isfinite(closing) and opening <= closing):
             raise InputError(
                 f"the shutter closes at {closing:g} but opens at {opening:g} (author it to close at or after it opens)",

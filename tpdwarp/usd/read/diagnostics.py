@@ -42,7 +42,7 @@ def _usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
             raise
         raise InputError(error.message, warnings.file, error.prim) from error
     except Tf.ErrorException as error:
-        raise InputError(_first_error(error), warnings.file) from error
+        raise InputError(first_error(error), warnings.file) from error
     finally:
         collected = delegate.TakeUncoalescedDiagnostics()
         del delegate
@@ -69,10 +69,10 @@ def errors_at(path: object) -> Iterator[None]:
     try:
         yield
     except Tf.ErrorException as error:
-        raise InputError(_first_error(error), prim=str(path)) from error
+        raise InputError(first_error(error), prim=str(path)) from error
 
 
-def _first_error(error: Tf.ErrorException) -> str:
+def first_error(error: Tf.ErrorException) -> str:
     """The text of the first USD error, without the place in USD's sources that raised it."""
     text = str(error).strip()
     if len(text) > MOST_QUOTED:

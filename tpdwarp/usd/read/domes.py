@@ -9,6 +9,7 @@ from tpdwarp.scene.description import DomeAtShutter, Shutter
 from tpdwarp.usd.read.coordinate_frames import frame_over
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials.textures import picture_of
+from tpdwarp.usd.read.numbered_files import file_at
 from tpdwarp.usd.read.values import text_at
 
 KINDS = (UsdLux.DomeLight, UsdLux.DomeLight_1)
@@ -78,16 +79,15 @@ class Dome(Light):
     def _picture(self, frame: float) -> np.ndarray | None:
         """The dome's picture, shape [h, w, 3]; None for a dome of one colour."""
         attribute = self._input("texture:file")
-        value = attribute.Get(frame) if attribute else None
-        if not value or not value.path:
+        path = file_at(attribute, frame)
+        if not path:
             return None
-        path = value.resolvedPath or value.path
         layout = text_at(self._input("texture:format"), frame)
         if layout not in ("", "automatic", "latlong"):
             self._warnings(self.path, f"a picture laid out as {layout} is not read: the dome has one colour")
             return None
         if path not in self._pictures:
-            self._pictures[path] = picture_of(path, MOST_ROWS)
+            self._pictures = {path: picture_of(path, MOST_ROWS)}
         if self._pictures[path] is None:
             self._warnings(str(attribute.GetPath()), "cannot be read: the dome has one colour")
         return self._pictures[path]

@@ -117,7 +117,11 @@ class Instancer:
         if not self.instancer.GetProtoIndicesAttr().HasValue():
             self._warnings(self.path, "has no protoIndices and is left out")
             return none
-        chosen = indices_at(self.instancer.GetProtoIndicesAttr(), frame)
+        try:
+            chosen = indices_at(self.instancer.GetProtoIndicesAttr(), frame)
+        except InputError as error:
+            self._warnings(error.prim, f"{error.message}; until then the instancer is left out")
+            return none
         known = (chosen >= 0) & (chosen < len(self.prototypes))
         if not known.all():
             self._warnings(

@@ -27,9 +27,10 @@ from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is
 from tpdwarp.usd.read.light_inputs import PREFIX, light_input, old_inputs
 from tpdwarp.usd.read.links import LightLinks
 from tpdwarp.usd.read.materials.textures import picture_of
+from tpdwarp.usd.read.numbered_files import file_at
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_at, text_at, value_at
+from tpdwarp.usd.read.values import number_or_fallback, text_at, value_or_fallback
 from tpdwarp.usd.read.visibilities import may_be_visible
 
 # Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
@@ -99,7 +100,7 @@ class Light:
         self.prim, self.path = prim, path or str(prim.GetPath())
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
         self._api = UsdLux.LightAPI(prim)
-        self.links = LightLinks(self._api)
+        self.links = LightLinks(self._api, warnings)
         self._of_blender = is_of_blender(prim)
         self.kind = LightKind.DISTANT if prim.IsA(UsdLux.DistantLight) else LightKind.POINT
         self._shape = next((kind for kind in AREAS if prim.IsA(kind)), None)
@@ -164,7 +165,9 @@ class Light:
         )
         shaping, profile = None, EmissionProfile.UNIFORM
         if self.kind == LightKind.POINT:
-            shaping, (profile, _) = self._shaping(shutter.frame), PROFILES[self._shape]
+            profile, _ = PROFILES[self._shape]
+            if profile != EmissionProfile.SINE:
+                shaping = self._shaping(shutter.frame)
         extent = self._extent(shutter)
         place = position, axes, position_motion, axes_motion
         return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent)
@@ -182,12 +185,11 @@ class Light:
     def _picture(self, frame: float) -> np.ndarray | None:
         """A rectangle's picture, brought down to a few pixels, shape [h, w, 3]; None where it has none."""
         attribute = self._input("texture:file")
-        value = attribute.Get(frame) if attribute else None
-        if not value or not value.path:
+        path = file_at(attribute, frame)
+        if not path:
             return None
-        path = value.resolvedPath or value.path
         if path not in self._pictures:
-            self._pictures[path] = picture_of(path, PICTURE_ROWS)
+            self._pictures = {path: picture_of(path, PICTURE_ROWS)}
         if self._pictures[path] is None:
             self._warnings(str(attribute.GetPath()), "cannot be read: the rectangle is of its colour all over")
         return self._pictures[path]
@@ -215,7 +217,7 @@ class Light:
 
     def _asks_to_be_a_point(self, frame: float) -> bool:
         sphere = UsdLux.SphereLight(self.prim) if self._shape is UsdLux.SphereLight else None
-        return sphere is not None and bool(number_at(sphere.GetTreatAsPointAttr(), frame))
+        return sphere is not None and bool(number_or_fallback(sphere.GetTreatAsPointAttr(), frame, self._warnings))
 
     def _sizes(self, frame: float) -> list[float]:
         """The sizes in its own space of a light that has an area there."""
@@ -243,14 +245,14 @@ class Light:
     def _profile(self, frame: float) -> tuple[float, tuple[float, ...]] | None:
         """The largest intensity of the light's IES profile, and the profile by that; None where it has none."""
         attribute = self._input("shaping:ies:file")
-        value = attribute.Get(frame) if attribute and self._shape in PROFILED else None
-        if not value or not value.path:
+        path = file_at(attribute, frame) if self._shape in PROFILED else ""
+        if not path:
             return None
         scale, normalize = (
-            number_at(found, frame) if (found := self._input(f"shaping:ies:{name}")) else 0.0
+            number_or_fallback(found, frame, self._warnings) if (found := self._input(f"shaping:ies:{name}")) else 0.0
             for name in ("angleScale", "normalize")
         )
-        asked = value.resolvedPath or value.path, scale, bool(normalize)
+        asked = path, scale, bool(normalize)
         if asked not in self._profiles:
             self._profiles[asked] = self._read_profile(*asked)
         return self._profiles[asked]
@@ -300,10 +302,11 @@ class Light:
         intensity = self._number(self._input("intensity"), frame)
         diffuse = self._number(self._input("diffuse"), frame)
         exposure = self._number(self._input("exposure"), frame, may_be_negative=True)
-        color = value_at(self._input("color"), frame, (3,))
+        color = value_or_fallback(self._input("color"), frame, self._warnings, (3,))
+        color = np.ones(3) if color is None else color
         if not np.isfinite(color).all() or color.min() < 0:
             self._refuse(self._input("color"), f"holds {tuple(map(float, color))}")
-        asks = number_at(self._input("enableColorTemperature"), frame)
+        asks = number_or_fallback(self._input("enableColorTemperature"), frame, self._warnings)
         kelvin = self._number(self._input("colorTemperature"), frame) if asks else None
         white = self._of_blender and kelvin == BLENDER_WHITE
         if kelvin is not None and not white:
@@ -336,7 +339,7 @@ class Light:
         host = BLENDER_SUN if self._of_blender else 1.0
         if angle == 0 or self._of_blender:
             return host
-        if number_at(self._input("normalize"), frame):
+        if number_or_fallback(self._input("normalize"), frame, self._warnings):
             return 1.0
         return math.pi * math.sin(math.radians(0.5 * min(angle, 180.0))) ** 2
 
@@ -345,7 +348,7 @@ class Light:
         if self._shape is UsdLux.SphereLight and sizes == [0.0]:
             return 1.0
         _, by_area = PROFILES[self._shape]
-        if number_at(self._input("normalize"), frame):
+        if number_or_fallback(self._input("normalize"), frame, self._warnings):
             return by_area
         return by_area * area_of(*sizes) * self._area_scale(frame)
 
@@ -363,7 +366,7 @@ class Light:
         return light_input(self.prim, name)
 
     def _number(self, attribute: Usd.Attribute, frame: float, may_be_negative: bool = False) -> float:
-        value = number_at(attribute, frame)
+        value = number_or_fallback(attribute, frame, self._warnings)
         if not math.isfinite(value) or (value < 0 and not may_be_negative):
             self._refuse(attribute, f"holds {value:g}")
         return value
@@ -374,11 +377,10 @@ class Light:
 
     def _warn_unsupported(self) -> None:
         tint = self._input("shaping:focusTint")
-        if tint and tint.HasAuthoredValue() and np.any(value_at(tint, EARLIEST, (3,))):
+        if tint and tint.HasAuthoredValue() and np.any(value_or_fallback(tint, EARLIEST, self._warnings, (3,))):
             self._warnings(self.path, "the light's focusTint is not rendered")
-        asks_for_cone = _authored(self._input("shaping:cone:angle"), 180.0, below=True) or _authored(
-            self._input("shaping:focus"), 0.0
-        )
+        angle, focus = self._input("shaping:cone:angle"), self._input("shaping:focus")
+        asks_for_cone = _authored(angle, 180.0, self._warnings, below=True) or _authored(focus, 0.0, self._warnings)
         if self._of_blender and self.kind == LightKind.DISTANT:
             self._warnings(
                 self.path, "is as bright and wide as in Blender, which wrote it: four times and twice what USD says"
@@ -390,15 +392,15 @@ class Light:
         ies = self._input("shaping:ies:file")
         if ies and ies.HasAuthoredValue() and self._shape not in PROFILED:
             self._warnings(self.path, "the light's IES profile is not rendered")
-        if _authored(self._input("specular"), 1.0):
+        if _authored(self._input("specular"), 1.0, self._warnings):
             self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
         if self._api.GetFiltersRel().GetTargets():
             self._warnings(self.path, "light filters are not rendered")
         distance = self._input("shadow:distance")
-        if distance and distance.HasAuthoredValue() and number_at(distance, EARLIEST) >= 0:
+        if distance and distance.HasAuthoredValue() and number_or_fallback(distance, EARLIEST, self._warnings) >= 0:
             self._warnings(self.path, "shadow:distance is not taken into account")
         color = self._input("shadow:color")
-        if color and color.HasAuthoredValue() and np.any(value_at(color, EARLIEST, (3,))):
+        if color and color.HasAuthoredValue() and np.any(value_or_fallback(color, EARLIEST, self._warnings, (3,))):
             self._warnings(self.path, "the light's shadows are black, whatever their colour")
 
 
@@ -418,9 +420,9 @@ def changing_visibilities(prim: Usd.Prim) -> list[Usd.Attribute]:
     return found
 
 
-def _authored(attribute: Usd.Attribute, neutral: float, below: bool = False) -> bool:
+def _authored(attribute: Usd.Attribute, neutral: float, warnings: WarnOnce, below: bool = False) -> bool:
     """Whether an attribute is authored with something else than its neutral value (or, ``below``, less than that)."""
     if not attribute or not attribute.HasAuthoredValue():
         return False
-    value = number_at(attribute, EARLIEST)
+    value = number_or_fallback(attribute, EARLIEST, warnings)
     return value < neutral if below else value != neutral

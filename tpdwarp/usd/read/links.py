@@ -6,8 +6,9 @@ from collections.abc import Iterable
 
 from pxr import Sdf, Usd, UsdLux
 
+from tpdwarp.errors import WarnOnce
 from tpdwarp.usd.read.light_inputs import light_input
-from tpdwarp.usd.read.values import number_at, raw_at
+from tpdwarp.usd.read.values import number_or_fallback, raw_at
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
@@ -20,13 +21,15 @@ class LightLinks:
 
     Args:
         api: The light.
+        warnings: Takes what is not supported.
     """
 
-    def __init__(self, api: UsdLux.LightAPI) -> None:
+    def __init__(self, api: UsdLux.LightAPI, warnings: WarnOnce) -> None:
         self._lit = _query(api.GetLightLinkCollectionAPI())
         self._hiding = _query(api.GetShadowLinkCollectionAPI())
         enabled = light_input(api.GetPrim(), "shadow:enable")
-        self._shadowless = bool(enabled and enabled.HasAuthoredValue() and not number_at(enabled, EARLIEST, 1.0))
+        asks = enabled and enabled.HasAuthoredValue()
+        self._shadowless = bool(asks and not number_or_fallback(enabled, EARLIEST, warnings, 1.0))
         self._known: dict[str, tuple[bool, bool]] = {}
 
     @property

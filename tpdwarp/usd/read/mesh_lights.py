@@ -24,7 +24,7 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.usd.read.lights import Light
-from tpdwarp.usd.read.values import number_at, text_at
+from tpdwarp.usd.read.values import number_or_fallback, text_at
 
 # Lights that one mesh is, at most. Chosen, not derived: each takes shadow rays and a lattice of its own, and of a
 # sphere they leave 30 degrees to each.
@@ -66,7 +66,8 @@ class MeshLight(Light):
             return []
         if self._parts is None or not np.array_equal(self._parts[0], mesh.triangles):
             self._parts = mesh.triangles, _clusters(mesh)
-        sides = (1.0, -1.0) if number_at(self.prim.GetAttribute("doubleSided"), shutter.frame) else (1.0,)
+        double = number_or_fallback(self.prim.GetAttribute("doubleSided"), shutter.frame, self._warnings)
+        sides = (1.0, -1.0) if double else (1.0,)
         found = []
         for number, faces in enumerate(self._parts[1]):
             flat = _flat(mesh, mesh.triangles[faces])
@@ -95,7 +96,7 @@ class MeshLight(Light):
         if text_at(self.prim.GetAttribute("light:materialSyncMode")) in ("", "materialGlowTintsLight"):
             glow = next((material.emission for material in mesh.materials if any(material.emission)), None)
             power = power if glow is None else power * glow
-        if number_at(self._api.GetNormalizeAttr(), shutter.frame):
+        if number_or_fallback(self._api.GetNormalizeAttr(), shutter.frame, self._warnings):
             power = power / max(float(_areas(mesh.points, mesh.triangles)[1].sum()), np.finfo(float).tiny)
         return tuple(map(float, power))
 

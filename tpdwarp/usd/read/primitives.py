@@ -19,7 +19,7 @@ from tpdwarp.usd.read.samples import SampledArray, of_attribute, sample_times
 from tpdwarp.usd.read.shapes import ShapeAtShutter
 from tpdwarp.usd.read.topology import Topology, triangulate
 from tpdwarp.usd.read.transforms import union
-from tpdwarp.usd.read.values import NUMBER, number_at, text_at
+from tpdwarp.usd.read.values import NUMBER, number_or_fallback, text_at
 
 # Segments of a circle: the chord of 64 leaves it by .0012 of its radius, half a pixel where it fills the image; light
 # that 192 refract errs by the square of the segment's angle.
@@ -78,7 +78,8 @@ class Primitive:
         self.span: tuple[float, float] | None = None
         for name in KINDS[self._kind]:
             attribute = prim.GetAttribute(name)
-            smooth = None if attribute.HasSpline() else of_attribute(attribute, cubic, shape=NUMBER)
+            of_samples = not attribute.HasSpline() and attribute.GetNumTimeSamples() > 1
+            smooth = of_attribute(attribute, cubic, shape=NUMBER) if of_samples else None
             self._sizes[name] = attribute, smooth
             times = sample_times(attribute)
             if len(times) > 1:
@@ -110,7 +111,7 @@ class Primitive:
     def _at(self, time: float) -> Sizes:
         sizes: Sizes = {}
         for name, (attribute, smooth) in self._sizes.items():
-            value = number_at(attribute, time) if smooth is None or not smooth.varies else float(smooth.at(time))
+            value = number_or_fallback(attribute, time, self._warnings) if smooth is None else float(smooth.at(time))
             if not math.isfinite(value):
                 raise InputError(
                     f"holds {value:g} (author a finite value)", self._warnings.file, str(attribute.GetPath())

@@ -10,7 +10,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdRender
 
 from tpdwarp.errors import InputError, WarnOnce
-from tpdwarp.usd.read.values import text_at, texts_at, value_at
+from tpdwarp.usd.read.values import text_at, texts_at, value_or_fallback
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
@@ -84,7 +84,7 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce, wanted: str = 
 
     def value(name: str, default: float | tuple[float, ...]) -> np.ndarray:
         found = authored(name)
-        held = None if found is None else value_at(found, EARLIEST, np.shape(default))
+        held = None if found is None else value_or_fallback(found, EARLIEST, warnings, np.shape(default))
         return np.array(default) if held is None else held
 
     resolution = tuple(map(int, value("resolution", (0, 0))))

@@ -25,7 +25,7 @@ from tpdwarp.usd.read.subdivision.cages import cage_of, faces_at_boundary
 from tpdwarp.usd.read.subdivision.surface import SCHEMES, Surface
 from tpdwarp.usd.read.topology import Topology, triangulate
 from tpdwarp.usd.read.transforms import union
-from tpdwarp.usd.read.values import ROWS, indices_at, text_at, value_at
+from tpdwarp.usd.read.values import ROWS, indices_at, indices_or_none, text_at, value_or_fallback
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,7 +267,8 @@ class Shape:
         if self._last is not None and not self._faces_vary:
             counts, indices, holes = self._last[0]
         else:
-            counts, indices, holes = (indices_at(attribute, time) for attribute in self._face_attributes)
+            counts, indices = (indices_at(attribute, time) for attribute in self._face_attributes[:2])
+            holes = indices_or_none(self._face_attributes[2], time, self.warnings)
         known = self._last
         if known is not None and _same([counts, indices, holes], known[0]):
             if len(indices) and indices.max() >= point_count:
@@ -353,7 +354,7 @@ class Shape:
     def _rate(self, attribute: Usd.Attribute, time: float, order: int) -> np.ndarray | None:
         if not attribute.HasAuthoredValue():
             return None
-        value = value_at(attribute, time, ROWS)
+        value = value_or_fallback(attribute, time, self.warnings, ROWS)
         if value is None:
             return None
         require_finite(value, self.file, str(attribute.GetPath()), time)
@@ -371,6 +372,9 @@ class Shape:
         if primvar.HasValue():
             curve = flattened(primvar, self.file, cubic, linked)
             return curve, str(primvar.GetAttr().GetPath()), str(primvar.GetInterpolation())
+        times = attribute.GetTimeSamples()
+        if value_or_fallback(attribute, times[0] if times else None, self.warnings, ROWS) is None:
+            return None, "", ""
         curve = of_attribute(
             attribute,
             cubic,

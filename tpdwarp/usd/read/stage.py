@@ -38,6 +38,7 @@ from tpdwarp.usd.read.materialx_files import bring_in, references_materialx
 from tpdwarp.usd.read.mesh_lights import MeshLight, is_mesh_light
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
+from tpdwarp.usd.read.numbered_files import changes_by_frame
 from tpdwarp.usd.read.patches import Patch
 from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import RenderRequest, read_request
@@ -100,7 +101,7 @@ class StageScene:
         self.start, self.end = _time_range(stage)
         self._request = read_request(stage, settings.render_settings, warnings, settings.product)
         self._cubic = settings.motion == "cubic"
-        self._transforms = Transforms(self._cubic)
+        self._transforms = Transforms(self._cubic, warnings)
         self._materials = Materials(warnings, self._request.material_purpose)
         self._appearances = Appearances(self._materials, warnings)
         self._skeletons = Skeletons(self._transforms)
@@ -671,7 +672,10 @@ class StageScene:
     def _any_attribute_varies(self) -> bool:
         roots = [self._stage.GetPseudoRoot(), *self._stage.GetPrototypes()]
         prims = (prim for root in roots for prim in Usd.PrimRange(root))
-        return any(attribute.ValueMightBeTimeVarying() for prim in prims for attribute in prim.GetAuthoredAttributes())
+        attributes = (attribute for prim in prims for attribute in prim.GetAuthoredAttributes())
+        return any(
+            attribute.ValueMightBeTimeVarying() or changes_by_frame(attribute, self.start) for attribute in attributes
+        )
 
     def _points_at(self, frame: float) -> Iterator[np.ndarray]:
         for mesh in self._meshes_over(Shutter.still(frame)):

@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
-import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom
+from contextlib import suppress
 
-from tpdwarp.errors import InputError
-from tpdwarp.usd.read.diagnostics import errors_at
+import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom
+
+from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.diagnostics import errors_at, first_error
 from tpdwarp.usd.read.jumps import Jump, jumps_of
 from tpdwarp.usd.read.motion_breaks import moves
 from tpdwarp.usd.read.samples import SampledArray, of_attribute, sample_times
+from tpdwarp.usd.read.values import texts_at
 
 # Beyond this numbers in a transform are refused: their squares, and those of points times them, stay numbers.
 LARGEST = 1e30
 
 AXES = {"X": Gf.Vec3d.XAxis(), "Y": Gf.Vec3d.YAxis(), "Z": Gf.Vec3d.ZAxis()}
 CACHES_KEPT = 8
+# What stands before the name of an xformOp in xformOpOrder whose inverse is meant.
+INVERTED = "!invert!"
 
 
 class Transforms:
     """Row-vector matrices (as USD stores them) of a stage's prims.
 
+    An xformOp that USD cannot make a matrix of counts as none, as USD has it, and is warned about.
+
     Args:
+        warnings: Takes such xformOps; without, they are errors.
         cubic: Whether numeric xformOps (all but ``orient``, which stays a spherical interpolation) are interpolated
             by the cubic Hermite through their samples. Splines are evaluated as authored either way.
     """
 
-    def __init__(self, cubic: bool) -> None:
+    def __init__(self, cubic: bool, warnings: WarnOnce | None = None) -> None:
         self.cubic = cubic
+        self._warnings = warnings
         self._caches: dict[float, UsdGeom.XformCache] = {}
         self._locals: dict[str, _LocalTransform] = {}
         self._jumps: dict[str, tuple[Jump, ...]] = {}
@@ -41,19 +50,23 @@ class Transforms:
         """
         if self.cubic:
             return self._composed(prim, time, None)
-        with errors_at(prim.GetPath()):
-            found = self._cache(time).GetLocalToWorldTransform(prim)
-        return usable(np.array(found), time, prim.GetPath())
+        try:
+            found = np.array(self._cache(time).GetLocalToWorldTransform(prim))
+        except Tf.ErrorException:
+            found = self._composed(prim, time, None)
+        return usable(found, time, prim.GetPath())
 
     def below(self, prim: Usd.Prim, ancestor: Usd.Prim, time: float) -> np.ndarray:
         """Matrix from ``prim`` to ``ancestor``'s own space, shape [4, 4]; identity for the ancestor itself."""
         if prim == ancestor:
             return np.eye(4)
-        if not self.cubic:
-            with errors_at(prim.GetPath()):
-                found = self._cache(time).ComputeRelativeTransform(prim, ancestor)[0]
-            return usable(np.array(found), time, prim.GetPath())
-        return self._composed(prim, time, ancestor)
+        if self.cubic:
+            return self._composed(prim, time, ancestor)
+        try:
+            found = np.array(self._cache(time).ComputeRelativeTransform(prim, ancestor)[0])
+        except Tf.ErrorException:
+            found = self._composed(prim, time, ancestor)
+        return usable(found, time, prim.GetPath())
 
     def own(self, prim: Usd.Prim, time: float) -> np.ndarray:
         """The prim's own local matrix, shape [4, 4]."""
@@ -110,7 +123,7 @@ class Transforms:
         key = str(prim.GetPath())
         if key not in self._locals:
             with errors_at(key):
-                self._locals[key] = _LocalTransform(UsdGeom.Xformable(prim), self.cubic)
+                self._locals[key] = _LocalTransform(UsdGeom.Xformable(prim), self.cubic, self._warnings)
         return self._locals[key]
 
 
@@ -136,7 +149,8 @@ def union(first: tuple[float, float] | None, second: tuple[float, float] | None)
 class _LocalTransform:
     """The xformOps of one prim."""
 
-    def __init__(self, xformable: UsdGeom.Xformable, cubic: bool) -> None:
+    def __init__(self, xformable: UsdGeom.Xformable, cubic: bool, warnings: WarnOnce | None) -> None:
+        self._warnings = warnings
         self.span: tuple[float, float] | None = None
         self.resets = False
         self._ops: list[tuple[UsdGeom.XformOp, SampledArray | None]] = []
@@ -144,7 +158,7 @@ class _LocalTransform:
         if not xformable:
             return
         self.resets = xformable.GetResetXformStack()
-        for op in xformable.GetOrderedXformOps():
+        for op in self._ordered(xformable):
             attribute = op.GetAttr()
             times = sample_times(attribute) if op.MightBeTimeVarying() else []
             if len(times) > 1:
@@ -160,11 +174,39 @@ class _LocalTransform:
         for op, curve in reversed(self._ops):
             value = None if curve is None else curve.at(time)
             # Without a value at this time (it may be blocked), the op does what USD makes of that: nothing.
-            found = np.array(op.GetOpTransform(time)) if value is None else _op_matrix(op, value)
+            found = self._stored(op, time) if value is None else _op_matrix(op, value)
             with np.errstate(over="ignore", invalid="ignore"):
                 matrix = matrix @ found
         self._still = matrix
         return matrix
+
+    def _stored(self, op: UsdGeom.XformOp, time: float) -> np.ndarray:
+        """The matrix USD makes of an op's value."""
+        try:
+            return np.array(op.GetOpTransform(time))
+        except Tf.ErrorException as error:
+            if self._warnings is None:
+                raise
+            found = f"{first_error(error)} (author what its name says)"
+            self._warnings(str(op.GetAttr().GetPath()), found, "bad xformOps")
+            return np.eye(4)
+
+    def _ordered(self, xformable: UsdGeom.Xformable) -> list[UsdGeom.XformOp]:
+        """The ops in their order, without those that are not there."""
+        try:
+            return xformable.GetOrderedXformOps()
+        except Tf.ErrorException as error:
+            if self._warnings is None:
+                raise
+            order = xformable.GetXformOpOrderAttr()
+            left_out = f"{first_error(error)} It is left out (correct the order)"
+            self._warnings(str(order.GetPath()), left_out, "no xformOps")
+            found = []
+            for name in texts_at(order):
+                attribute = xformable.GetPrim().GetAttribute(name.removeprefix(INVERTED))
+                with suppress(Tf.ErrorException):
+                    found += [UsdGeom.XformOp(attribute, name.startswith(INVERTED))] if attribute else []
+            return found
 
 
 def _op_matrix(op: UsdGeom.XformOp, value: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import glob
 import hashlib
 import os
 from collections.abc import Iterable
@@ -12,6 +11,7 @@ from pxr import Sdf, Tf, Usd, UsdUtils
 
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
+from tpdwarp.usd.read.numbered_files import all_files
 
 
 def used_layers(stage: Usd.Stage) -> dict[str, Sdf.Layer]:
@@ -31,7 +31,7 @@ def used_files(stage: Usd.Stage) -> list[str]:
         with contextlib.suppress(Tf.ErrorException, InputError), usd_diagnostics(WarnOnce("", silent=True)):
             for names in UsdUtils.ExtractExternalReferences(file):
                 for name in names:
-                    paths.update(_tiles(_package(layer.ComputeAbsolutePath(name))))
+                    paths.update(all_files(_package(layer.ComputeAbsolutePath(name))))
     return sorted(path for path in paths if os.path.isfile(path))
 
 
@@ -49,10 +49,3 @@ def _package(path: str) -> str:
     """``shot.usdz`` for ``shot.usdz[geometry.usdc]``."""
     return path.split("[", 1)[0] if path.endswith("]") else path
 
-
-def _tiles(path: str) -> list[str]:
-    """The files of a texture in tiles, ``wood.<UDIM>.png``."""
-    if "<UDIM>" not in path:
-        return [path]
-    before, _, after = path.partition("<UDIM>")
-    return glob.glob(f"{glob.escape(before)}[0-9][0-9][0-9][0-9]{glob.escape(after)}")

@@ -1,16 +1,21 @@
-"""Values of attributes, of the kind they are read as: anything else that a layer may hold is refused, by attribute."""
+"""Values of attributes, of the kind they are read as: anything else that a layer may hold is refused, by attribute.
+
+What a picture can do without falls back to its schema's default instead.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from pxr import Usd
 
-from tpdwarp.errors import InputError
+from tpdwarp.errors import InputError, WarnOnce
 
 Shape = tuple[int | None, ...]
 ROWS: Shape = (None, 3)
 LIST: Shape = (None,)
 NUMBER: Shape = ()
+# How a warning ends that what an attribute holds is nothing that it takes.
+ITS_DEFAULT = "its default is used"
 # Types of USD that hold no numbers.
 NO_NUMBERS = ("string", "token", "asset", "opaque", "group", "timecode", "pathExpression")
 
@@ -48,6 +53,29 @@ def number_at(attribute: Usd.Attribute, time: float | None, default: float = 0.0
     return default if value is None else float(value)
 
 
+def value_or_fallback(
+    attribute: Usd.Attribute, time: float | None, warnings: WarnOnce, shape: Shape = NUMBER
+) -> np.ndarray | None:
+    """As :func:`value_at`; where an attribute holds something else than it should, its schema's fallback, and says so.
+
+    As Hydra has it, which looks at values of the right type only.
+    """
+    try:
+        return value_at(attribute, time, shape)
+    except InputError as error:
+        fallback = attribute.GetPrim().GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
+        warnings(error.prim, f"{error.message}; {ITS_DEFAULT}", f"{ITS_DEFAULT} for its type")
+        return None if fallback is None else numbers(fallback, attribute, shape)
+
+
+def number_or_fallback(
+    attribute: Usd.Attribute, time: float | None, warnings: WarnOnce, default: float = 0.0
+) -> float:
+    """A number as :func:`value_or_fallback`; ``default`` where there is none."""
+    value = value_or_fallback(attribute, time, warnings)
+    return default if value is None else float(value)
+
+
 def indices_at(attribute: Usd.Attribute, time: float | None) -> np.ndarray:
     """A list of whole numbers at a time code, shape [n] int64; empty where there is no value.
 
@@ -61,6 +89,15 @@ def indices_at(attribute: Usd.Attribute, time: float | None) -> np.ndarray:
     if found.ndim != 1 or (found.size and found.dtype.kind not in "iu"):
         raise _refusal(value, attribute)
     return found.astype(np.int64)
+
+
+def indices_or_none(attribute: Usd.Attribute, time: float | None, warnings: WarnOnce) -> np.ndarray:
+    """As :func:`indices_at`; empty where an attribute holds something else, which is said."""
+    try:
+        return indices_at(attribute, time)
+    except InputError as error:
+        warnings(error.prim, f"{error.message}; it is ignored", "indices are ignored for their type")
+        return np.zeros(0, np.int64)
 
 
 def numbers(value: object, attribute: Usd.Attribute, shape: Shape | None = None) -> np.ndarray:

@@ -15,7 +15,8 @@ from tpdwarp.usd.read.materials.nodes import operation_of
 from tpdwarp.usd.read.materials.patterns import curve_of, mean_of, pattern_of
 from tpdwarp.usd.read.materials.physical import Color
 from tpdwarp.usd.read.materials.textures import LARGEST_HALF, Image, Textures, combined
-from tpdwarp.usd.read.values import raw_at, text_at, value_at
+from tpdwarp.usd.read.numbered_files import changes_by_frame
+from tpdwarp.usd.read.values import ITS_DEFAULT, raw_at, text_at, value_at
 
 # Networks deeper than this count as circular. Chosen, not derived: hand-made networks have a few.
 DEEPEST = 64
@@ -155,31 +156,21 @@ class Inputs:
             self._as_images = False
 
     def number(self, names: tuple[str, ...], default: float) -> float:
-        """A number at the first of these inputs that is authored; the mean of a colour.
-
-        Raises:
-            InputError: Something else than numbers, or none at all.
-        """
+        """A number at the first of these inputs that is authored; the mean of a colour."""
         value = self.value(*names)
         if value is None or value.numbers is None:
             return default
-        if value.numbers.size == 0:
-            raise InputError("holds no number (author a finite value)", self.warnings.file, self.source(*names))
         return float(np.mean(value.numbers))
 
     def color(self, names: tuple[str, ...], default: Color) -> Color:
-        """A colour at the first of these inputs that is authored; a number gives a grey.
-
-        Raises:
-            InputError: Something else than one or three numbers.
-        """
+        """A colour at the first of these inputs that is authored; a number gives a grey."""
         value = self.value(*names)
         if value is None or value.numbers is None:
             return default
         if value.numbers.size not in (1, 3, 4):
-            raise InputError(
-                f"holds {value.numbers.size} numbers (author a colour)", self.warnings.file, self.source(*names)
-            )
+            message = f"holds {value.numbers.size} numbers; {ITS_DEFAULT} (author a colour)"
+            self.warnings(self.source(*names), message)
+            return default
         return tuple(map(float, np.broadcast_to(value.numbers[:3], 3)))
 
     def flag(self, name: str, default: bool = False) -> bool:
@@ -257,14 +248,25 @@ class Inputs:
             if not attributes:
                 return Value(None)
             self.varies |= attributes[0].ValueMightBeTimeVarying()
-            value = value_at(attributes[0], self.frame)
-            return Value(None if value is None else np.atleast_1d(value))
+            return Value(self._numbers(attributes[0], str(found.GetAttr().GetPath())))
         value = self._computed(node, output, str(found.GetAttr().GetPath()), depth + 1)
         if value.numbers is not None and value.numbers.size == 4 and str(found.GetTypeName()) not in FOUR:
             # A texture has four channels whatever it feeds.
             image = None if value.image is None else value.image.mapped(lambda pixels: pixels[..., :3])
             return Value(value.numbers[:3], value.spread, value.primvar, image)
         return value
+
+    def _numbers(self, attribute: Usd.Attribute, asking: str) -> np.ndarray | None:
+        """An attribute's numbers, shape [n]; None where it holds nothing, or something else, which is said."""
+        try:
+            value = value_at(attribute, self.frame)
+        except InputError as error:
+            self.warnings(asking, f"{error.message}; {ITS_DEFAULT}", f"{ITS_DEFAULT} for its type")
+            return None
+        if value is not None and value.size == 0:
+            self.warnings(asking, f"holds no number; {ITS_DEFAULT} (author a finite value)")
+            return None
+        return None if value is None else np.atleast_1d(value)
 
     def _computed(self, node: UsdShade.Shader, output: str, asking: str, depth: int) -> Value:
         walk, key = self._walk, (str(node.GetPath()), output, self._as_images)
@@ -273,7 +275,7 @@ class Inputs:
             self.varies |= varies
             return value
         if depth > DEEPEST or key in walk.open:
-            self.warnings(asking, "is fed by a network that is too deep, or circular; its default is used")
+            self.warnings(asking, f"is fed by a network that is too deep, or circular; {ITS_DEFAULT}")
             return Value(None)
         walk.open.add(key)
         varied, self.varies = self.varies, False
@@ -362,7 +364,9 @@ class Inputs:
         file = inner.find(*FILES)
         attributes = [] if file is None else file.GetValueProducingAttributes()
         encoding = _encoding(inner, attributes, kind)
-        self.varies |= any(attribute.ValueMightBeTimeVarying() for attribute in attributes)
+        self.varies |= any(
+            attribute.ValueMightBeTimeVarying() or changes_by_frame(attribute, self.frame) for attribute in attributes
+        )
         if attributes and self._as_images:
             image = self.textures.image(attributes[0], self.frame, encoding, _wrap(inner), inner.coordinates())
             if image is not None:

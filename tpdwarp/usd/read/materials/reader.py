@@ -84,7 +84,7 @@ class Materials:
         """The surface bound to a mesh or a GeomSubset at a time code.
 
         Raises:
-            InputError: An index of refraction that means nothing, or an input that holds something else than numbers.
+            InputError: An index of refraction that means nothing.
         """
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(self.purpose)
         if not material and self.purpose == UsdShade.Tokens.full:
@@ -115,7 +115,9 @@ class Materials:
         path = str(material.GetPath())
         shaders = _surface_shaders(material, self.warnings)
         if not shaders:
-            self.warnings(path, "has no surface shader that can be read; displayColor or grey is used")
+            named = any(output.HasConnectedSource() for output in material.GetSurfaceOutputs())
+            found = "has no surface shader that can be read;" if named else "names no surface: as in viewers,"
+            self.warnings(path, f"{found} displayColor or grey is used")
             return Surface(Material(path=path), DISPLAY_COLOR, False)
         readers = [(shader, reader) for shader in shaders if (reader := reader_of(shader)) is not None]
         if not readers:

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from pxr import Ar, Sdf, Usd, UsdShade
+from pxr import Ar, Usd
 
 from tpdwarp.io.resampling import area_averaged
 from tpdwarp.scene.description import Texture, Wrap
 from tpdwarp.usd.read.materials.coordinates import Coordinates
+from tpdwarp.usd.read.numbered_files import Tile, files_at, is_tiled
 
 # A tile set may hold hundreds of tiles; the mean of these stands for all.
 MOST_TILES = 16
@@ -31,7 +32,7 @@ WRAPS = {
 # The largest number of half precision.
 LARGEST_HALF = 65504.0
 
-Tiles = dict[tuple[int, int], np.ndarray]
+Tiles = dict[Tile, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +110,12 @@ def combined(
 
 
 class Textures:
-    """A stage's textures, each file read once."""
+    """A stage's textures, each file read once; of what changes with time, once while it is shown."""
 
     def __init__(self) -> None:
         self._means: dict[tuple[str, str], np.ndarray | None] = {}
         self._pictures: dict[tuple[str, str], tuple[np.ndarray, tuple[str, str]] | None] = {}
+        self._named: dict[str, set[str]] = {}
 
     def mean(self, attribute: Usd.Attribute, time: float, encoding: str) -> np.ndarray | None:
         """Mean colour of the texture an asset attribute names, shape [4] (linear R, G, B and A).
@@ -127,7 +129,7 @@ class Textures:
             None where no file can be read.
         """
         means = []
-        for path in list(_files(attribute, time).values())[:MOST_TILES]:
+        for path in list(self._files(attribute, time).values())[:MOST_TILES]:
             key = path, encoding
             if key not in self._means:
                 self._means[key] = _mean(path, encoding)
@@ -147,7 +149,7 @@ class Textures:
         """
         tiles: Tiles = {}
         modes = wrap
-        for place, path in _files(attribute, time).items():
+        for place, path in self._files(attribute, time).items():
             key = path, encoding
             if key not in self._pictures:
                 self._pictures[key] = _picture(path, encoding)
@@ -159,6 +161,16 @@ class Textures:
         s, t = (WRAPS.get(mode, Wrap.BORDER) for mode in modes)
         return Image(tiles, (s, t), np.zeros(4), coordinates, is_tiled(attribute, time))
 
+    def _files(self, attribute: Usd.Attribute, time: float) -> dict[Tile, str]:
+        """The files an attribute names; the pictures of those that it named at another time are let go."""
+        files = files_at(attribute, time)
+        name, paths = str(attribute.GetPath()), set(files.values())
+        earlier = self._named.get(name, paths) - paths
+        self._named[name] = paths
+        if earlier:
+            self._pictures = {key: picture for key, picture in self._pictures.items() if key[0] not in earlier}
+        return files
+
 
 def _as_color(value: np.ndarray) -> np.ndarray:
     return np.repeat(value[..., :1], 3, axis=-1) if value.shape[-1] < 3 else value[..., :3]
@@ -168,25 +180,6 @@ def _enlarged(pixels: np.ndarray, height: int, width: int) -> np.ndarray:
     """A picture with its pixels repeated to a size."""
     rows, columns = (np.arange(n) * old // n for n, old in zip((height, width), pixels.shape[:2], strict=True))
     return pixels if pixels.shape[:2] == (height, width) else pixels[rows][:, columns]
-
-
-def is_tiled(attribute: Usd.Attribute, time: float) -> bool:
-    """Whether an asset attribute names a file for each tile (UDIM)."""
-    value = attribute.Get(time)
-    return isinstance(value, Sdf.AssetPath) and UsdShade.UdimUtils.IsUdimIdentifier(value.path)
-
-
-def _files(attribute: Usd.Attribute, time: float) -> dict[tuple[int, int], str]:
-    """Paths of the files an asset attribute names, by the unit square of (s, t) that each covers."""
-    value = attribute.Get(time)
-    if not isinstance(value, Sdf.AssetPath) or not value.path:
-        return {}
-    if not UsdShade.UdimUtils.IsUdimIdentifier(value.path):
-        return {(0, 0): value.resolvedPath or value.path}
-    layers = [spec.layer for spec in attribute.GetPropertyStack(time)]
-    tiles = UsdShade.UdimUtils.ResolveUdimTilePaths(value.path, layers[0]) if layers else []
-    # Tile 1001 + s + 10 t.
-    return {((int(tile) - 1001) % 10, (int(tile) - 1001) // 10): str(path) for path, tile in tiles}
 
 
 def _mean(path: str, encoding: str) -> np.ndarray | None:

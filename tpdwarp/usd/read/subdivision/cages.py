@@ -7,7 +7,7 @@ from pxr import UsdGeom
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.usd.read.subdivision.connectivity import Connectivity
-from tpdwarp.usd.read.values import LIST, indices_at, text_at, value_at
+from tpdwarp.usd.read.values import LIST, indices_or_none, text_at, value_or_fallback
 
 
 def cage_of(
@@ -16,8 +16,8 @@ def cage_of(
     """The cage of a mesh; creases and corners that do not fit it are warned about and left out."""
     corner_sharpness = np.zeros(point_count)
     corners, sharpness = (
-        indices_at(mesh.GetCornerIndicesAttr(), None),
-        value_at(mesh.GetCornerSharpnessesAttr(), None, LIST),
+        indices_or_none(mesh.GetCornerIndicesAttr(), None, warnings),
+        value_or_fallback(mesh.GetCornerSharpnessesAttr(), None, warnings, LIST),
     )
     if len(corners):
         known = (corners >= 0) & (corners < point_count)
@@ -40,10 +40,11 @@ def faces_at_boundary(cage: Connectivity) -> np.ndarray:
 
 def _creases(mesh: UsdGeom.Mesh, point_count: int, warnings: WarnOnce) -> dict[tuple[int, int], float]:
     """Sharpness by vertices, the lower first; there is one a crease, or one for each of its edges."""
-    vertices, lengths = (indices_at(a, None) for a in (mesh.GetCreaseIndicesAttr(), mesh.GetCreaseLengthsAttr()))
+    attributes = mesh.GetCreaseIndicesAttr(), mesh.GetCreaseLengthsAttr()
+    vertices, lengths = (indices_or_none(attribute, None, warnings) for attribute in attributes)
     if not len(vertices):
         return {}
-    sharpness = value_at(mesh.GetCreaseSharpnessesAttr(), None, LIST)
+    sharpness = value_or_fallback(mesh.GetCreaseSharpnessesAttr(), None, warnings, LIST)
     edge_count = int(np.maximum(lengths - 1, 0).sum())
     fits = lengths.sum() == len(vertices) and vertices.min() >= 0 and vertices.max() < point_count
     if sharpness is None or not fits or len(sharpness) not in (len(lengths), edge_count):

@@ -62,11 +62,7 @@ class Dialect:
     untinted: str = ""
 
     def read(self, inputs: Inputs) -> Physical:
-        """The physical description that a shader's inputs mean.
-
-        Raises:
-            InputError: An input holds something else than numbers.
-        """
+        """The physical description that a shader's inputs mean."""
         values: dict[str, Any] = {}
         sources: dict[str, str] = {}
         shown = ""
