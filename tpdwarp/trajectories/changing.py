@@ -29,6 +29,7 @@ from tpdwarp.clock import Clock
 from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.keyframes import (
     END,
     LARGEST_DISAGREEMENT,
@@ -91,8 +92,10 @@ def changing_cells(
         ends = [keyframes.traced(part, plan, chosen=riding(suspects, plan, part), aimed=False) for part in (-END, END)]
     with clock.stage("trace"):
         typical = max(map(typical_area, [photons, *ends]))
+    unfollowed = _unfollowed(keyframes, photons, plan, typical)
+    with clock.stage("trace"):
         chosen = dict(besides or {})
-        for number, cells in _unfollowed(keyframes, photons, plan, typical).items():
+        for number, cells in unfollowed.items():
             chosen[number] = np.unique(np.concatenate([cells, chosen.get(number, cells)]), axis=0)
         change_in = _Change([ends[0], photons, ends[1]], plan, typical) if suspects else None
         for number, cells in suspects.items():
@@ -133,8 +136,8 @@ def _unfollowed(
     """Cells [n, 2] of each lattice whose photons matter and leave the way that they have at mid shutter, and whose
     trajectories do not curve, since keyframes disagree; arguments as of :func:`_change`."""
     before, _, after = keyframes.states(photons, plan)
-    size = np.maximum(*(np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)))
-    sagitta = np.linalg.norm(after.dxdt - before.dxdt, axis=1) / 8.0
+    size = np.maximum(lengths(photons.dxdu), lengths(photons.dxdv))
+    sagitta = lengths(after.dxdt - before.dxdt) / 8.0
     off = before.valid & after.valid & (sagitta > LARGEST_SAGITTA * size)
     off &= disagreement(photons, before.dxdt, after.dxdt) > LARGEST_DISAGREEMENT
     lost = CellsOfLattices(photons.rows(off & matters(photons, typical, LEAST_SHARE)), plan)

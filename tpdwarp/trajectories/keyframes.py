@@ -145,7 +145,7 @@ class ShutterKeyframes:
         if not len(rows) or self.tracer.settings.emission != "lattice":
             return before, middle, after
         with self._clock.stage("trace"):
-            cells = _cells_that_ride(photons.rows(rows), plan)
+            cells = _with_shifts(photons.rows(rows), plan)
         ends = [self.traced(part, plan, chosen=riding(cells, plan, part), aimed=False) for part in (-END, END)]
         with self._clock.stage("trace"):
             at = [_same_photons(photons, rows, end) for end in ends]
@@ -239,11 +239,12 @@ class _KeyframeGrids:
         return riders
 
 
-def _cells_that_ride(photons: PhotonMap, plan: EmissionPlan) -> dict[int, ChosenCells]:
+def _with_shifts(photons: PhotonMap, plan: EmissionPlan) -> dict[int, ChosenCells]:
     """The cells of photons with their shifts as offsets, by lattice."""
-    found, of_lattices = {}, CellsOfLattices(photons, plan)
-    for number in of_lattices.numbers():
-        rows, cells = of_lattices.of(number)
+    found = {}
+    own = CellsOfLattices(photons, plan)
+    for number in own.numbers():
+        rows, cells = own.of(number)
         cells, first = np.unique(cells, axis=0, return_index=True)
         found[number] = ChosenCells(cells, photons.shift[rows[first]])
     return found
