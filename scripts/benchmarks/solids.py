@@ -5,6 +5,7 @@
 .venv/bin/python scripts/benchmarks/solids.py ball-gliding --quick    # 16 384 photons only
 .venv/bin/python scripts/benchmarks/solids.py --settings default --photons 16384 --photons 65536    # README's table
 .venv/bin/python scripts/benchmarks/solids.py --best                  # automatic segments beside the best number
+.venv/bin/python scripts/benchmarks/solids.py --target-error 0.1 --target-error 0.05    # asked and got
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ import OpenImageIO as oiio
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import tpdwarp
+from tpdwarp.jobs.opening import open_scene, spread_shutters
+from tpdwarp.rendering.error_target import settled
+from tpdwarp.settings import Settings
 from usd_scenes.brute_force import Truth
 from usd_scenes.kept_truths import FOLDER, kept_truth
 from usd_scenes.solids import SCENES, write
@@ -37,6 +41,8 @@ SAMPLES = 4
 # A ball, a flat solid, an edge in time: together a few seconds at 16 384 photons.
 QUICK_SCENES = ("ball-gliding", "cube-turning", "board-over-water")
 QUICK_PHOTONS = (1 << 14,)
+# Scenes on which errors are asked for: a ball, flat and bent solids, a board over a pool, a mirror ring.
+ASKED = ("ball-gliding", "cube-turning", "torus-turning-10", "blob-turning", "board-over-water", "cardioid")
 # Numbers of segments that automatic ones are compared with.
 NUMBERS_OF_SEGMENTS = (1, 2, 4, 8, 16)
 
@@ -114,6 +120,44 @@ def compare_segments(scenes: Sequence[str] = (), photons: int = 1 << 16) -> list
     return rows
 
 
+def compare_targets(scenes: Sequence[str], wanted: Sequence[float]) -> list[dict[str, object]]:
+    """The error that is asked for beside the one that comes out, and what the pilot costs; prints a row each.
+
+    Returns:
+        A row a scene and wanted error: ``scene``, ``wanted``, ``photons``, ``chosen`` (segments), ``expected``,
+        ``relative_rmse``, ``truth_error``, ``pilot_seconds`` and ``cpu_seconds`` (of the frame).
+    """
+    rows: list[dict[str, object]] = []
+    print(f"  {'scene':18s} {'asked':>6s} {'photons':>8s} {'K':>3s} {'told':>6s} {'got':>6s}", end=" ")
+    print(f"{'got/asked':>9s} {'truth':>6s} {'pilot s':>8s} {'frame s':>8s} {'frames':>6s}")
+    for name in scenes or ASKED:
+        truth = kept_truth(SCENES[name]())
+        size = truth.irradiance.shape[::-1]
+        with tempfile.TemporaryDirectory() as folder:
+            stage = write(name, Path(folder))
+            _measured(stage, truth, photons=1 << 10)
+            for asked in wanted:
+                settings = Settings(
+                    camera=CAMERA, image_width=size[0], exposure=1.0, samples=SAMPLES, target_error=asked
+                )
+                source = open_scene(stage, settings, False)
+                start = time.process_time()
+                found, target = settled(source, settings, spread_shutters(source, settings), *size)
+                pilot = time.process_time() - start
+                chosen = {"photons": found.photons, "segments": found.segments, "samples": found.samples}
+                row = {"scene": name, "wanted": asked, "chosen": found.segments, "expected": target.expected}
+                row |= {"photons": found.photons, "pilot_seconds": pilot} | _measured(stage, truth, **chosen)
+                rows.append(row)
+                error, seconds = float(row["relative_rmse"]), float(row["cpu_seconds"])
+                print(
+                    f"  {name:18s} {asked:6.3f} {found.photons:8d} {found.segments:3d} {target.expected:6.3f} "
+                    f"{error:6.3f} {error / asked:9.2f} {truth.error:6.3f} {pilot:8.1f} {seconds:8.1f} "
+                    f"{pilot / seconds:6.1f}",
+                    flush=True,
+                )
+    return rows
+
+
 def _measured(stage: Path, truth: Truth, **settings: Any) -> dict[str, object]:
     """One render compared with the truth."""
     picture = stage.with_suffix(".exr")
@@ -126,8 +170,7 @@ def _measured(stage: Path, truth: Truth, **settings: Any) -> dict[str, object]:
         image_width=truth.irradiance.shape[1],
         aovs=("irradiance",),
         exposure=1.0,
-        samples=SAMPLES,
-        **settings,
+        **{"samples": SAMPLES, **settings},
     )
     seconds = time.process_time() - start
     found = _channel(picture, "irradiance.R")
@@ -171,13 +214,16 @@ def main() -> int:
     parser.add_argument("--photons", type=int, action="append", help="photons a frame, in place of the usual numbers")
     parser.add_argument("--settings", choices=SETTINGS, action="append", help="one: one segment; all by default")
     parser.add_argument("--best", action="store_true", help="automatic segments beside fixed numbers of them")
+    parser.add_argument("--target-error", type=float, action="append", help="asks for this error")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
     options = parser.parse_args()
     for name in options.scene:
         if name not in SCENES:
             parser.error(f"there is no scene {name!r}; there are {', '.join(SCENES)}")
     photons = tuple(options.photons or ((*PHOTONS, MOST_PHOTONS) if options.most else PHOTONS))
-    if options.best:
+    if options.target_error:
+        rows = compare_targets(options.scene, options.target_error)
+    elif options.best:
         rows = [row for count in options.photons or (1 << 16,) for row in compare_segments(options.scene, count)]
     elif options.quick:
         rows = run(options.scene or QUICK_SCENES, QUICK_PHOTONS, ("default",))

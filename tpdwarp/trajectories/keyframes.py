@@ -146,7 +146,7 @@ class ShutterKeyframes:
             return before, middle, after
         with self._clock.stage("trace"):
             cells = _with_shifts(photons.rows(rows), plan)
-        ends = [self.traced(part, plan, chosen=riding(cells, plan, part)) for part in (-END, END)]
+        ends = [self.traced(part, plan, chosen=riding(cells, plan, part), aimed=False) for part in (-END, END)]
         with self._clock.stage("trace"):
             at = [_same_photons(photons, rows, end) for end in ends]
             both = (at[0] >= 0) & (at[1] >= 0)
