@@ -25,7 +25,7 @@ from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.grids import Riders, StateArrays, grids_of, interpolate
-from tpdwarp.trajectories.retraced import CellsOfLattices, riding
+from tpdwarp.trajectories.retraced import LEAST_SHARE, CellsOfLattices, riding
 
 # Part of the shutter over which keyframes take D_t x at either end of it. Chosen, not derived: a difference over it
 # errs by its square over 24, 7e-4 of D_ttt x.
@@ -110,6 +110,8 @@ class ShutterKeyframes:
         self.middle, self.opening, self.closing = middle, opening, closing
         self._clock = clock
         self._grids: dict[float, _KeyframeGrids] = {}
+        # Of the lattices that were last asked for, photons that were traced at either end themselves.
+        self._ends: tuple[EmissionPlan, list[PhotonMap]] | None = None
 
     @classmethod
     def over(cls, tracer: PhotonTracer, plan: EmissionPlan, loaded: LoadedScene, clock: Clock) -> ShutterKeyframes:
@@ -135,18 +137,22 @@ class ShutterKeyframes:
     def states(self, photons: PhotonMap, plan: EmissionPlan) -> tuple[KeyframeState, KeyframeState, KeyframeState]:
         """Photons of mid shutter as it opens, in its middle, and as it closes.
 
-        Where keyframes are too sparse to say, at the borders of bodies and facets, cells are traced at the ends
-        themselves, each where it rides; then the photon itself is what they are compared with.
+        Where keyframes are too sparse to say, at the borders of bodies and facets, cells of photons that matter are
+        traced at the ends themselves, each where it rides; then the photon itself is what they are compared with.
         """
         before, after = self.around(photons, plan)
         middle = self.at_middle(photons, plan)
-        unknown = ~(before.valid & middle.valid & after.valid)
+        unknown = ~(before.valid & middle.valid & after.valid) & (photons.share > LEAST_SHARE)
         rows = np.flatnonzero(unknown & plan.paths_of(photons.ids)[2])
         if not len(rows) or self.tracer.settings.emission != "lattice":
             return before, middle, after
-        with self._clock.stage("trace"):
-            cells = _with_shifts(photons.rows(rows), plan)
-        ends = [self.traced(part, plan, chosen=riding(cells, plan, part), aimed=False) for part in (-END, END)]
+        if self._ends is None or self._ends[0] is not plan:
+            with self._clock.stage("trace"):
+                cells = _with_shifts(photons.rows(rows), plan)
+            ends = [self.traced(part, plan, chosen=riding(cells, plan, part), aimed=False) for part in (-END, END)]
+            self._ends = plan, ends
+        # Of photons of which some were asked for before, no others are unknown.
+        ends = self._ends[1]
         with self._clock.stage("trace"):
             at = [_same_photons(photons, rows, end) for end in ends]
             both = (at[0] >= 0) & (at[1] >= 0)
