@@ -62,8 +62,9 @@ from tpdwarp.scene.light_places import narrowing_of
 # An image of less than this part of the pixel's variance is left out: it would widen the pixel by half of that.
 NEGLIGIBLE = wp.constant(0.01)
 # Footprints that are larger than this part of the image keep their own axes, along which they sum to one: cells no
-# wider than that make sums of discs smooth.
-FINE = wp.constant(0.5)
+# wider than that make sums of discs smooth. With a half of it, the shipped wave under a sun of 5 degrees lacked 2.2 %
+# of its light where pixels were just eight cells wide; with a quarter, the shipped sea errs by a fifth more (16 k).
+FINE = wp.constant(0.35)
 # A parallelogram with a smaller sine between its sides is a disc. Chosen, not derived: 6°.
 SMALLEST_SINE = wp.constant(0.1)
 # The projection of a disc of deviation s, half an ellipse, is 1/(π s) high in the middle. So are two boxes π s and

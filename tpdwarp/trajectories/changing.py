@@ -61,6 +61,8 @@ _TINY = np.finfo(np.float64).tiny
 # this part of its footprint. Chosen on a ball that rolls by 57 degrees within a segment: 1 and 0.3 err alike, by .127,
 # and straight ways by .368.
 LARGEST_SAGITTA = 0.5
+# Cells that grow by more than their size as they ride keep it. Chosen, not derived.
+LARGEST_GROWTH = 1.0
 
 # When keyframes are traced, as parts of the shutter from its middle.
 TIMES = (-END, 0.0, END)
@@ -127,6 +129,9 @@ def changing_cells(
                 ride = _Field(window, _shifts(here, number, window, suspects.get(number)), None)
             found[number] = ChosenCells(cells, ride.shifts[ride.window.at(cells)].astype(np.float32))
             growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
+            if ride.torn is None:
+                # Neighbours that ride apart by more than a cell are of no one sheet.
+                growth[number][np.abs(growth[number]).max(axis=(1, 2)) > LARGEST_GROWTH] = 0.0
         return RetracedCells(found, plan, growth)
 
 

@@ -73,8 +73,9 @@ def traced_in_parts(
         last = tracer.load(piece, clock, instead_of=last)
         given = {"chosen": cells.at(middle, number), "aimed": False, "tags": keyframes.tags.of(last.scene), **options}
         photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
-        photons = in_middle_of_cell(photons, plan, place_in_cell(cell_of(photons), number))
-        photons = _grown(photons, cells, middle, energy)
+        with clock.stage("trace"):
+            photons = in_middle_of_cell(photons, plan, place_in_cell(cell_of(photons), number))
+            photons = _grown(photons, cells, middle, energy)
         return replace(photons, time=middle, duration=share), energy
 
     edges = np.concatenate([[0.0], (np.arange(PARTS) + 0.5) / PARTS, [1.0]])
@@ -85,8 +86,9 @@ def traced_in_parts(
         photons, energy = traced(changing, piece, float(middles[part]), float(shares[part]), part)
         account.add(energy)
         maps.append(replace(photons, part=part + 1))
-    rushing = cells_that_rush(maps, changing, light)
-    extents = parts_of_existence(maps, changing)
+    with clock.stage("trace"):
+        rushing = cells_that_rush(maps, changing, light)
+        extents = parts_of_existence(maps, changing)
     for part, (piece, cells) in enumerate(zip(pieces, rushing, strict=True)):
         if not len(cells):
             continue
@@ -100,10 +102,11 @@ def traced_in_parts(
             account.add(energy)
             maps.append(replace(photons, part=INSTANTS + PARTS * part + number + 1))
             extents.append(np.ones(len(photons)))
-    shining = [
-        replace(photons, flux=photons.flux * extent[:, None].astype(np.float32))
-        for photons, extent in zip(joined_in_time(maps), extents, strict=True)
-    ]
+    with clock.stage("trace"):
+        shining = [
+            replace(photons, flux=photons.flux * extent[:, None].astype(np.float32))
+            for photons, extent in zip(joined_in_time(maps), extents, strict=True)
+        ]
     before, after = (sum(float(photons.flux.sum(dtype=np.float64)) for photons in each) for each in (maps, shining))
     _count_gained(after - before, plan, account)
     return shining, account
