@@ -61,8 +61,9 @@ _TINY = np.finfo(np.float64).tiny
 # this part of its footprint. Chosen on a ball that rolls by 57 degrees within a segment: 1 and 0.3 err alike, by .127,
 # and straight ways by .368.
 LARGEST_SAGITTA = 0.5
-# Cells that grow by more than their size as they ride keep it. Chosen, not derived.
-LARGEST_GROWTH = 1.0
+# Cells that would grow by more times their size as they ride keep it: those of a mirror that turns by 85 degrees within
+# a shutter grow by two. Chosen, not derived.
+LARGEST_GROWTH = 4.0
 
 # When keyframes are traced, as parts of the shutter from its middle.
 TIMES = (-END, 0.0, END)
@@ -130,7 +131,7 @@ def changing_cells(
             found[number] = ChosenCells(cells, ride.shifts[ride.window.at(cells)].astype(np.float32))
             growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
             if ride.torn is None:
-                # Neighbours that ride apart by more than a cell are of no one sheet.
+                # Neighbours that ride so far apart are of no one sheet.
                 growth[number][np.abs(growth[number]).max(axis=(1, 2)) > LARGEST_GROWTH] = 0.0
         return RetracedCells(found, plan, growth)
 

@@ -70,7 +70,7 @@ def stretched(photons: PhotonMap, growth: np.ndarray) -> PhotonMap:
     for axis, column in enumerate((photons.dxdu, photons.dxdv)):
         by_u, by_v = (growth[:, axis, along, None] for along in (0, 1))
         columns.append(column + (by_u * photons.dxdu + by_v * photons.dxdv).astype(np.float32))
-    flux = photons.flux * np.linalg.det(np.eye(2) + growth)[:, None].astype(np.float32)
+    flux = photons.flux * np.abs(np.linalg.det(np.eye(2) + growth))[:, None].astype(np.float32)
     return replace(photons, dxdu=columns[0], dxdv=columns[1], flux=flux)
 
 
