@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from tpdwarp.photons.vectors import lengths
+
 # Vertices that are recorded of a path; the last of them is where it ends. Chosen, not derived: more are a tangle.
 MOST_VERTICES = 16
 
@@ -131,6 +133,11 @@ class PhotonMap:
             trajectory=trajectory,
             finer=1,
         )
+
+    @property
+    def size(self) -> np.ndarray:
+        """Length of the longer of D_u x and D_v x, shape [n]."""
+        return np.maximum(lengths(self.dxdu), lengths(self.dxdv))
 
     def rows(self, chosen: np.ndarray) -> PhotonMap:
         """Some of the photons, by index or mask."""

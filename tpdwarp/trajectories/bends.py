@@ -90,7 +90,7 @@ def within_reach(photons: PhotonMap) -> PhotonMap:
 
 def _at_rest(photons: PhotonMap) -> np.ndarray:
     """One where light stands still, less where it moves, nothing where it moves by its footprint; shape [n, 1]."""
-    longer = np.maximum(lengths(photons.dxdu), lengths(photons.dxdv))
+    longer = photons.size
     moved = lengths(photons.dxdt)
     share = np.divide(moved, longer, out=np.ones_like(moved), where=longer > moved)
     return (1.0 - share)[:, None].astype(np.float32)

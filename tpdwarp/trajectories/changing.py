@@ -142,9 +142,8 @@ def _unfollowed(
     """Cells [n, 2] of each lattice whose photons matter and leave the way that they have at mid shutter, and whose
     trajectories do not curve, since keyframes disagree; arguments as of :func:`_change`."""
     before, _, after = keyframes.states(photons, plan)
-    size = np.maximum(lengths(photons.dxdu), lengths(photons.dxdv))
     sagitta = lengths(after.dxdt - before.dxdt) / 8.0
-    off = before.valid & after.valid & (sagitta > LARGEST_SAGITTA * size)
+    off = before.valid & after.valid & (sagitta > LARGEST_SAGITTA * photons.size)
     off &= disagreement(photons, before.dxdt, after.dxdt) > LARGEST_DISAGREEMENT
     lost = CellsOfLattices(photons.rows(off & matters(photons, typical, LEAST_SHARE)), plan)
     return {number: np.unique(lost.of(number)[1], axis=0) for number in lost.numbers()}

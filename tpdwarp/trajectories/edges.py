@@ -75,7 +75,7 @@ def edge_cells(
     important = matters(photons, typical_area(photons), LEAST_BORDER)
     moving: Cells = {}
     resting: Cells = {}
-    size = np.maximum(lengths(photons.dxdu), lengths(photons.dxdv))
+    size = photons.size
     way = lengths(photons.dxdt - photons.receiver_motion)
     fast = photons.rows(important & (way > LONGEST_WAY_AT_REST * size))
     if not tell_apart:

@@ -20,6 +20,7 @@ from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.instants import joined_in_time
@@ -156,6 +157,5 @@ def cells_that_rush(maps: list[PhotonMap], changing: RetracedCells, light: float
 
 def _rushes(photons: PhotonMap) -> np.ndarray:
     """Which photons that matter go far in their part of the shutter, shape [n]."""
-    size = np.maximum(*(np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)))
-    way = np.linalg.norm(photons.dxdt - photons.receiver_motion, axis=1)
-    return (photons.share > LEAST_SHARE) & (way > LONGEST_WAY * size)
+    way = lengths(photons.dxdt - photons.receiver_motion)
+    return (photons.share > LEAST_SHARE) & (way > LONGEST_WAY * photons.size)
