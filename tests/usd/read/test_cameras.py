@@ -128,11 +128,13 @@ def test_zoom_is_said(small):
     ("change", "attribute"),
     [({"width": 0.0}, "horizontalAperture"), ({"height": -1.0}, "verticalAperture"), ({"focal": 0.0}, "focalLength")],
 )
-def test_impossible_lenses_are_refused(small, change, attribute):
-    camera(small, **change)
-    scene = small.open()
-    with pytest.raises(InputError, match=rf"/Camera\.{attribute}"):
-        scene.at(Shutter.still(1))
+def test_of_an_impossible_lens_the_default_counts_for_what_is_impossible(small, change, attribute):
+    made = camera(small, **change)
+    found, warnings = read(small)
+    made.GetPrim().RemoveProperty(attribute)
+    expected, _ = read(small)
+    assert found.window == expected.window
+    assert len(warnings) == 1 and f"{small.file}: /Camera.{attribute}: " in warnings[0] and "default" in warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -157,11 +159,32 @@ def test_shutter_is_relative_to_the_frame_and_the_command_line_wins(small):
     assert scene.shutter(3, Settings(exposure=2.0, shutter=(-1.0, 0.0))) == Shutter(3, 2, 3)
 
 
-def test_a_shutter_that_closes_before_it_opens_is_refused(small):
-    camera(small, ShutterOpen=0.5, ShutterClose=0.0)
+@pytest.mark.parametrize(
+    ("opens", "closes", "blamed"),
+    [(0.5, 0.0, "close"), (math.nan, 0.0, "open"), (0.0, math.inf, "close"), (-1e30, 0.0, "open"), (0.0, 1e7, "close")],
+)
+def test_a_shutter_that_means_nothing_is_a_still_and_said(small, opens, closes, blamed):
+    camera(small, ShutterOpen=opens, ShutterClose=closes)
     scene = small.open()
-    with pytest.raises(InputError, match=r"/Camera\.shutter:close"):
-        scene.shutter(1, Settings())
+    assert scene.shutter(3, Settings()) == Shutter.still(3)
+    assert [f"/Camera.shutter:{blamed}" in line for line in scene.warnings.messages] == [True]
+
+
+def test_apertures_that_make_no_window_together_are_those_of_the_schema(small):
+    camera(small, focal=1e-30, HorizontalApertureOffset=2.0)
+    found, warnings = read(small)
+    size = 0.5 * np.array([20.955, 15.2908]) / 50
+    assert found.window == pytest.approx((-size[0], size[0], -size[1], size[1]), rel=1e-2)
+    assert len(warnings) == 1 and "/Camera: its apertures" in warnings[0]
+
+
+@pytest.mark.parametrize("scale", [(0, 0, 0), (1, math.nan, 1)])
+def test_a_camera_that_is_nowhere_is_a_free_one(small, scale):
+    expected, _ = read(small)
+    camera(small).AddScaleOp().Set(scale)
+    found, warnings = read(small)
+    np.testing.assert_array_equal(found.position, expected.position)
+    assert [f"{small.file}: /Camera: " in line and "free camera" in line for line in warnings] == [True]
 
 
 def test_the_camera_is_found_by_path_and_by_name(small):

@@ -9,7 +9,6 @@ import pytest
 from pxr import Gf, Sdf, UsdGeom, UsdLux
 
 from tests.usd.stages import SmallStage
-from tpdwarp.errors import InputError
 from tpdwarp.scene.description import PROFILE_COUNT, EmissionProfile, ExtentShape, LightKind, Shaping, Shutter
 
 
@@ -141,13 +140,46 @@ def test_the_diffuse_multiplier_scales_the_power(small):
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("Intensity", -1.0), ("Color", Gf.Vec3f(0, -1, 0)), ("Intensity", math.nan)]
+    ("name", "value", "power"),
+    [
+        ("Color", Gf.Vec3f(1, -1, 0.5), (8.0, 0.0, 4.0)),
+        ("Color", Gf.Vec3f(1, math.nan, 0.5), (8.0, 8.0, 8.0)),
+        ("Intensity", math.nan, (50000.0,) * 3),
+        ("Intensity", math.inf, (50000.0,) * 3),
+        ("Exposure", math.nan, (8.0,) * 3),
+        ("Diffuse", -math.inf, (8.0,) * 3),
+        ("Angle", -4.0, (8.0 * math.pi * math.sin(math.radians(0.265)) ** 2,) * 3),
+    ],
 )
-def test_negative_or_undefined_light_is_refused(small, name, value):
+def test_inputs_that_mean_nothing_have_their_defaults_and_channels_below_0_are_0(small, name, value, power):
     light = distant(small)
     getattr(light, f"Get{name}Attr")().Set(value)
-    with pytest.raises(InputError, match=rf"/Sun\.inputs:{name.lower()}"):
-        small.open()
+    found, warnings = read(small)
+    assert found.power == pytest.approx(power, rel=1e-6)
+    assert [f"{small.file}: /Sun.inputs:{name.lower()}: " in line for line in warnings] == [True]
+
+
+def test_a_negative_light_takes_nothing_away(small):
+    distant(small).GetIntensityAttr().Set(-8.0)
+    distant(small, "/Other")
+    light, warnings = read(small)
+    assert light.path == "/Other"
+    assert ["/Sun.inputs:intensity: holds -8, which counts as 0" in line for line in warnings] == [True]
+
+
+@pytest.mark.parametrize("value", [(math.nan, 0, 0), (0, 1e40, 0)])
+def test_a_light_that_is_nowhere_is_left_out_and_said(small, value):
+    sphere(small, 1.0).AddTranslateOp().Set(value)
+    distant(small, "/Other")
+    light, warnings = read(small)
+    assert light.path == "/Other"
+    assert [f"{small.file}: /Lamp: " in line and "left out" in line for line in warnings] == [True]
+
+
+def test_old_names_have_the_defaults_of_the_new_ones(small):
+    lamp = UsdLux.SphereLight.Define(small.stage, "/Lamp").GetPrim()
+    lamp.CreateAttribute("radius", Sdf.ValueTypeNames.Float).Set(math.nan)
+    assert read(small)[0].extent.radius == 0.5
 
 
 def test_a_moving_light_has_motion_of_its_place_and_axes(small):

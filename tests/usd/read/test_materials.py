@@ -9,7 +9,6 @@ import pytest
 from pxr import Gf, Sdf, UsdGeom, UsdShade, UsdUtils
 
 from tests.usd.stages import SmallStage, set_inputs
-from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Interaction, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.usd.read.stage import StageScene
@@ -102,9 +101,10 @@ def test_inputs_that_add_nothing_are_not_mentioned(small, name):
 
 
 @pytest.mark.parametrize("ior", [0.0, -1.5, math.nan])
-def test_an_impossible_index_of_refraction_is_refused(small, ior):
-    with pytest.raises(InputError, match=r"/Material/Surface\.inputs:ior: .*refraction"):
-        read_preview(small, opacity=0.0, ior=ior)
+def test_for_an_impossible_index_of_refraction_the_default_counts(small, ior):
+    material, warnings = read_preview(small, opacity=0.0, ior=ior)
+    assert (material.interaction, material.ior) == (Interaction.DIELECTRIC, 1.5)
+    assert ["/Material/Surface.inputs:ior: holds an index" in line for line in warnings] == [True]
 
 
 @pytest.mark.parametrize(

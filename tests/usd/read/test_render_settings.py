@@ -1,5 +1,7 @@
 """RenderSettings: what a stage asks for, and apertures fitted to images."""
 
+import math
+
 import numpy as np
 import pytest
 from pxr import Gf, UsdGeom, UsdRender
@@ -107,11 +109,21 @@ def test_included_purposes_of_the_settings_count_unless_the_user_names_others(sm
     assert [m.path for m in asked.at(Shutter.still(1)).meshes] == ["/Mesh", "/render"]
 
 
-@pytest.mark.parametrize("resolution", [(0, 10), (10, -1)])
-def test_impossible_resolutions_are_refused(small, resolution):
-    settings_on(small).CreateResolutionAttr(Gf.Vec2i(*resolution))
-    with pytest.raises(InputError, match=r"/Render/Settings\.resolution"):
-        small.open()
+@pytest.mark.parametrize("resolution", [(0, 10), (10, -1), (2**31 - 1, 2**31 - 1)])
+def test_impossible_resolutions_are_ignored(small, resolution):
+    made = settings_on(small)
+    made.CreateResolutionAttr(Gf.Vec2i(*resolution))
+    scene = small.open()
+    assert scene.resolution()[0] == 960
+    assert any("/Render/Settings.resolution" in line and "is ignored" in line for line in scene.warnings.messages)
+
+
+@pytest.mark.parametrize("aspect", [0.0, -1.0, math.nan, math.inf])
+def test_impossible_pixels_are_square(small, aspect):
+    settings_on(small).CreatePixelAspectRatioAttr(aspect)
+    scene = small.open()
+    assert scene.pixel_aspect == 1.0
+    assert any("/Render/Settings.pixelAspectRatio" in line for line in scene.warnings.messages)
 
 
 @pytest.mark.parametrize(

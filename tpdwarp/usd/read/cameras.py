@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 
 import numpy as np
-from pxr import Gf, Tf, Usd, UsdGeom
+from pxr import Gf, Usd, UsdGeom
 
-from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.usd.read.coordinate_frames import frame_over
 from tpdwarp.usd.read.render_settings import conformed
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_or_fallback
+from tpdwarp.usd.read.values import (
+    ABOVE_0,
+    ITS_DEFAULT,
+    not_negative,
+    positive,
+    text_at,
+    usable_number,
+    value_or_fallback,
+)
 
 WIDEST_WINDOW = 1e12
+LARGEST_SINGLE = float(np.finfo(np.float32).max)
+LONGEST_SHUTTER = 1e6
+NEAR_FRAME = f"less than {LONGEST_SHUTTER:g} frames"
+THEIR_DEFAULTS = "their defaults are used"
 Window = tuple[float, float, float, float]
 
 
@@ -42,39 +53,22 @@ class Camera:
         return self._transforms.span(self.prim) is not None
 
     def aspect(self, time: float) -> float:
-        """Width of the aperture over its height.
-
-        Raises:
-            InputError: An aperture of no size.
-        """
-        camera = self._lens(time)
-        for name in ("horizontalAperture", "verticalAperture"):
-            size = getattr(camera, name)
-            if not (math.isfinite(size) and size > 0):
-                raise InputError(
-                    f"holds {size:g} (author an aperture above 0)", self._warnings.file, f"{self.path}.{name}"
-                )
-        ratio = camera.aspectRatio
-        if not 1 / WIDEST_WINDOW < ratio < WIDEST_WINDOW:
-            raise InputError(
-                f"an aperture {ratio:g} times as wide as high (author another)", self._warnings.file, self.path
-            )
-        return ratio
+        """Width of the aperture over its height."""
+        return self._lens(time).aspectRatio
 
     def shutter_interval(self, frame: float) -> tuple[float, float]:
-        """``shutter:open`` and ``shutter:close`` at a time code, relative to it.
-
-        Raises:
-            InputError: A shutter that closes before it opens.
-        """
-        opening = number_or_fallback(self._camera.GetShutterOpenAttr(), frame, self._warnings)
-        closing = number_or_fallback(self._camera.GetShutterCloseAttr(), frame, self._warnings)
-        if not (math.isfinite(opening) and math.isfinite(closing) and opening <= closing):
-            raise InputError(
-                f"the shutter closes at {closing:g} but opens at {opening:g} (author it to close at or after it opens)",
-                self._warnings.file,
+        """``shutter:open`` and ``shutter:close`` at a time code, relative to it; a still where they mean nothing."""
+        opening, closing = (
+            usable_number(attribute, frame, self._warnings, NEAR_FRAME, lambda value: abs(value) <= LONGEST_SHUTTER)
+            for attribute in (self._camera.GetShutterOpenAttr(), self._camera.GetShutterCloseAttr())
+        )
+        if opening > closing:
+            self._warnings(
                 f"{self.path}.shutter:close",
+                f"the shutter closes at {closing:g} but opens at {opening:g}; a still is taken "
+                "(author it to close at or after it opens)",
             )
+            return 0.0, 0.0
         return opening, closing
 
     def over(self, shutter: Shutter, image_aspect: float, policy: str) -> CameraAtShutter:
@@ -86,36 +80,16 @@ class Camera:
             policy: How the aperture is fitted to the image (``aspectRatioConformPolicy``).
 
         Raises:
-            InputError: A lens or a transform that cannot be used.
+            InputError: A transform that cannot be used.
         """
-        self.aspect(shutter.middle)
         camera = self._lens(shutter.middle)
         orthographic = camera.projection == Gf.Camera.Orthographic
-        if not orthographic and not (math.isfinite(camera.focalLength) and camera.focalLength > 0):
-            raise InputError(
-                f"holds {camera.focalLength:g} (author a focal length above 0)",
-                self._warnings.file,
-                f"{self.path}.focalLength",
-            )
         self._warn_unsupported(camera, shutter)
         bounds = camera.frustum.window
-        if not all(0 < size < WIDEST_WINDOW for size in bounds.GetSize()):
-            raise InputError(
-                f"its apertures and focal length make a window of {bounds.GetSize()[0]:g} × {bounds.GetSize()[1]:g} "
-                "(correct them)",
-                self._warnings.file,
-                self.path,
-            )
         window = conformed((bounds.min[0], bounds.max[0], bounds.min[1], bounds.max[1]), image_aspect, policy)
         near, far = camera.clippingRange.min, camera.clippingRange.max
-        if not (math.isfinite(near) and math.isfinite(far) and near < far and (orthographic or near >= 0)):
-            raise InputError(
-                f"holds ({near:g}, {far:g}) (author distances from near to far, 0 or more for a perspective)",
-                self._warnings.file,
-                f"{self.path}.clippingRange",
-            )
         position, axes, position_motion, axes_motion = frame_over(
-            self.prim, shutter, self._transforms, self._animation, self._warnings.file
+            self.prim, shutter, self._transforms, self._animation, self._warnings
         )
         to_camera = np.eye(4)
         to_camera[:3, :3], to_camera[3, :3] = axes.T, -(axes @ position)
@@ -156,17 +130,57 @@ class Camera:
         return 0.5 * camera.focalLength * Gf.Camera.FOCAL_LENGTH_UNIT / camera.fStop, camera.focusDistance
 
     def _lens(self, time: float) -> Gf.Camera:
-        """The camera as USD has it; without its transform, which is read apart, where USD can make nothing of that."""
-        try:
-            return self._camera.GetCamera(time)
-        except Tf.ErrorException:
-            stage = Usd.Stage.CreateInMemory()
-            alone = UsdGeom.Camera.Define(stage, "/Camera")
-            for name in UsdGeom.Camera.GetSchemaAttributeNames(False):
-                value = self.prim.GetAttribute(name).Get(time)
-                with suppress(Tf.ErrorException):
-                    alone.GetPrim().GetAttribute(name).Set(value)
-            return alone.GetCamera(Usd.TimeCode.Default())
+        """The camera but its transform, with its schema's defaults in the place of what means nothing."""
+        lens = self._authored_lens(time)
+        size = lens.frustum.window.GetSize()
+        if all(0 < side < WIDEST_WINDOW for side in size) and 1 / WIDEST_WINDOW < lens.aspectRatio < WIDEST_WINDOW:
+            return lens
+        self._warnings(
+            self.path,
+            f"its apertures and focal length make a window of {size[0]:g} × {size[1]:g}; "
+            f"{THEIR_DEFAULTS} (correct them)",
+        )
+        default = Gf.Camera()
+        lens.horizontalAperture, lens.verticalAperture = default.horizontalAperture, default.verticalAperture
+        lens.horizontalApertureOffset = lens.verticalApertureOffset = 0.0
+        lens.focalLength = default.focalLength
+        return lens
+
+    def _authored_lens(self, time: float) -> Gf.Camera:
+        """The camera as authored, but its transform and each value that alone means nothing."""
+        of, lens = self._camera, Gf.Camera()
+        if text_at(of.GetProjectionAttr(), time) == UsdGeom.Tokens.orthographic:
+            lens.projection = Gf.Camera.Orthographic
+        orthographic = lens.projection == Gf.Camera.Orthographic
+
+        def number(attribute: Usd.Attribute, above_0: bool = False) -> float:
+            wanted = (ABOVE_0, positive) if above_0 else ()
+            value = usable_number(attribute, time, self._warnings, *wanted)
+            # What USD's camera holds in single precision.
+            return math.copysign(min(abs(value), LARGEST_SINGLE), value)
+
+        lens.horizontalAperture = number(of.GetHorizontalApertureAttr(), above_0=True)
+        lens.verticalAperture = number(of.GetVerticalApertureAttr(), above_0=True)
+        lens.horizontalApertureOffset = number(of.GetHorizontalApertureOffsetAttr())
+        lens.verticalApertureOffset = number(of.GetVerticalApertureOffsetAttr())
+        lens.focalLength = number(of.GetFocalLengthAttr(), above_0=not orthographic)
+        lens.fStop, lens.focusDistance = number(of.GetFStopAttr()), number(of.GetFocusDistanceAttr())
+        planes = value_or_fallback(of.GetClippingPlanesAttr(), time, self._warnings, (None, 4))
+        lens.clippingPlanes = [] if planes is None else [Gf.Vec4f(*map(float, plane)) for plane in planes]
+        lens.clippingRange = self._clipping_range(time, orthographic)
+        return lens
+
+    def _clipping_range(self, time: float, orthographic: bool) -> Gf.Range1f:
+        attribute = self._camera.GetClippingRangeAttr()
+        near, far = map(float, value_or_fallback(attribute, time, self._warnings, (2,)))
+        if math.isfinite(near) and math.isfinite(far) and near < far and (orthographic or near >= 0):
+            return Gf.Range1f(near, far)
+        self._warnings(
+            str(attribute.GetPath()),
+            f"holds ({near:g}, {far:g}); {ITS_DEFAULT} "
+            "(author distances from near to far, 0 or more for a perspective)",
+        )
+        return Gf.Camera().clippingRange
 
     def _exposure_scale(self, frame: float) -> float:
         camera = self._camera
@@ -180,13 +194,12 @@ class Camera:
         if not any(attribute.HasAuthoredValue() for attribute in attributes):
             return 1.0
         scale = float(camera.ComputeLinearExposureScale(frame))
-        if not (math.isfinite(scale) and scale >= 0):
-            raise InputError(
-                "its exposure attributes give no finite exposure (correct them)",
-                self._warnings.file,
-                f"{self.path}.exposure",
-            )
-        return scale
+        if not_negative(scale):
+            return scale
+        self._warnings(
+            f"{self.path}.exposure", f"its exposure attributes give no finite exposure; {THEIR_DEFAULTS} (correct them)"
+        )
+        return 1.0
 
     def _warn_unsupported(self, camera: Gf.Camera, shutter: Shutter) -> None:
         lens = (

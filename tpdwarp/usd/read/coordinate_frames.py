@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pxr import Usd
 
-from tpdwarp.errors import InputError
+from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.read.jumps import settled
 from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
@@ -13,7 +13,7 @@ from tpdwarp.usd.read.transforms import Transforms, union
 
 
 def frame_over(
-    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float], file: str
+    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float], warnings: WarnOnce
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Position [3], axes [3, 3] (rows x, y, z), and the motions of both over a shutter.
 
@@ -25,40 +25,40 @@ def frame_over(
 
     def state(time: float) -> tuple[np.ndarray, ...]:
         matrix = transforms.world(prim, time)
-        return matrix[3, :3], _axes(matrix[:3, :3], prim, file)
+        return matrix[3, :3], _axes(matrix[:3, :3], prim, warnings.file)
 
-    shutter, span = _window(prim, shutter, transforms, animation)
+    shutter, span = _window(prim, shutter, transforms, animation, warnings)
     with np.errstate(over="ignore", invalid="ignore"):
         (position, axes), motions = over_shutter(state, shutter, span, transforms.cubic)
     if not all(np.isfinite(values).all() for values in (position, axes, *(motions or ()))):
         raise InputError(
             f"its transform leaves the range of numbers within the shutter of frame {shutter.frame:g} (correct it)",
-            file,
+            warnings.file,
             str(prim.GetPath()),
         )
     position_motion, axes_motion = motions if motions is not None else (np.zeros(3), np.zeros((3, 3)))
-    return position, _axes(axes, prim, file), position_motion, axes_motion
+    return position, _axes(axes, prim, warnings.file), position_motion, axes_motion
 
 
 def rows_over(
-    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float]
+    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float], warnings: WarnOnce
 ) -> tuple[np.ndarray, np.ndarray]:
     """The linear part of a transform (rows are the images of x, y, z, with scale and shear) and its motion, [3, 3]."""
 
     def state(time: float) -> tuple[np.ndarray, ...]:
         return (transforms.world(prim, time)[:3, :3],)
 
-    shutter, span = _window(prim, shutter, transforms, animation)
+    shutter, span = _window(prim, shutter, transforms, animation, warnings)
     with np.errstate(over="ignore", invalid="ignore"):
         (rows,), motions = over_shutter(state, shutter, span, transforms.cubic)
     return rows, np.zeros((3, 3)) if motions is None else motions[0]
 
 
 def _window(
-    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float]
+    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float], warnings: WarnOnce
 ) -> tuple[Shutter, tuple[float, float]]:
     """The shutter of a prim, and first and last time of its animation."""
-    shutter = settled(blur_scaled(shutter, blur_scale(prim, shutter.frame)), transforms.jumps(prim))
+    shutter = settled(blur_scaled(shutter, blur_scale(prim, shutter.frame, warnings)), transforms.jumps(prim))
     return shutter, union(animation, transforms.span(prim))
 
 

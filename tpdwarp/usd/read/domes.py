@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
 
+from tpdwarp.errors import InputError
 from tpdwarp.scene.description import DomeAtShutter, Shutter
 from tpdwarp.usd.read.coordinate_frames import frame_over
 from tpdwarp.usd.read.lights import Light
@@ -46,15 +47,17 @@ class Dome(Light):
         return "dome"
 
     def at(self, shutter: Shutter) -> DomeAtShutter | None:
-        """The dome over ``shutter``, as it stands in the middle; None where it is invisible or dark.
-
-        Raises:
-            InputError: An intensity or a colour that is negative or not finite, or an unusable transform.
+        """The dome over ``shutter``, as it stands in the middle; None where it is invisible, dark or, which is said, is
+        turned by no finite transform.
         """
         power = self._mean_power(shutter)
         if not any(power):
             return None
-        _, axes, _, turns = frame_over(self.prim, shutter, self._transforms, self._animation, self._warnings.file)
+        try:
+            _, axes, _, turns = frame_over(self.prim, shutter, self._transforms, self._animation, self._warnings)
+        except InputError as error:
+            self._leave_out(error)
+            return None
         if np.any(turns):
             self._warnings(self.path, "a dome that turns is held at mid shutter")
         picture = self._picture(shutter.frame)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from functools import cached_property
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Tf, Usd, UsdGeom
 
 from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, MeshAtShutter, Shutter
 from tpdwarp.usd.read.cameras import projection
@@ -107,7 +107,11 @@ class FreeCamera:
         if not self._bounded:
             return self._drawn(frame)
         cache = UsdGeom.BBoxCache(frame, self._purposes, useExtentsHint=True)
-        found = cache.ComputeWorldBound(self._stage.GetPseudoRoot()).ComputeAlignedRange()
+        try:
+            found = cache.ComputeWorldBound(self._stage.GetPseudoRoot()).ComputeAlignedRange()
+        except Tf.ErrorException:
+            # Of xformOps that USD can make nothing of, which the transforms of what is drawn leave out.
+            return self._drawn(frame)
         low, high = np.array(found.GetMin()), np.array(found.GetMax())
         return self._drawn(frame) if found.IsEmpty() or self._hides(low, high) else (low, high)
 

@@ -30,7 +30,15 @@ from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.numbered_files import file_at
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.transforms import Transforms
-from tpdwarp.usd.read.values import number_or_fallback, text_at, value_or_fallback
+from tpdwarp.usd.read.values import (
+    FROM_0,
+    ITS_DEFAULT,
+    not_negative,
+    number_or_fallback,
+    text_at,
+    usable_number,
+    value_or_fallback,
+)
 from tpdwarp.usd.read.visibilities import may_be_visible
 
 # Kinds that are rendered, with the area in their own space of those that have one, by the names of their sizes.
@@ -152,16 +160,24 @@ class Light:
         return UsdGeom.Imageable(self.prim).ComputeVisibility(frame) != UsdGeom.Tokens.invisible
 
     def over(self, shutter: Shutter) -> LightAtShutter | None:
-        """The light over ``shutter``; None where it is invisible or gives no light.
-
-        Raises:
-            InputError: An intensity or a colour that is negative or not finite, or an unusable transform.
-        """
+        """The light over ``shutter``; None where it is invisible, gives no light or, which is said, is nowhere."""
         power = self._mean_power(shutter)
         if not any(power):
             return None
+        try:
+            return self._placed(power, shutter)
+        except InputError as error:
+            self._leave_out(error)
+            return None
+
+    def _placed(self, power: tuple[float, float, float], shutter: Shutter) -> LightAtShutter:
+        """A light of this power where it stands over ``shutter``.
+
+        Raises:
+            InputError: Its transform cannot be used.
+        """
         position, axes, position_motion, axes_motion = frame_over(
-            self.prim, shutter, self._transforms, self._animation, self._warnings.file
+            self.prim, shutter, self._transforms, self._animation, self._warnings
         )
         shaping, profile = None, EmissionProfile.UNIFORM
         if self.kind == LightKind.POINT:
@@ -203,7 +219,7 @@ class Light:
         sizes = self._sizes(time)
         if not all(sizes) or self._asks_to_be_a_point(time):
             return None
-        rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation)
+        rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation, self._warnings)
         if self._shape is UsdLux.SphereLight:
             return Extent(ExtentShape.ROUND, sizes[0] * float(abs(np.linalg.det(rows))) ** (1.0 / 3.0))
         if self._shape is UsdLux.CylinderLight:
@@ -222,7 +238,7 @@ class Light:
     def _sizes(self, frame: float) -> list[float]:
         """The sizes in its own space of a light that has an area there."""
         names, _ = AREAS[self._shape]
-        return [self._number(self._input(name), frame) for name in names]
+        return [self._size(self._input(name), frame) for name in names]
 
     def _shaping(self, frame: float) -> Shaping | None:
         """Cone and focus where they are authored, and narrow the light."""
@@ -233,7 +249,7 @@ class Light:
             ("focus", self._input("shaping:focus"), 0.0),
         ):
             authored = attribute and attribute.HasAuthoredValue()
-            given[name] = self._number(attribute, frame) if authored else neutral
+            given[name] = self._size(attribute, frame) if authored else neutral
         profile = self._profile(frame)
         if given["angle"] >= 180.0 and given["focus"] == 0.0 and profile is None:
             return None
@@ -296,21 +312,26 @@ class Light:
     def power(self, frame: float) -> tuple[float, float, float]:
         """Irradiance at normal incidence [W/m²] (distant) or radiant intensity [W/sr] (point) at a time code.
 
-        Raises:
-            InputError: An intensity or a colour that is negative, not finite or beyond all measure.
+        Inputs that mean nothing have their defaults, which is said; a light beyond all measure, or nowhere, has none.
         """
-        intensity = self._number(self._input("intensity"), frame)
-        diffuse = self._number(self._input("diffuse"), frame)
-        exposure = self._number(self._input("exposure"), frame, may_be_negative=True)
-        color = value_or_fallback(self._input("color"), frame, self._warnings, (3,))
-        color = np.ones(3) if color is None else color
-        if not np.isfinite(color).all() or color.min() < 0:
-            self._refuse(self._input("color"), f"holds {tuple(map(float, color))}")
+        try:
+            return self._power(frame)
+        except InputError as error:
+            self._leave_out(error)
+            return 0.0, 0.0, 0.0
+
+    def _power(self, frame: float) -> tuple[float, float, float]:
+        intensity = self._from_0(self._input("intensity"), frame)
+        diffuse = self._from_0(self._input("diffuse"), frame)
+        exposure = usable_number(self._input("exposure"), frame, self._warnings)
+        color = self._color(frame)
         asks = number_or_fallback(self._input("enableColorTemperature"), frame, self._warnings)
-        kelvin = self._number(self._input("colorTemperature"), frame) if asks else None
+        kelvin = self._size(self._input("colorTemperature"), frame) if asks else None
         white = self._of_blender and kelvin == BLENDER_WHITE
         if kelvin is not None and not white:
             color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=np.float64)
+        if intensity == 0 or diffuse == 0:
+            return 0.0, 0.0, 0.0
         with np.errstate(over="ignore"):
             scale = intensity * np.exp2(exposure) * diffuse
         profile = self._profile(frame)
@@ -325,13 +346,27 @@ class Light:
             )
         return tuple(map(float, power))
 
+    def _color(self, frame: float) -> np.ndarray:
+        """Its colour [3]; channels below 0, which colours outside a gamut have, count as 0."""
+        attribute = self._input("color")
+        color = value_or_fallback(attribute, frame, self._warnings, (3,))
+        if color is None:
+            return np.ones(3)
+        holds = f"holds {tuple(map(float, color))}"
+        if not np.isfinite(color).all():
+            self._warnings(str(attribute.GetPath()), f"{holds}; {ITS_DEFAULT} (author {FROM_0})", "colour is unusable")
+            return np.ones(3)
+        if color.min() < 0:
+            self._warnings(str(attribute.GetPath()), f"{holds}: what is below 0 counts as 0", "colour below 0")
+        return np.maximum(color, 0.0)
+
     def _factor(self, frame: float) -> float:
         """By what the radiance is to be multiplied for :meth:`power`."""
         return self._distant_factor(frame) if self.kind == LightKind.DISTANT else self._area_factor(frame)
 
     def _angle(self, frame: float) -> float:
         """Angle of a distant light's disc [degrees]."""
-        angle = self._number(self._input("angle"), frame)
+        angle = self._size(self._input("angle"), frame)
         return angle * BLENDER_ANGLE if self._of_blender else angle
 
     def _distant_factor(self, frame: float) -> float:
@@ -365,15 +400,19 @@ class Light:
     def _input(self, name: str) -> Usd.Attribute:
         return light_input(self.prim, name)
 
-    def _number(self, attribute: Usd.Attribute, frame: float, may_be_negative: bool = False) -> float:
-        value = number_or_fallback(attribute, frame, self._warnings)
-        if not math.isfinite(value) or (value < 0 and not may_be_negative):
-            self._refuse(attribute, f"holds {value:g}")
-        return value
+    def _size(self, attribute: Usd.Attribute, frame: float) -> float:
+        return usable_number(attribute, frame, self._warnings, FROM_0, not_negative)
 
-    def _refuse(self, attribute: Usd.Attribute, why: str) -> None:
-        wanted = "a finite value" if attribute.GetName() == "inputs:exposure" else "a finite value of 0 or more"
-        raise InputError(f"{why} (author {wanted})", self._warnings.file, str(attribute.GetPath()))
+    def _from_0(self, attribute: Usd.Attribute, frame: float) -> float:
+        """A factor of its power, which is 0 where it is below."""
+        value = usable_number(attribute, frame, self._warnings, FROM_0)
+        if value < 0:
+            kind = f"{attribute.GetName()} below 0"
+            self._warnings(str(attribute.GetPath()), f"holds {value:g}, which counts as 0 (author {FROM_0})", kind)
+        return max(value, 0.0)
+
+    def _leave_out(self, error: InputError) -> None:
+        self._warnings(error.prim or self.path, f"{error.message}; until then the light is left out")
 
     def _warn_unsupported(self) -> None:
         tint = self._input("shaping:focusTint")

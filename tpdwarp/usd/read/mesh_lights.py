@@ -56,11 +56,7 @@ class MeshLight(Light):
         return 1.0
 
     def parts(self, mesh: MeshAtShutter, shutter: Shutter) -> list[LightAtShutter]:
-        """The flat lights that its mesh is over ``shutter``; none where it is dark.
-
-        Raises:
-            InputError: An intensity or a colour that is negative or not finite.
-        """
+        """The flat lights that its mesh is over ``shutter``; none where it is dark."""
         radiance = np.array(self._radiance(mesh, shutter))
         if not radiance.any():
             return []

@@ -191,7 +191,7 @@ class PlacedMesh:
 
     def _evaluate(self, shutter: Shutter) -> _Geometry | None:
         frame = shutter.frame
-        shutter = settled(blur_scaled(shutter, blur_scale(self.prim, frame)), self.placement.jumps())
+        shutter = settled(blur_scaled(shutter, blur_scale(self.prim, frame, self._warnings)), self.placement.jumps())
         shape = self.shape.at(shutter, self.span)
         if shape is None:
             return None

@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from tpdwarp.errors import InputError
+from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import Shutter
 
 # A thousandth of a frame: the central difference errs by 2e-7 of the third derivative, and rounding stays below 1e-12.
@@ -54,16 +54,13 @@ def over_shutter(
     return middle, motions if any(np.any(motion) for motion in motions) else None
 
 
-def blur_scale(prim: Usd.Prim, frame: float) -> float:
-    """What ``motion:blurScale`` makes of a prim's shutter at a time code.
-
-    Raises:
-        InputError: A scale that is negative or not finite.
-    """
+def blur_scale(prim: Usd.Prim, frame: float, warnings: WarnOnce) -> float:
+    """What ``motion:blurScale`` makes of a prim's shutter at a time code; 1 where it means nothing, which is said."""
     scale = UsdGeom.MotionAPI(prim).ComputeMotionBlurScale(frame)
-    if not (math.isfinite(scale) and scale >= 0):
-        raise InputError(f"amounts to {scale:g} (author 0 or more)", prim=f"{prim.GetPath()}.motion:blurScale")
-    return scale
+    if math.isfinite(scale) and scale >= 0:
+        return scale
+    warnings(f"{prim.GetPath()}.motion:blurScale", f"amounts to {scale:g}; 1 is used (author 0 or more)")
+    return 1.0
 
 
 def blur_scaled(shutter: Shutter, scale: float) -> Shutter:

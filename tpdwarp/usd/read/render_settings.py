@@ -10,7 +10,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdRender
 
 from tpdwarp.errors import InputError, WarnOnce
-from tpdwarp.usd.read.values import text_at, texts_at, value_or_fallback
+from tpdwarp.usd.read.values import ITS_DEFAULT, text_at, texts_at, value_or_fallback
 
 EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 
@@ -18,6 +18,9 @@ EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 BEAUTY = ("ci", "c.*", "lpe:c.*", "color", "beauty", "rgba", "rgb", "a", "alpha", "c", "lpe:c.*[lo]")
 # Names all products at once, also in the name of an image.
 EACH_PRODUCT = "<product>"
+MOST_PIXELS = 2**30
+# Of a pixel's sides. Chosen, not derived: anamorphic images have 2.
+LARGEST_RATIO = 1e3
 # A window that holds the whole image.
 WHOLE = (0.0, 0.0, 1.0, 1.0)
 POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
@@ -61,7 +64,7 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce, wanted: str = 
         wanted: Path or name of the product; empty takes the first, as :data:`EACH_PRODUCT` does without a word.
 
     Raises:
-        InputError: No RenderSettings at ``path``, no such product, or values that mean nothing.
+        InputError: No RenderSettings at ``path``, or no such product.
     """
     if path:
         settings = UsdRender.Settings(stage.GetPrimAtPath(path)) if Sdf.Path.IsValidPathString(path) else None
@@ -87,14 +90,18 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce, wanted: str = 
         held = None if found is None else value_or_fallback(found, EARLIEST, warnings, np.shape(default))
         return np.array(default) if held is None else held
 
-    resolution = tuple(map(int, value("resolution", (0, 0))))
-    if authored("resolution") and min(resolution) < 1:
-        raise InputError(f"holds {resolution} (author sizes above 0)", warnings.file, _where(authored("resolution")))
+    resolution: tuple[int, int] | None = tuple(map(int, value("resolution", (0, 0))))
+    if not (min(resolution) >= 1 and resolution[0] * resolution[1] <= MOST_PIXELS):
+        if authored("resolution"):
+            wanted = f"author sizes above 0, of {MOST_PIXELS} pixels at most"
+            warnings(_where(authored("resolution")), f"holds {resolution} and is ignored ({wanted})")
+        resolution = None
     pixel_aspect = float(value("pixelAspectRatio", 1.0))
-    if not 0 < pixel_aspect < float("inf"):
-        raise InputError(
-            f"holds {pixel_aspect:g} (author a ratio above 0)", warnings.file, _where(authored("pixelAspectRatio"))
+    if not 1 / LARGEST_RATIO <= pixel_aspect <= LARGEST_RATIO:
+        warnings(
+            _where(authored("pixelAspectRatio")), f"holds {pixel_aspect:g}; {ITS_DEFAULT}, 1 (author a ratio above 0)"
         )
+        pixel_aspect = 1.0
     chosen = authored("aspectRatioConformPolicy")
     policy = text_at(chosen, EARLIEST) if chosen else POLICIES[0]
     if policy not in POLICIES:
@@ -111,7 +118,7 @@ def read_request(stage: Usd.Stage, path: str, warnings: WarnOnce, wanted: str = 
     return RenderRequest(
         str(settings.GetPath()),
         str(cameras[0]) if cameras else "",
-        resolution if authored("resolution") else None,
+        resolution,
         pixel_aspect,
         policy,
         bool(value("disableMotionBlur", False)) or bool(value("instantaneousShutter", False)),

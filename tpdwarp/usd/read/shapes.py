@@ -212,8 +212,12 @@ class Shape:
         Normals that point to the back of the faces they belong to are turned round: the winding says which side is
         the front, and a surface is shaded on the side that is seen.
         """
-        moving = connected and self._normals.connected(first, last)
-        held = self._normals.at(middle if connected or base is None else base)
+        try:
+            moving = connected and self._normals.connected(first, last)
+            held = self._normals.at(middle if connected or base is None else base)
+        except InputError as error:
+            self.warnings(error.prim, f"{error.message}; until then the normals are ignored", "normals are ignored")
+            return None, None
         fitting = None if held is None else topology.elements(self._normals_interpolation, len(held), point_count)
         if fitting is None:
             self.warnings(
@@ -357,7 +361,10 @@ class Shape:
         value = value_or_fallback(attribute, time, self.warnings, ROWS)
         if value is None:
             return None
-        require_finite(value, self.file, str(attribute.GetPath()), time)
+        if not np.isfinite(value).all():
+            kind = f"{attribute.GetName()} are ignored"
+            self.warnings(str(attribute.GetPath()), f"holds NaN or infinity at time code {time:g} and is ignored", kind)
+            return None
         return value / self._per_second**order
 
     def _authored_normals(

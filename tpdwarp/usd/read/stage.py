@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +20,7 @@ from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, MeshAtShu
 from tpdwarp.settings import StageSettings
 from tpdwarp.usd.read.appearances import Appearances
 from tpdwarp.usd.read.blobs import Blobs, is_blob
-from tpdwarp.usd.read.cameras import Camera
+from tpdwarp.usd.read.cameras import LONGEST_SHUTTER, Camera
 from tpdwarp.usd.read.composed_prims import composed_prims
 from tpdwarp.usd.read.contents import Contents, Walker
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
@@ -41,7 +41,7 @@ from tpdwarp.usd.read.motion_breaks import motion_breaks_of
 from tpdwarp.usd.read.numbered_files import changes_by_frame
 from tpdwarp.usd.read.patches import Patch
 from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
-from tpdwarp.usd.read.render_settings import RenderRequest, read_request
+from tpdwarp.usd.read.render_settings import MOST_PIXELS, RenderRequest, read_request
 from tpdwarp.usd.read.samples import sample_times
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.skinning import Deformation, Skeletons
@@ -50,13 +50,12 @@ from tpdwarp.usd.read.subdivision.surface import SCHEMES, levels_for
 from tpdwarp.usd.read.transforms import Transforms, union
 from tpdwarp.usd.read.used_files import content_digest, used_files, used_layers
 from tpdwarp.usd.read.uv import CornerCoordinates
-from tpdwarp.usd.read.values import text_at
+from tpdwarp.usd.read.values import ITS_DEFAULT, text_at
 from tpdwarp.usd.read.visibilities import visibility_varies
 
-DEFAULT_WIDTH = 960
-MOST_PIXELS = 2**30
-HIGHEST_RATE = 1e6
-LONGEST_SHUTTER = 1e6
+# Of images of stages that say nothing else: usdrecord's width, and the height of the default aperture for it.
+DEFAULT_WIDTH, DEFAULT_HEIGHT = 960, 700
+HIGHEST_RATE, DEFAULT_RATE = 1e6, 24.0
 REFERENCE_COUNT = 9
 # What is made anew for each frame and is no points or curves.
 SURFACES: dict[type, type[Blobs]] = {UsdGeom.NurbsPatch: Patch, UsdGeom.TetMesh: Solid}
@@ -68,11 +67,20 @@ UNITS = {"distant": "W/m2", "point": "W/sr", "dome": "W/(m2 sr)", "mesh": "W/(m2
 StageLike = str | os.PathLike[str] | Sdf.Layer | Usd.Stage
 
 
+@dataclass(frozen=True)
+class _Refused:
+    """A mesh that cannot be used, and whether it may carry a caustic."""
+
+    error: InputError
+    specular: bool
+
+
 class StageScene:
     """A stage on disk, as :class:`tpdwarp.scene.description.SceneSource`. Made by :meth:`open`.
 
     Numbers stay in the stage's own world space and units; ``up_axis`` and ``meters_per_unit`` are reported only.
-    Points that are not finite and faces that do not fit are refused when a frame that needs them is asked for.
+    Meshes of points that are not finite or of faces that do not fit are left out when a frame that needs them is asked
+    for; the frame is refused where nothing else carries a caustic, or is there at all.
 
     Attributes:
         file: The stage's file.
@@ -96,9 +104,10 @@ class StageScene:
         self.frames_per_second = self._rate("framesPerSecond", stage.GetFramesPerSecond())
         self.up_axis = str(UsdGeom.GetStageUpAxis(stage))
         if self.up_axis not in ("Y", "Z"):
-            raise InputError(f"holds {self.up_axis!r} (author Y or Z)", file, "the stage's upAxis")
+            warnings("the stage's upAxis", f"holds {self.up_axis!r}; {ITS_DEFAULT}, Y (author Y or Z)")
+            self.up_axis = "Y"
         self.meters_per_unit = UsdGeom.GetStageMetersPerUnit(stage)
-        self.start, self.end = _time_range(stage)
+        self.start, self.end = _time_range(stage, warnings)
         self._request = read_request(stage, settings.render_settings, warnings, settings.product)
         self._cubic = settings.motion == "cubic"
         self._transforms = Transforms(self._cubic, warnings)
@@ -219,14 +228,21 @@ class StageScene:
         return self._camera_light
 
     def camera_over(self, shutter: Shutter) -> CameraAtShutter:
-        """The camera of :meth:`at`.
+        """The camera of :meth:`at`; a free one where its transform cannot be used, which is said.
 
         Raises:
-            InputError: It cannot be used there.
+            InputError: Nothing is there that a free camera could frame.
         """
         with usd_diagnostics(self.warnings):
             width, height = self._resolution()
-            return self._camera.over(shutter, width * self._request.pixel_aspect / height, self._request.policy)
+            image = width * self._request.pixel_aspect / height, self._request.policy
+            try:
+                return self._camera.over(shutter, *image)
+            except InputError as error:
+                if self.camera_path is None:
+                    raise
+                self.warnings(error.prim, f"{error.message}; until then a free camera frames the stage")
+                return self._free_camera.over(shutter, *image)
 
     def at(self, shutter: Shutter) -> SceneAtShutter:
         """The scene over ``shutter``; what does not move is the same object on every call.
@@ -288,16 +304,20 @@ class StageScene:
         """The meshes over ``shutter``, without those that cannot be used.
 
         Raises:
-            InputError: One that may carry the caustic cannot be used, or none of those there are.
+            InputError: None of those there are can be used, or none of those that may carry a caustic.
         """
-        refused: list[InputError] = []
+        refused: list[_Refused] = []
         meshes = [mesh for placed in self._placed(shutter.frame) for mesh in self._usable(placed, shutter, refused)]
+        carriers = [found.error for found in refused if found.specular]
+        if carriers and not any(mesh.specular for mesh in meshes):
+            raise carriers[0]
         if refused and not meshes:
-            raise refused[0]
+            raise refused[0].error
+        self._say(refused)
         return tuple(meshes)
 
-    def _usable(self, placed: PlacedMesh, shutter: Shutter, refused: list[InputError]) -> list[MeshAtShutter]:
-        """What there is of a mesh, or of many copies of one; what cannot be used is said, and added to ``refused``."""
+    def _usable(self, placed: PlacedMesh, shutter: Shutter, refused: list[_Refused]) -> list[MeshAtShutter]:
+        """What there is of a mesh, or of many copies of one; what cannot be used is added to ``refused``."""
         try:
             mesh = placed.over(shutter)
         except InputError as error:
@@ -305,14 +325,15 @@ class StageScene:
                 copies = set(placed.copies)
                 alone = [one for of in self._instancers for one in of.apart(shutter.frame) if one.label in copies]
                 return [mesh for one in alone for mesh in self._usable(one, shutter, refused)]
-            if self._materials.may_be_specular(placed.prim, shutter.frame):
-                raise
-            refused.append(error)
+            refused.append(_Refused(error, self._materials.may_be_specular(placed.prim, shutter.frame)))
+            return []
+        return [] if mesh is None else [mesh]
+
+    def _say(self, refused: list[_Refused]) -> None:
+        for error in (found.error for found in refused):
             # Of one kind are those whose attribute of the same name is to blame.
             kind = f"left out for {error.prim.rsplit('/', 1)[-1].partition('.')[2]}"
             self.warnings(error.prim, f"{error.message}; until then the mesh is left out", kind)
-            return []
-        return [] if mesh is None else [mesh]
 
     def coordinates(self, path: str, name: str, shutter: Shutter) -> CornerCoordinates | None:
         """Texture coordinates of the triangles of one of the meshes of :meth:`at`; None where it is not there.
@@ -437,6 +458,13 @@ class StageScene:
         width = self._settings.image_width or DEFAULT_WIDTH
         with usd_diagnostics(self.warnings):
             height = width * self._request.pixel_aspect / self._camera.aspect(self.start)
+            if self._settings.image_width is None and not width * height <= MOST_PIXELS:
+                self.warnings(
+                    self.camera_path or "",
+                    f"its aperture makes an image of {width} × {height:.6g} pixels: "
+                    f"it is {width} × {DEFAULT_HEIGHT} (author other apertures, or say --imageWidth)",
+                )
+                return width, DEFAULT_HEIGHT
         # Apertures are stored in single precision, whose rounding must not cost a row.
         return self._checked(width, height * (1 + 1e-6))
 
@@ -527,16 +555,17 @@ class StageScene:
         return self.start, self.end
 
     def _rate(self, name: str, value: float) -> float:
-        if not 1 / HIGHEST_RATE <= value <= HIGHEST_RATE:
-            raise InputError(
-                f"holds {value:g} (author a rate above 0, at most {HIGHEST_RATE:g})", self.file, f"the stage's {name}"
-            )
-        return value
+        if 1 / HIGHEST_RATE <= value <= HIGHEST_RATE:
+            return value
+        wanted = f"author a rate above 0, at most {HIGHEST_RATE:g}"
+        self.warnings(f"the stage's {name}", f"holds {value:g}; {ITS_DEFAULT}, {DEFAULT_RATE:g} ({wanted})")
+        return DEFAULT_RATE
 
     def _described_meshes(self) -> list[dict[str, Any]]:
         described: dict[str, dict[str, Any]] = {}
+        refused: list[_Refused] = []
         for placed in self._placed(self.start):
-            mesh = next(iter(self._usable(placed, Shutter.still(self.start), [])), None)
+            mesh = next(iter(self._usable(placed, Shutter.still(self.start), refused)), None)
             entry = described.setdefault(
                 str(placed.prim.GetPath()),
                 {
@@ -549,6 +578,7 @@ class StageScene:
             )
             entry["instances"] += placed.count
             entry["moves"] |= placed.varies
+        self._say(refused)
         return list(described.values())
 
     def _described_cameras(self) -> list[dict[str, Any]]:
@@ -693,8 +723,12 @@ class StageScene:
     def _camera_at(self, path: str | None) -> Camera | FreeCamera:
         """The camera at a path; one that frames the stage without."""
         if path is None:
-            return FreeCamera(self._stage, self.start, self.up_axis, self._purposes, self._points_at, self._bounded)
+            return self._free_camera
         return Camera(self._stage.GetPrimAtPath(path), self._transforms, self._animation, self.warnings)
+
+    @cached_property
+    def _free_camera(self) -> FreeCamera:
+        return FreeCamera(self._stage, self.start, self.up_axis, self._purposes, self._points_at, self._bounded)
 
     def _choose_camera(self) -> str | None:
         wanted = self._settings.camera
@@ -784,10 +818,12 @@ def _with_session_of_its_own(stage: Usd.Stage) -> Usd.Stage:
     return copy
 
 
-def _time_range(stage: Usd.Stage) -> tuple[float, float]:
+def _time_range(stage: Usd.Stage, warnings: WarnOnce) -> tuple[float, float]:
     if stage.HasAuthoredTimeCodeRange():
         start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
-        return start, max(start, end)
+        if math.isfinite(start) and math.isfinite(end):
+            return start, max(start, end)
+        warnings("the stage's range of time codes", f"holds {start:g} … {end:g}: that of its samples is taken")
     span = None
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
         for attribute in prim.GetAuthoredAttributes():

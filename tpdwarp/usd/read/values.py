@@ -5,6 +5,9 @@ What a picture can do without falls back to its schema's default instead.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 from pxr import Usd
 
@@ -16,6 +19,8 @@ LIST: Shape = (None,)
 NUMBER: Shape = ()
 # How a warning ends that what an attribute holds is nothing that it takes.
 ITS_DEFAULT = "its default is used"
+# What is asked for in the place of a number that is none, that is not above 0, or that is below it.
+FINITE, ABOVE_0, FROM_0 = "a finite value", "a finite value above 0", "a finite value of 0 or more"
 # Types of USD that hold no numbers.
 NO_NUMBERS = ("string", "token", "asset", "opaque", "group", "timecode", "pathExpression")
 
@@ -24,7 +29,7 @@ def raw_at(attribute: Usd.Attribute, time: float | None) -> object | None:
     """An attribute's value at a time code (None: its default); its schema's fallback where it is blocked, or None."""
     value = attribute.Get(Usd.TimeCode.Default() if time is None else time)
     if value is None and attribute:
-        return attribute.GetPrim().GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
+        return _fallback(attribute)
     return value
 
 
@@ -63,7 +68,7 @@ def value_or_fallback(
     try:
         return value_at(attribute, time, shape)
     except InputError as error:
-        fallback = attribute.GetPrim().GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
+        fallback = _fallback(attribute)
         warnings(error.prim, f"{error.message}; {ITS_DEFAULT}", f"{ITS_DEFAULT} for its type")
         return None if fallback is None else numbers(fallback, attribute, shape)
 
@@ -74,6 +79,41 @@ def number_or_fallback(
     """A number as :func:`value_or_fallback`; ``default`` where there is none."""
     value = value_or_fallback(attribute, time, warnings)
     return default if value is None else float(value)
+
+
+def usable_number(
+    attribute: Usd.Attribute,
+    time: float | None,
+    warnings: WarnOnce,
+    wanted: str = FINITE,
+    usable: Callable[[float], bool] = math.isfinite,
+    default: float = 0.0,
+) -> float:
+    """A number as :func:`number_or_fallback`; its schema's fallback where it is none that means anything, and says so.
+
+    Args:
+        wanted: What is to be authored, in words.
+        usable: Whether a number means anything.
+        default: The number where the schema has no fallback.
+    """
+    value = number_or_fallback(attribute, time, warnings, default)
+    if usable(value):
+        return value
+    fallback = _fallback(attribute)
+    instead = default if fallback is None else float(fallback)
+    kind = f"{attribute.GetName()} is unusable"
+    warnings(str(attribute.GetPath()), f"holds {value:g}; {ITS_DEFAULT}, {instead:g} (author {wanted})", kind)
+    return instead
+
+
+def positive(value: float) -> bool:
+    """Whether a number is finite and above 0."""
+    return math.isfinite(value) and value > 0
+
+
+def not_negative(value: float) -> bool:
+    """Whether a number is finite and 0 or more."""
+    return math.isfinite(value) and value >= 0
 
 
 def indices_at(attribute: Usd.Attribute, time: float | None) -> np.ndarray:
@@ -129,6 +169,14 @@ def texts_at(attribute: Usd.Attribute, time: float | None = None) -> tuple[str, 
     except TypeError:
         return ()
     return found if all(isinstance(entry, str) for entry in found) else ()
+
+
+def _fallback(attribute: Usd.Attribute) -> object | None:
+    """The fallback of an attribute's schema, or None."""
+    definition, name = attribute.GetPrim().GetPrimDefinition(), attribute.GetName()
+    found = definition.GetAttributeFallbackValue(name)
+    # Inputs of lights had no prefix until USD 21.02.
+    return definition.GetAttributeFallbackValue(f"inputs:{name}") if found is None else found
 
 
 def _refusal(value: object, attribute: Usd.Attribute) -> InputError:

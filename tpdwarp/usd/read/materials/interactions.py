@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import Interaction, Material, Texture
 from tpdwarp.usd.read.materials.physical import Physical
 from tpdwarp.usd.read.materials.textures import Image, combined
+from tpdwarp.usd.read.values import ITS_DEFAULT
 
 # Up to this roughness r a microfacet lobe is narrower (r² < .0049) than the sun's disc (.0046 rad): smooth.
 SMOOTH = 0.07
@@ -36,13 +37,10 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
     Args:
         physical: The description.
         path: Path of the material.
-        warnings: Takes what is approximated, and names the file in errors.
+        warnings: Takes what is approximated.
 
     Returns:
         None for a surface that is not there.
-
-    Raises:
-        InputError: An index of refraction that means nothing, where there is refraction.
     """
 
     def warn(name: str, message: str) -> None:
@@ -52,7 +50,7 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
         warn("emission", "light that a surface gives off is seen, but lights nothing (MeshLightAPI makes it a light)")
     if physical.presence < NEARLY:
         return None
-    there = replace(_present(physical, path, warn, warnings), presence=physical.presence)
+    there = replace(_present(physical, path, warn), presence=physical.presence)
     if there.presence > 1 - NEARLY:
         there = replace(there, presence=1.0)
     if physical.cutout is not None:
@@ -60,7 +58,7 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
     return there
 
 
-def _present(physical: Physical, path: str, warn: Callable[[str, str], None], warnings: WarnOnce) -> Material:
+def _present(physical: Physical, path: str, warn: Callable[[str, str], None]) -> Material:
     """The material where all of the surface is there."""
     clear, metal = _shares(physical, warn)
     normal_map = None if physical.normal_image is None else physical.normal_image.texture()
@@ -69,7 +67,7 @@ def _present(physical: Physical, path: str, warn: Callable[[str, str], None], wa
         shown["emission_map"] = image.texture()
     diffuse = Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, _texture(physical), **shown)
     if isinstance(clear, Image) or clear > NEARLY:
-        return _partly(_dielectric(physical, path, warn, warnings), clear, physical)
+        return _partly(_dielectric(physical, path, warn), clear, physical)
     if isinstance(metal, Image) or metal >= LEAST_METAL:
         return _partly(_mirror(physical, path, warn), metal, physical)
     reflectance = ((physical.ior - 1.0) / (physical.ior + 1.0)) ** 2 if physical.ior > 0 else 0.0
@@ -139,15 +137,12 @@ def _warn_normal_map(physical: Physical, warn: Callable[[str, str], None]) -> No
         warn("normal_image", "a normal map of what reflects or refracts is not rendered")
 
 
-def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None], warnings: WarnOnce) -> Material:
+def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None]) -> Material:
     _warn_normal_map(physical, warn)
     ior = physical.ior
     if not (math.isfinite(ior) and ior > 0):
-        raise InputError(
-            f"holds an index of refraction of {ior:g} (author one above 0, glass has 1.5)",
-            warnings.file,
-            physical.sources.get("ior", path),
-        )
+        warn("ior", f"holds an index of refraction of {ior:g}; {ITS_DEFAULT}, {Physical.ior:g} (author one above 0)")
+        ior = Physical.ior
     if physical.roughness > MIRROR_LIKE and "roughness" not in physical.images:
         warn("roughness", f"transmission as rough as this (above {MIRROR_LIKE:g}) is rendered as a wide beam")
     inside = {

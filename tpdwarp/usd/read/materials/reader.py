@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from pxr import Usd, UsdShade
 
-from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import Interaction, Material
 from tpdwarp.usd.read.materials.coordinates import Coordinates
 from tpdwarp.usd.read.materials.dialects import name_of, reader_of
@@ -81,11 +81,7 @@ class Materials:
         self._known: dict[str, tuple[float, Surface]] = {}
 
     def bound(self, prim: Usd.Prim, frame: float) -> Surface:
-        """The surface bound to a mesh or a GeomSubset at a time code.
-
-        Raises:
-            InputError: An index of refraction that means nothing.
-        """
+        """The surface bound to a mesh or a GeomSubset at a time code."""
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(self.purpose)
         if not material and self.purpose == UsdShade.Tokens.full:
             material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(UsdShade.Tokens.preview)
@@ -103,12 +99,9 @@ class Materials:
         return surface
 
     def may_be_specular(self, prim: Usd.Prim, frame: float) -> bool:
-        """Whether any part of a mesh reflects or refracts at a time code, or might if its material could be read."""
+        """Whether any part of a mesh reflects or refracts at a time code."""
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
-        try:
-            surfaces = [self.bound(part, frame) for part in (prim, *(subset.GetPrim() for subset in subsets))]
-        except InputError:
-            return True
+        surfaces = [self.bound(part, frame) for part in (prim, *(subset.GetPrim() for subset in subsets))]
         return any(surface.material.interaction != Interaction.DIFFUSE for surface in surfaces)
 
     def _surface(self, material: UsdShade.Material, frame: float) -> Surface:

@@ -194,7 +194,8 @@ def _spread_image(inputs: Inputs, name: str, where: Field) -> Image | None:
 
 
 def _plausible(inputs: Inputs, names: tuple[str, ...], color: Color, default: Color, weight: float) -> Color:
-    weighted = np.array(color) * weight
+    with np.errstate(invalid="ignore", over="ignore"):
+        weighted = np.array(color) * weight
     if not np.isfinite(weighted).all():
         inputs.warnings(inputs.source(*names), "holds no finite colour; its default is used")
         return default
