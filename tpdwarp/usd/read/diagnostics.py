@@ -13,7 +13,7 @@ from tpdwarp.errors import InputError, WarnOnce, shortened
 # Patterns are looked for in so much of what USD says.
 MOST_QUOTED = 1 << 14
 
-_NAMED = re.compile(r"@[^@]*@|<[^>]*>|'[^']*'|\"[^\"]*\"")
+_NAMED = re.compile(r"@[^@]*@|<[^>]*>|'[^']*'|\"[^\"]*\"|\(/[^)]*\)")
 
 
 @contextmanager
@@ -55,7 +55,7 @@ def _usd_diagnostics(warnings: WarnOnce) -> Iterator[None]:
             except UnicodeDecodeError:
                 text = "USD warns of something whose text is not UTF-8"
             warnings.of_usd.append(text)
-            # What differs from one missing file to the next is between @, < or quotes.
+            # What differs from one missing file or prim to the next is between @, <, quotes or brackets.
             warnings("", text, kind=_NAMED.sub("", text))
 
 

@@ -39,6 +39,7 @@ from tpdwarp.usd.read.mesh_lights import MeshLight, is_mesh_light
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
 from tpdwarp.usd.read.numbered_files import changes_by_frame
+from tpdwarp.usd.read.outliers import Outliers
 from tpdwarp.usd.read.patches import Patch
 from tpdwarp.usd.read.primitives import Primitive, is_primitive, segments_for
 from tpdwarp.usd.read.render_settings import MOST_PIXELS, RenderRequest, read_request
@@ -114,6 +115,7 @@ class StageScene:
         self._materials = Materials(warnings, self._request.material_purpose)
         self._appearances = Appearances(self._materials, warnings)
         self._skeletons = Skeletons(self._transforms)
+        self._outliers = Outliers(warnings)
         self._shapes: dict[str, Shape | Primitive | Blobs] = {}
         purposes = _purposes(settings, self._request)
         contents = Walker(purposes, self._transforms, warnings).walk(stage)
@@ -314,7 +316,7 @@ class StageScene:
         if refused and not meshes:
             raise refused[0].error
         self._say(refused)
-        return tuple(meshes)
+        return tuple(self._outliers.without(meshes))
 
     def _usable(self, placed: PlacedMesh, shutter: Shutter, refused: list[_Refused]) -> list[MeshAtShutter]:
         """What there is of a mesh, or of many copies of one; what cannot be used is added to ``refused``."""

@@ -1,0 +1,55 @@
+"""Meshes so far off, or so large for a stray point, that beside them nothing else would have a size."""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from tpdwarp.errors import WarnOnce
+from tpdwarp.scene.coordinate_range import LARGEST_COORDINATE
+from tpdwarp.scene.description import MeshAtShutter
+
+
+class Outliers:
+    """Leaves out what reaches 10⁹ times the size of an ordinary mesh away: of what is specular, where anything is.
+
+    The scene is scaled to all that it holds, and single precision has no areas of what is so much smaller. The ordinary
+    mesh is the one of median size.
+
+    Args:
+        warnings: Takes what is left out.
+    """
+
+    def __init__(self, warnings: WarnOnce) -> None:
+        self._warnings = warnings
+        self._bounds: WeakKeyDictionary[MeshAtShutter, tuple[np.ndarray, np.ndarray]] = WeakKeyDictionary()
+
+    def without(self, meshes: list[MeshAtShutter]) -> list[MeshAtShutter]:
+        """The meshes but those."""
+        if len(meshes) < 2:
+            return meshes
+        low, high = (np.array(corners) for corners in zip(*map(self._of, meshes), strict=True))
+        sizes = 0.5 * np.linalg.norm(high - low, axis=1)
+        specular = np.array([mesh.specular for mesh in meshes])
+        chosen = np.flatnonzero((specular if specular.any() else True) & (sizes > 0))
+        if not len(chosen):
+            return meshes
+        ordinary = chosen[np.argsort(sizes[chosen], kind="stable")[(len(chosen) - 1) // 2]]
+        middle = 0.5 * (low[ordinary] + high[ordinary])
+        reach = np.maximum(np.abs(low - middle), np.abs(high - middle)).max(axis=1)
+        near = reach <= LARGEST_COORDINATE * sizes[ordinary]
+        for number in np.flatnonzero(~near):
+            self._warnings(
+                meshes[number].path,
+                f"reaches {reach[number]:.3g} scene units away, more than {LARGEST_COORDINATE:g} times the size of "
+                f"{meshes[ordinary].path}; until then the mesh is left out (correct its points)",
+                "reaches too far",
+            )
+        return [mesh for mesh, kept in zip(meshes, near, strict=True) if kept]
+
+    def _of(self, mesh: MeshAtShutter) -> tuple[np.ndarray, np.ndarray]:
+        """Least and greatest corner of a mesh, shapes [3] and [3]."""
+        if mesh not in self._bounds:
+            self._bounds[mesh] = mesh.points.min(axis=0), mesh.points.max(axis=0)
+        return self._bounds[mesh]
