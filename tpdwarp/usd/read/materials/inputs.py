@@ -126,6 +126,8 @@ class Inputs:
             found = self.shader.GetInput(name)
             if found and (found.HasConnectedSource() or found.GetAttr().HasAuthoredValue()):
                 return found
+            if found and found.GetAttr().HasAuthoredConnections():
+                self._warn_nowhere(found)
         return None
 
     def value(self, *names: str) -> Value | None:
@@ -255,6 +257,14 @@ class Inputs:
             image = None if value.image is None else value.image.mapped(lambda pixels: pixels[..., :3])
             return Value(value.numbers[:3], value.spread, value.primvar, image)
         return value
+
+    def _warn_nowhere(self, found: UsdShade.Input) -> None:
+        """Says where an input is connected to what is not there."""
+        attribute = found.GetAttr()
+        stage = attribute.GetStage()
+        for path in attribute.GetConnections():
+            if not stage.GetObjectAtPath(path):
+                self.warnings(str(attribute.GetPath()), f"is connected to {path}, which does not exist; {ITS_DEFAULT}")
 
     def _numbers(self, attribute: Usd.Attribute, asking: str) -> np.ndarray | None:
         """An attribute's numbers, shape [n]; None where it holds nothing, or something else, which is said."""

@@ -79,6 +79,7 @@ class Materials:
         self.warnings, self.purpose = warnings, purpose
         self._textures = Textures()
         self._known: dict[str, tuple[float, Surface]] = {}
+        self._unbound: set[str] = set()
 
     def bound(self, prim: Usd.Prim, frame: float) -> Surface:
         """The surface bound to a mesh or a GeomSubset at a time code."""
@@ -88,6 +89,7 @@ class Materials:
             if material:
                 self.warnings(str(prim.GetPath()), "has a material for previews alone, which is rendered")
         if not material:
+            self._warn_lost(prim)
             return UNBOUND
         path = str(material.GetPath())
         if path in self._known:
@@ -97,6 +99,26 @@ class Materials:
         surface = self._surface(material, frame)
         self._known[path] = frame, surface
         return surface
+
+    def _warn_lost(self, prim: Usd.Prim) -> None:
+        """Says where a prim without a material, or what it inherits from, is bound to none that is there."""
+        if str(prim.GetPath()) in self._unbound:
+            return
+        self._unbound.add(str(prim.GetPath()))
+        stage = prim.GetStage()
+        while prim and not prim.IsPseudoRoot():
+            binding = UsdShade.MaterialBindingAPI(prim)
+            for purpose in dict.fromkeys((self.purpose, UsdShade.Tokens.allPurpose)):
+                relationship = binding.GetDirectBindingRel(purpose)
+                for path in relationship.GetForwardedTargets() if relationship else ():
+                    if not UsdShade.Material(stage.GetPrimAtPath(path)):
+                        self.warnings(
+                            str(relationship.GetPath()),
+                            f"names {path}, which is no material; displayColor or grey is used",
+                            "binds no material",
+                        )
+                        return
+            prim = prim.GetParent()
 
     def may_be_specular(self, prim: Usd.Prim, frame: float) -> bool:
         """Whether any part of a mesh reflects or refracts at a time code."""
