@@ -78,6 +78,19 @@ def fed(surface, name, *nodes, links=(), **inputs):
     return Network("mtlx", surface, inputs, named, (("S", name, "N1", "out"), *links))
 
 
+def lama(*nodes, links=(), context="ri", surface="LamaSurface", **inputs):
+    """A surface of Lama's whose front is the first node."""
+    named = [(f"N{k}", kind, values) for k, (kind, values) in enumerate(nodes, 1)]
+    return Network(context, surface, inputs, named, (("S", "materialFront", "N1", "bxdf_out"), *links))
+
+
+def mixed(surface, share, first, second, names):
+    """A terminal that mixes two surfaces."""
+    nodes = (("N1", *first), ("N2", *second))
+    links = tuple(("S", name, f"N{k}", "out") for k, name in enumerate(names, 1))
+    return Network("arnold" if surface.startswith("arnold") else "mtlx", surface, {"mix": share}, nodes, links)
+
+
 def bsdf(*nodes, links=(), **inputs):
     return fed("ND_surface", "bsdf", *nodes, links=links, **inputs)
 
@@ -183,6 +196,31 @@ CLEAR = {
     "Arnold's old standard": Network("arnold", "arnold:standard", {"Kt": 1.0, "IOR": 1.5}),
     "MoonRay": Network("moonray", "DwaBaseMaterial", {"transmission": 1.0, "roughness": 0.0}),
     "Redshift": Network("redshift", "redshift::StandardMaterial", {"refr_weight": 1.0, "refl_roughness": 0.0}),
+    "Lama": lama(("LamaDielectric", {"roughness": 0.0})),
+    "Lama by its index": lama(
+        ("LamaDielectric", {"roughness": 0.0, "fresnelMode": 1, "IOR": 1.5, "reflectivity": 0.1})
+    ),
+    "Lama by its reflectance": lama(("LamaDielectric", {"roughness": 0.0, "IOR": 1.9, "reflectivity": 0.04})),
+    "Lama without a terminal": Network("ri", "LamaDielectric", {"roughness": 0.0}),
+    "Lama of MaterialX": lama(("ND_lama_dielectric", {"roughness": 0.0}), context="mtlx", surface="ND_lama_surface"),
+    "Lama's Schlick": lama(("LamaGeneralizedSchlick", {"roughness": 0.0})),
+    "Lama's mixture of glass alone": lama(
+        ("LamaMix", {"mix": 1.0}),
+        ("LamaDiffuse", {}),
+        ("LamaDielectric", {"roughness": 0.0}),
+        links=(("N1", "material1", "N2", "bxdf_out"), ("N1", "material2", "N3", "bxdf_out")),
+    ),
+    "Adobe's": Network("adobe", "AdobeStandardMaterial_4_0", {"translucency": 1.0, "roughness": 0.0}),
+    "thick glass of MDL": Network("mdl", "thick_glass_v2", {"ior": 1.5, "glass_color": (1.0, 1.0, 1.0)}, mdl=True),
+    "flexible material of MDL": Network(
+        "mdl", "flex_material_v2", {"ior": 1.5, "transparency": 1.0, "reflection_roughness": 0.0}, mdl=True
+    ),
+    "Houdini's principled shader": Network("", "principledshader::2.0", {"transparency": 1.0, "rough": 0.0}),
+    "roughness of an anisotropy": bsdf(
+        ("ND_dielectric_bsdf", {"scatter_mode": "RT"}),
+        ("ND_roughness_anisotropy", {"roughness": 0.0, "anisotropy": 0.5}),
+        links=(("N1", "roughness", "N2", "out"),),
+    ),
     "unknown shader, known inputs": Network("", "SomeonesGlass", {"transmission": 1.0, "roughness": 0.0}),
 }
 # What is lost is named; the rest of the table says what is done instead.
@@ -203,6 +241,89 @@ PARTIAL = {
     "rough dielectric node": (
         bsdf(("ND_dielectric_bsdf", {"scatter_mode": "RT", "roughness": (0.04, 0.04)})),
         {"roughness": 0.04},
+    ),
+    "rough Lama": (lama(("LamaDielectric", {"roughness": 0.2})), {"roughness": 0.04}),
+    "rough by a node": (
+        bsdf(
+            ("ND_dielectric_bsdf", {"scatter_mode": "RT"}),
+            ("ND_roughness_anisotropy", {"roughness": 0.2}),
+            links=(("N1", "roughness", "N2", "out"),),
+        ),
+        {"roughness": 0.04},
+    ),
+    "glossy by a node": (
+        bsdf(
+            ("ND_dielectric_bsdf", {"scatter_mode": "RT"}),
+            ("ND_glossiness_anisotropy", {"glossiness": 0.8}),
+            links=(("N1", "roughness", "N2", "out"),),
+        ),
+        {"roughness": 0.04},
+    ),
+    "tinted Lama": (
+        lama(("LamaDielectric", {"roughness": 0.0, "transmissionTint": RED})),
+        {"transmittance": RED},
+    ),
+    "absorbing Lama": (
+        lama(("LamaDielectric", {"roughness": 0.0, "absorptionColor": RED, "absorptionRadius": 2.0})),
+        {"absorption": DEEP},
+    ),
+    "absorbing Adobe's": (
+        Network(
+            "adobe",
+            "AdobeStandardMaterial_4_0",
+            {"translucency": 1.0, "roughness": 0.0, "absorptionColor": RED, "absorptionDistance": 2.0},
+        ),
+        {"absorption": DEEP},
+    ),
+    "dispersive Adobe's": (
+        Network("adobe", "AdobeStandardMaterial_4_0", {"translucency": 1.0, "roughness": 0.0, "dispersion": 0.5}),
+        {"abbe": 40.0},
+    ),
+    # Its thickness is in metres, and the stage in centimetres.
+    "thick glass of MDL": (
+        Network("mdl", "thick_glass_v2", {"ior": 1.5, "glass_color": RED, "base_thickness": 0.02}, mdl=True),
+        {"absorption": DEEP},
+    ),
+    "thin glass of MDL": (
+        Network("mdl", "thin_glass_v2", {"ior": 1.5, "base_color": (1.0, 1.0, 1.0)}, mdl=True),
+        {"thin_walled": True},
+    ),
+    "Houdini's principled shader": (
+        Network(
+            "",
+            "principledshader::2.0",
+            {"transparency": 1.0, "rough": 0.0, "transcolor": RED, "transdist": 2.0},
+        ),
+        {"absorption": DEEP},
+    ),
+    "glass in a share of a mixture": (
+        mixed(
+            "ND_mix_surfaceshader",
+            0.75,
+            (STANDARD, {"base_color": RED, "base": 1.0}),
+            (STANDARD, {"transmission": 1.0, **SHARP}),
+            ("bg", "fg"),
+        ),
+        {"diffuse_share": 0.25},
+    ),
+    "glass in a share of Arnold's mixture": (
+        mixed(
+            "arnold:mix_shader",
+            0.25,
+            ("arnold:standard_surface", {"transmission": 1.0, **SHARP}),
+            ("arnold:lambert", {"Kd": 1.0, "Kd_color": RED}),
+            ("shader1", "shader2"),
+        ),
+        {"diffuse_share": 0.25},
+    ),
+    "glass in a share of nodes": (
+        bsdf(
+            ("ND_mix_bsdf", {"mix": 0.25}),
+            ("ND_dielectric_bsdf", {"scatter_mode": "RT", "roughness": (0.0, 0.0)}),
+            ("ND_oren_nayar_diffuse_bsdf", {"color": RED}),
+            links=(("N1", "bg", "N2", "out"), ("N1", "fg", "N3", "out")),
+        ),
+        {"diffuse_share": 0.25},
     ),
     "dispersive open_pbr": (
         Network("mtlx", OPEN, {"transmission_weight": 1.0, "transmission_dispersion_scale": 0.5, **SHARP}),
@@ -315,6 +436,80 @@ OTHER = {
         GOLD,
         1.5,
     ),
+    "Lama's metal": (
+        lama(("LamaConductor", {"roughness": 0.0, "reflectivity": (1.0, 0.75, 0.5), "tint": (1.0, 1.0, 0.5)})),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "Lama's metal by its index": (
+        lama(
+            ("LamaConductor", {"roughness": 0.0, "fresnelMode": 1, "IOR": (2 + 3**0.5,) * 3, "extinction": (0.0,) * 3})
+        ),
+        MIRROR,
+        (1 / 3,) * 3,
+        1.5,
+    ),
+    "Lama's metal on top": (
+        lama(
+            ("LamaLayer", {}),
+            ("LamaConductor", {"roughness": 0.0, "reflectivity": GOLD}),
+            ("LamaDiffuse", {}),
+            links=(("N1", "materialTop", "N2", "bxdf_out"), ("N1", "materialBase", "N3", "bxdf_out")),
+        ),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "Lama's sum": (
+        lama(
+            ("LamaAdd", {"weight2": 1.0}),
+            ("LamaDiffuse", {"color": (0.0, 0.0, 0.0)}),
+            ("LamaConductor", {"roughness": 0.0, "reflectivity": GOLD}),
+            links=(("N1", "material1", "N2", "bxdf_out"), ("N1", "material2", "N3", "bxdf_out")),
+        ),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "Lama's diffuse": (lama(("LamaDiffuse", {"color": RED})), DIFFUSE, RED, 1.5),
+    # What an artist says of a metal, and its complex index, are the same metal.
+    "conductor by an artist": (
+        bsdf(
+            ("ND_conductor_bsdf", {"roughness": (0.0, 0.0)}),
+            ("ND_artistic_ior", {"reflectivity": (0.75, 0.5, 0.25), "edge_color": (0.9, 0.5, 0.1)}),
+            links=(("N1", "ior", "N2", "ior"), ("N1", "extinction", "N2", "extinction")),
+        ),
+        MIRROR,
+        (0.75, 0.5, 0.25),
+        1.5,
+    ),
+    "Adobe's metal": (
+        Network("adobe", "AdobeStandardMaterial_4_0", {"metallic": 1.0, "roughness": 0.0, "baseColor": GOLD}),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "RealityKit's metal": (
+        Network("mtlx", "ND_realitykit_pbr_surfaceshader", {"metallic": 1.0, "roughness": 0.0, "baseColor": GOLD}),
+        MIRROR,
+        GOLD,
+        1.5,
+    ),
+    "RealityKit's card kept by its threshold": (
+        Network("mtlx", "ND_realitykit_pbr_surfaceshader", {"baseColor": RED, "opacityThreshold": 0.5}),
+        DIFFUSE,
+        RED,
+        1.5,
+    ),
+    "flexible metal of MDL": (
+        Network(
+            "mdl", "flex_material_v2", {"is_metal": 1.0, "reflection_roughness": 0.0, "base_color": GOLD}, mdl=True
+        ),
+        MIRROR,
+        GOLD,
+        1.4,
+    ),
     "MoonRay base": (Network("moonray", "BaseMaterial", {"diffuse_color": RED}), DIFFUSE, RED, 1.5),
     "OmniPBR mirror": (
         Network(
@@ -365,6 +560,10 @@ ABSENT = {
     "preview below its threshold": preview(opacity=0.25, opacityThreshold=0.5),
     "standard_surface": Network("mtlx", STANDARD, {"opacity": (0.0, 0.0, 0.0), "transmission": 1.0}),
     "gltf_pbr masked": Network("mtlx", GLTF, {"alpha": 0.25, "alpha_mode": 1}),
+    "RealityKit below its threshold": Network(
+        "mtlx", "ND_realitykit_pbr_surfaceshader", {"opacity": 0.25, "opacityThreshold": 0.5}
+    ),
+    "Lama": lama(("LamaDielectric", {"roughness": 0.0}), presence=0.0),
     "OmniPBR": Network("mdl", "OmniPBR", {"enable_opacity": True, "opacity_constant": 0.0}, mdl=True),
 }
 
@@ -528,6 +727,7 @@ def test_materialx_comes_before_what_is_for_all_and_other_renderers_come_last(tm
     [
         Network("mtlx", "ND_surface_unlit", {"emission_color": RED, "emission": 2.0}),
         Network("arnold", "arnold:flat", {"color": (2.0, 0.0, 0.0)}),
+        Network("mtlx", "ND_realitykit_unlit_surfaceshader", {"color": (2.0, 0.0, 0.0)}),
         Network("ri", "PxrConstant", {"emitColor": (2.0, 0.0, 0.0)}),
         Network("arnold", "arnold:multiply", {"input1": RED, "input2": (2.0, 1.0, 1.0)}),
         fed("ND_surface", "edf", ("ND_uniform_edf", {"color": (2.0, 0.0, 0.0)})),
@@ -538,6 +738,69 @@ def test_what_is_unlit_shines_and_reflects_nothing(tmp_path, unlit):
     # An EDF lights its surroundings elsewhere.
     assert len(warnings) == (unlit.surface == "ND_surface")
     assert (material.interaction, material.color, material.emission) == (DIFFUSE, (0, 0, 0), (2, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("network", "blamed"),
+    [
+        (
+            lama(
+                ("LamaLayer", {}),
+                ("LamaDielectric", {"roughness": 0.0}),
+                ("LamaDiffuse", {"color": RED}),
+                links=(("N1", "materialTop", "N2", "bxdf_out"), ("N1", "materialBase", "N3", "bxdf_out")),
+            ),
+            "/M/N1.inputs:materialTop: is a coat",
+        ),
+        (lama(("LamaSSS", {"color": RED})), "/M/N1.inputs:color: is the colour of light scattered inside"),
+        (bsdf(("ND_subsurface_bsdf", {"color": RED})), "/M/N1.inputs:color: is the colour of light scattered inside"),
+        (
+            mixed(
+                "ND_mix_surfaceshader",
+                0.25,
+                (STANDARD, {"base_color": RED, "base": 1.0}),
+                (STANDARD, {"metalness": 1.0, **SHARP}),
+                ("bg", "fg"),
+            ),
+            "/M/S: a mixture of surfaces",
+        ),
+        (
+            mixed(
+                "ND_mix_surfaceshader",
+                0.75,
+                (STANDARD, {"base_color": RED, "base": 1.0}),
+                ("Unheard of", {}),
+                ("bg", "fg"),
+            ),
+            "/M/S: a mixture of surfaces",
+        ),
+    ],
+)
+def test_coats_scattering_and_mixtures_that_are_not_rendered_leave_what_is_and_are_said(tmp_path, network, blamed):
+    _, material, warnings = seen(tmp_path, network)
+    assert (material.interaction, material.color) == (DIFFUSE, RED)
+    assert [blamed in line for line in warnings] == [True]
+
+
+def test_what_scatters_inside_the_glass_of_lama_is_said(tmp_path):
+    _, material, warnings = seen(tmp_path, lama(("LamaDielectric", {"scatterColor": RED, "roughness": 0.0})))
+    assert material.interaction == GLASS
+    assert ["/M/N1.inputs:scatterColor: is not rendered" in line for line in warnings] == [True]
+
+
+def test_a_mixture_of_itself_ends(tmp_path):
+    _, material, warnings = seen(
+        tmp_path,
+        Network(
+            "mtlx",
+            "ND_mix_surfaceshader",
+            {"mix": 0.5},
+            (("N1", STANDARD, {"transmission": 1.0, **SHARP}),),
+            (("S", "bg", "N1", "out"), ("S", "fg", "S", "out")),
+        ),
+    )
+    assert material.interaction == GLASS
+    assert "mixture" in warnings[0]
 
 
 def test_there_are_sixty_ways_to_author_the_ball():

@@ -112,6 +112,18 @@ class Inputs:
         finally:
             self.warnings = said
 
+    @contextmanager
+    def entered(self) -> Iterator[bool]:
+        """While entered, the same surface is not to be read again; whether it was not being read before."""
+        key = self.path, "surface", False
+        fresh = key not in self._walk.open
+        self._walk.open.add(key)
+        try:
+            yield fresh
+        finally:
+            if fresh:
+                self._walk.open.discard(key)
+
     @property
     def path(self) -> str:
         return str(self.shader.GetPath())
@@ -205,7 +217,7 @@ class Inputs:
                 found = Coordinates("st" if index == 0 else f"st{index}")
             else:
                 found = inner.coordinates(depth + 1)
-                if kind == "UsdTransform2d":
+                if kind.removeprefix("ND_") == "UsdTransform2d":
                     scale, turn = inner.pair("scale", 1.0), inner.number(("rotation",), 0.0)
                     found = found.then(scaled_turned_moved(scale, turn, inner.pair("translation", 0.0)))
                 elif "place2d" in kind:
@@ -358,10 +370,12 @@ class Inputs:
         self.warnings(asking, "is noise, which is not drawn: the middle of what it lies between is rendered")
         return Value(_channel(mean, output, kind), True)
 
-    def _argument(self, node: UsdShade.Shader, name: str, default: float | None, depth: int) -> Value:
+    def _argument(
+        self, node: UsdShade.Shader, name: str, default: float | tuple[float, ...] | None, depth: int
+    ) -> Value:
         found = self.of(node).find(name)
         if found is None:
-            return Value(None if default is None else np.array([default]))
+            return Value(None if default is None else np.atleast_1d(default))
         return self._arriving(found, depth)
 
     def _words(self, node: UsdShade.Shader) -> dict[str, str]:

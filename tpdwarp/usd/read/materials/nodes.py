@@ -15,6 +15,8 @@ Numbers = list[np.ndarray]
 Words = dict[str, str]
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+# What a metal is that says nothing else.
+GOLD, GOLD_EDGE = (0.944, 0.776, 0.373), (0.998, 0.981, 0.751)
 CHANNELS = {**{name: k for k, name in enumerate("rgba")}, **{name: k for k, name in enumerate("xyzw")}}
 
 
@@ -27,7 +29,7 @@ class Operation:
         compute: Gives the value from those of the inputs, the name of the output and the texts among the inputs.
     """
 
-    arguments: tuple[tuple[str, float | None], ...]
+    arguments: tuple[tuple[str, float | tuple[float, ...] | None], ...]
     compute: Callable[[Numbers, str, Words], np.ndarray]
 
     def apply(self, numbers: Numbers, output: str, words: Words) -> np.ndarray | None:
@@ -43,6 +45,8 @@ def operation_of(kind: str) -> Operation | None:
     """What a node of this identifier computes; None for textures, primvars and all that is not known."""
     if kind.startswith("arnold:"):
         return ARNOLD.get(kind.removeprefix("arnold:"))
+    if (special := OF_SURFACES.get(kind)) is not None:
+        return special
     found = re.match(r"(?:Maya)?ND_([A-Za-z]+[0-9]?)", kind)
     return OPERATIONS.get(found.group(1)) if found else None
 
@@ -144,6 +148,23 @@ def _file_of_maya(numbers: Numbers, output: str, words: Words) -> np.ndarray:
     return _channel(color, CHANNELS[channel]) if channel in CHANNELS else color
 
 
+def _complex_index(numbers: Numbers, output: str, words: Words) -> np.ndarray:
+    """Index and extinction of a metal by its reflectance at normal incidence and at the edge (Gulbrandsen 2014)."""
+    reflectivity, edge = np.clip(numbers[0], 0.0, 0.99), numbers[1]
+    root = np.sqrt(reflectivity)
+    least, most = (1.0 - reflectivity) / (1.0 + reflectivity), (1.0 + root) / (1.0 - root)
+    n = most + (least - most) * edge
+    k = np.sqrt(np.maximum(((n + 1.0) ** 2 * reflectivity - (n - 1.0) ** 2) / (1.0 - reflectivity), 0.0))
+    return k if output.startswith("extinction") else n
+
+
+def _widths(roughness: np.ndarray, anisotropy: np.ndarray) -> np.ndarray:
+    """Widths α of a lobe along its two axes, as MaterialX has them."""
+    aspect = np.sqrt(1.0 - np.clip(anisotropy, 0.0, 0.98))
+    square = roughness**2
+    return _combine(np.minimum(square / aspect, 1.0), square * aspect) if square.shape[-1] == 1 else square
+
+
 def _choose(compare: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Operation:
     return _of(
         lambda a, b, yes, no: np.where(compare(a[..., :1], b[..., :1]), yes, no),
@@ -231,6 +252,17 @@ OPERATIONS: dict[str, Operation] = {
         )
     },
 }  # fmt: skip
+
+
+# Helpers of MaterialX's surfaces, by their whole names.
+OF_SURFACES: dict[str, Operation] = {
+    "ND_artistic_ior": Operation((("reflectivity", GOLD), ("edge_color", GOLD_EDGE)), _complex_index),
+    "ND_roughness_anisotropy": _of(_widths, ("roughness", 0.0), ("anisotropy", 0.0)),
+    "ND_roughness_dual": _of(lambda roughness: roughness**2, ("roughness", 0.0)),
+    "ND_glossiness_anisotropy": _of(
+        lambda gloss, anisotropy: _widths(1.0 - gloss, anisotropy), ("glossiness", 1.0), ("anisotropy", 0.0)
+    ),
+}
 
 
 def _arnold_pair(compute: Callable[..., np.ndarray], neutral: float) -> Operation:

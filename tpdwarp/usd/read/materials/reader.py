@@ -9,33 +9,19 @@ from pxr import Usd, UsdShade
 from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import Interaction, Material
 from tpdwarp.usd.read.materials.coordinates import Coordinates
-from tpdwarp.usd.read.materials.dialects import name_of, reader_of
+from tpdwarp.usd.read.materials.dialects import handed_on, name_of, reader_of
 from tpdwarp.usd.read.materials.dialects.table import BRIGHTEST
 from tpdwarp.usd.read.materials.inputs import Inputs
 from tpdwarp.usd.read.materials.interactions import interaction_of
 from tpdwarp.usd.read.materials.physical import Physical
 from tpdwarp.usd.read.materials.textures import Textures
-from tpdwarp.usd.read.values import number_at
 
 __all__ = ["BRIGHTEST", "DISPLAY_COLOR", "Materials", "Surface"]
 
 # Render contexts in the order in which their surfaces are chosen: this renderer's own, MaterialX, and what is for all.
 CONTEXTS = ("tpdwarp", "mtlx", UsdShade.Tokens.universalRenderContext)
 
-EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 DISPLAY_COLOR = "displayColor"
-# Terminals that hand on another shader, by the input that it is connected to: where rays that do not come from the
-# camera have another, or backs, that of the camera and of the front is rendered.
-HANDED_ON = {
-    "ND_surfacematerial": "surfaceshader",
-    "arnold:two_sided": "front",
-    "arnold:ray_switch_shader": "camera",
-    "arnold:ray_switch_rgba": "camera",
-    "arnold:matte": "passthrough",
-    "arnold:passthrough": "passthrough",
-}
-# Mixtures of two shaders, by the inputs of what is there at a share of 0 and of 1, and the share that is not authored.
-MIXED = {"ND_mix_surfaceshader": ("bg", "fg", 0.0), "arnold:mix_shader": ("shader1", "shader2", 0.5)}
 
 
 @dataclass(frozen=True)
@@ -128,7 +114,7 @@ class Materials:
 
     def _surface(self, material: UsdShade.Material, frame: float) -> Surface:
         path = str(material.GetPath())
-        shaders = _surface_shaders(material, self.warnings)
+        shaders = _surface_shaders(material)
         if not shaders:
             named = any(output.HasConnectedSource() for output in material.GetSurfaceOutputs())
             found = "has no surface shader that can be read;" if named else "names no surface: as in viewers,"
@@ -169,25 +155,7 @@ class Materials:
         )
 
 
-def _handed_on(shader: UsdShade.Shader, warnings: WarnOnce) -> UsdShade.Shader:
-    """The shader that a terminal hands on; of a mixture the larger part, which is said."""
-    seen: set[str] = set()
-    while shader and (kind := name_of(shader)) in (*HANDED_ON, *MIXED) and str(shader.GetPath()) not in seen:
-        seen.add(str(shader.GetPath()))
-        name = HANDED_ON.get(kind, "")
-        if kind in MIXED:
-            none, all_of_it, share = MIXED[kind]
-            if shader.GetInput("mix"):
-                share = number_at(shader.GetInput("mix").GetAttr(), EARLIEST, share)
-            name = all_of_it if share >= 0.5 else none
-            if 0 < share < 1:
-                warnings(str(shader.GetPath()), "a mixture of surfaces is rendered as the larger part of it")
-        sources = shader.GetInput(name).GetConnectedSources()[0] if shader.GetInput(name) else []
-        shader = UsdShade.Shader(sources[0].source.GetPrim()) if sources else UsdShade.Shader()
-    return shader
-
-
-def _surface_shaders(material: UsdShade.Material, warnings: WarnOnce) -> list[UsdShade.Shader]:
+def _surface_shaders(material: UsdShade.Material) -> list[UsdShade.Shader]:
     """The surface shaders of a material, in the order in which they are chosen.
 
     What is authored for another renderer alone is better than nothing: such contexts come last, by name.
@@ -199,6 +167,6 @@ def _surface_shaders(material: UsdShade.Material, warnings: WarnOnce) -> list[Us
     found: dict[str, UsdShade.Shader] = {}
     for context in contexts:
         shader = material.ComputeSurfaceSource(context)[0]
-        if shader := _handed_on(shader, warnings):
+        if shader := handed_on(shader):
             found.setdefault(str(shader.GetPath()), shader)
     return list(found.values())

@@ -15,6 +15,9 @@ DIALECT = Dialect(
         "roughness": Field(("roughness", "specular_roughness", "rough"), 0.3),
         "ior": Field(("ior", "specular_ior", "specular_IOR", "refractive_index"), 1.5),
         "transmission": Field(TRANSMISSION, 0.0),
-        "presence": Field(("opacity", "presence"), 1.0),
+        # Of Houdini's principled shader, the last.
+        "tint": Field(("transmission_color", "transmissionColor", "transcolor"), (1.0, 1.0, 1.0)),
+        "absorption_depth": Field(("transmission_depth", "transdist"), 0.0),
+        "presence": Field(("opacity", "presence", "opac"), 1.0),
     },
 )
