@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pxr import UsdLux
 
 from tests.usd.stages import SQUARE, SmallStage
 from tpdwarp.rendering.context import RenderContext
@@ -28,6 +29,19 @@ def test_a_stray_point_takes_its_mesh_and_no_more(tmp_path, glass, far):
     settings = Settings(photons=64, samples=1)
     frame = render_frame(RenderContext(scene, settings), Shutter.still(1), *scene.resolution())
     assert frame.channels["R"].max() > 0 and np.isfinite(frame.channels["R"]).all()
+
+
+@pytest.mark.parametrize("far, kept", [(1e5, True), (2e6, False), (1e20, False)])
+def test_a_lamp_beyond_where_rays_end_is_left_out(tmp_path, far, kept):
+    small = SmallStage(tmp_path)
+    small.mesh("/Floor")
+    lamp = UsdLux.SphereLight.Define(small.stage, "/Lamp")
+    lamp.AddTranslateOp().Set((0, 0, far))
+    scene = small.open(image_width=16)
+    assert {light.path for light in scene.at(Shutter.still(1)).lights} == {"/Light"} | ({"/Lamp"} if kept else set())
+    assert ["/Lamp: lies" in line for line in scene.warnings.messages if "left out" in line] == [True] * (not kept)
+    frame = render_frame(RenderContext(scene, Settings(photons=64, samples=1)), Shutter.still(1), *scene.resolution())
+    assert frame.channels["R"].max() > 0
 
 
 def test_what_is_wide_or_small_stays(tmp_path):

@@ -1,14 +1,15 @@
-"""Meshes so far off, or so large for a stray point, that beside them nothing else would have a size."""
+"""Meshes so far off, or so large for a stray point, that beside them nothing else would have a size; lamps likewise."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from tpdwarp.errors import WarnOnce
-from tpdwarp.scene.coordinate_range import LARGEST_COORDINATE
-from tpdwarp.scene.description import MeshAtShutter
+from tpdwarp.scene.coordinate_range import LARGEST_COORDINATE, LARGEST_LIGHT_COORDINATE
+from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter
 
 
 class Outliers:
@@ -47,6 +48,26 @@ class Outliers:
                 "reaches too far",
             )
         return [mesh for mesh, kept in zip(meshes, near, strict=True) if kept]
+
+    def lit(self, lights: tuple[LightAtShutter, ...], meshes: Sequence[MeshAtShutter]) -> tuple[LightAtShutter, ...]:
+        """The lights but points that lie 10⁶ times the size of what is there away, where rays end."""
+        if not meshes or all(light.kind != LightKind.POINT for light in lights):
+            return lights
+        low, high = (np.array(corners) for corners in zip(*map(self._of, meshes), strict=True))
+        low, high = low.min(axis=0), high.max(axis=0)
+        size, kept = 0.5 * float(np.linalg.norm(high - low)), []
+        for light in lights:
+            reach = np.abs(light.position - 0.5 * (low + high)).max() + 0.5 * np.abs(light.position_motion).max()
+            if light.kind != LightKind.POINT or size == 0 or reach <= LARGEST_LIGHT_COORDINATE * size:
+                kept.append(light)
+                continue
+            self._warnings(
+                light.path,
+                f"lies {reach:.3g} scene units away, more than {LARGEST_LIGHT_COORDINATE:g} times the size of the "
+                "scene; until then the light is left out (correct its place)",
+                "lies too far",
+            )
+        return tuple(kept)
 
     def _of(self, mesh: MeshAtShutter) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest corner of a mesh, shapes [3] and [3]."""

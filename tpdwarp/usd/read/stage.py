@@ -260,7 +260,7 @@ class StageScene:
             if self._mesh_lights_at(shutter.frame):
                 meshes, more = self._shining(meshes, shutter)
                 lights += more
-            lights = self._linked(lights, shutter)
+            lights = self._outliers.lit(self._linked(lights, shutter), meshes)
             if self._camera_light:
                 lights = (camera_light(camera, meshes),)
             domes = tuple(found for dome in self._domes if (found := dome.at(shutter)) is not None)
@@ -466,7 +466,7 @@ class StageScene:
                     f"its aperture makes an image of {width} × {height:.6g} pixels: "
                     f"it is {width} × {DEFAULT_HEIGHT} (author other apertures, or say --imageWidth)",
                 )
-                return width, DEFAULT_HEIGHT
+                return self._checked(width, DEFAULT_HEIGHT)
         # Apertures are stored in single precision, whose rounding must not cost a row.
         return self._checked(width, height * (1 + 1e-6))
 
