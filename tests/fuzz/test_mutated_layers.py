@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from scripts.fuzzing import campaign
+from tests.fuzz.waiting_worker import ENDS, WAITS, WORKS
 from usd_scenes.hostile.cases import make_case
 from usd_scenes.hostile.judge import judge
 
@@ -40,6 +42,15 @@ def test_a_case_is_the_same_every_time_it_is_made(tmp_path):
         assert [part.replace(str(folders[0]), "") for part in one.arguments] == [
             part.replace(str(folders[1]), "") for part in other.arguments
         ]
+
+
+@pytest.mark.parametrize("kind, hangs", [(WAITS, True), (WORKS, True), (ENDS, False)])
+def test_a_case_hangs_by_what_it_takes_of_the_processor_and_not_by_the_clock(monkeypatch, kind, hangs):
+    monkeypatch.setattr(campaign, "WORKER", "tests.fuzz.waiting_worker")
+    monkeypatch.setattr(campaign, "PATIENCE", 1.0)
+    (outcome,) = campaign.run(kind, kind, 50.0)
+    assert isinstance(outcome, campaign.Finding) == hangs
+    assert not hangs or "hangs" in outcome.faults[0]
 
 
 @pytest.mark.parametrize(
