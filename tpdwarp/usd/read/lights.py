@@ -412,7 +412,8 @@ class Light:
         return max(value, 0.0)
 
     def _leave_out(self, error: InputError) -> None:
-        self._warnings(error.prim or self.path, f"{error.message}; until then the light is left out")
+        # It is asked for at many times, which its transform's message names.
+        self._warnings(error.prim or self.path, f"{error.message}; until then the light is left out", "light left out")
 
     def _warn_unsupported(self) -> None:
         tint = self._input("shaping:focusTint")

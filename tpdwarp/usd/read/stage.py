@@ -243,7 +243,8 @@ class StageScene:
             except InputError as error:
                 if self.camera_path is None:
                     raise
-                self.warnings(error.prim, f"{error.message}; until then a free camera frames the stage")
+                message = f"{error.message}; until then a free camera frames the stage"
+                self.warnings(error.prim, message, "camera nowhere")
                 return self._free_camera.over(shutter, *image)
 
     def at(self, shutter: Shutter) -> SceneAtShutter:
@@ -460,13 +461,14 @@ class StageScene:
         width = self._settings.image_width or DEFAULT_WIDTH
         with usd_diagnostics(self.warnings):
             height = width * self._request.pixel_aspect / self._camera.aspect(self.start)
-            if self._settings.image_width is None and not width * height <= MOST_PIXELS:
+            if not width * height <= MOST_PIXELS:
+                usual = max(1, width * DEFAULT_HEIGHT // DEFAULT_WIDTH)
                 self.warnings(
                     self.camera_path or "",
-                    f"its aperture makes an image of {width} × {height:.6g} pixels: "
-                    f"it is {width} × {DEFAULT_HEIGHT} (author other apertures, or say --imageWidth)",
+                    f"its aperture makes an image of {width} × {height:.6g} pixels: it is {width} × {usual} "
+                    "(author other apertures)",
                 )
-                return self._checked(width, DEFAULT_HEIGHT)
+                return self._checked(width, usual)
         # Apertures are stored in single precision, whose rounding must not cost a row.
         return self._checked(width, height * (1 + 1e-6))
 
@@ -481,8 +483,8 @@ class StageScene:
     def _checked(self, width: int, height: float) -> tuple[int, int]:
         if not width * max(1.0, height) <= MOST_PIXELS:
             raise InputError(
-                f"an image of {width} × {height:.6g} pixels is more than {MOST_PIXELS} (correct the resolution, "
-                "the camera's apertures or --imageWidth)",
+                f"an image of {width} × {height:.6g} pixels is more than {MOST_PIXELS} (correct the resolution or "
+                "--imageWidth)",
                 self.file,
                 self._request.path or self.camera_path or "",
             )
