@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import queue
 import resource
 import shutil
@@ -16,6 +15,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from usd_scenes.hostile.patience import Patience
+
 ROOT = Path(__file__).resolve().parents[2]
 MEMORY = 8 << 30
 PATIENCE = 60.0
@@ -23,9 +24,6 @@ PATIENCE = 60.0
 
 A busy machine may give it much less than that, and kernels that nothing has used yet take ten to compile.
 """
-LEAST_WORK = 0.01
-"""Part of the processor that what does something takes at least."""
-WORKER = "scripts.fuzzing.worker"
 CASES_A_WORKER = 1000
 
 
@@ -70,22 +68,20 @@ def run(
 
 def _work(first: int, last: int, ends: float, binary: bool, folder: Path) -> Iterator[dict]:
     """Outcomes of one worker; if it dies or hangs, that is the last one's."""
-    command = [sys.executable, "-m", WORKER, str(first), str(last), str(folder), str(int(binary))]
+    command = [sys.executable, "-m", "scripts.fuzzing.worker", str(first), str(last), str(folder), str(int(binary))]
     worker = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, preexec_fn=_limited)
     lines: queue.Queue[str | None] = queue.Queue()
     reader = threading.Thread(target=lambda: [*map(lines.put, worker.stdout), lines.put(None)], daemon=True)
     reader.start()
     current: dict | None = None
-    began = looked = _processor_seconds(worker.pid)
+    patience = Patience(worker.pid, PATIENCE)
     try:
         while time.monotonic() < ends:
             try:
                 line = lines.get(timeout=PATIENCE)
-                began = looked = _processor_seconds(worker.pid)
+                patience.renew()
             except queue.Empty:
-                spent = _processor_seconds(worker.pid)
-                if spent - began < PATIENCE and spent - looked > LEAST_WORK * PATIENCE:
-                    looked = spent
+                if not patience.ended():
                     continue
                 worker.kill()
                 yield _ended(current, first, f"hangs: no end after {PATIENCE:g} s")
@@ -105,15 +101,6 @@ def _work(first: int, last: int, ends: float, binary: bool, folder: Path) -> Ite
 def _ended(current: dict | None, first: int, fault: str) -> dict:
     blank = {"seed": first, "changes": [], "arguments": [], "errors": "", "code": -1}
     return {**blank, **(current or {}), "faults": [fault]}
-
-
-def _processor_seconds(process: int) -> float:
-    """What a process has taken of processors; 0 where it is gone, or the system does not say."""
-    try:
-        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return 0.0
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _limited() -> None:
