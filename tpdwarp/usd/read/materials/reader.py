@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pxr import Usd, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import Interaction, Material
@@ -97,7 +97,7 @@ class Materials:
             for purpose in dict.fromkeys((self.purpose, UsdShade.Tokens.allPurpose)):
                 relationship = binding.GetDirectBindingRel(purpose)
                 for path in relationship.GetForwardedTargets() if relationship else ():
-                    if not UsdShade.Material(stage.GetPrimAtPath(path)):
+                    if not UsdShade.Material(stage.GetPrimAtPath(path)) and not _is_elsewhere(stage, path):
                         self.warnings(
                             str(relationship.GetPath()),
                             f"names {path}, which is no material; displayColor or grey is used",
@@ -153,6 +153,14 @@ class Materials:
             frozenset.intersection(*tiled) if tiled else None,
             physical,
         )
+
+
+def _is_elsewhere(stage: Usd.Stage, path: Sdf.Path) -> bool:
+    """Whether a prim that is not there would come with a reference or payload, whose absence is said already."""
+    while not stage.GetPrimAtPath(path) and not path.isEmpty:
+        path = path.GetParentPath()
+    prim = stage.GetPrimAtPath(path)
+    return bool(prim) and (prim.HasAuthoredReferences() or prim.HasAuthoredPayloads())
 
 
 def _surface_shaders(material: UsdShade.Material) -> list[UsdShade.Shader]:
