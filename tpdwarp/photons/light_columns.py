@@ -107,9 +107,10 @@ def nearness(patch: Patch, x: wp.vec3) -> float:
     """Whether x is nearer to a lamp than that is large: 1 where it touches, 0 far off, ½ at its own size.
 
     Chosen, not derived: the fourth power of the square of the ratio leaves lights alone that are half as large as they
-    are far off, and what is left of first order for lights that are twice as large.
+    are far off, and what is left of first order for lights that are twice as large. Photons from one place are followed
+    through one point: how far first order misses them says what parts are worth, which lie farther off for their size.
     """
-    if patch.domain == 0 or patch.extent_shape == ROUND:
+    if patch.domain == 0 or patch.extent_shape == ROUND or patch.is_place == 1:
         return 0.0
     spread = (wp.length_sq(patch.span_a) + wp.length_sq(patch.span_b)) / wp.length_sq(x - patch.position)
     fourth = wp.pow(wp.min(spread, NEAREST), 4.0)

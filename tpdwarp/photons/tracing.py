@@ -424,7 +424,6 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     if patch.is_place == 1:
                         off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
                         beam.w = wp.normalize(beam.w + off)
-                        beam.x += patch.light_place[0] * columns.dxda + patch.light_place[1] * columns.dxdb
                     elif patch.extent_shape >= 0:
                         places = flux_of_places(patch, beam, columns, hit.n_g, from_middle)
                         columns.gain = places.gain
