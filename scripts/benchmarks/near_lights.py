@@ -21,7 +21,6 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, steady, turned
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import (
@@ -38,6 +37,7 @@ from tpdwarp.scene.description import (
 from tpdwarp.settings import Settings
 from usd_scenes import brute_force, shapes
 from usd_scenes.brute_force.description import DIELECTRIC, DIFFUSE
+from usd_scenes.in_memory import SUN, WATER, bumpy, floor, looking_down, steady, turned
 
 PIXELS, PHOTONS = 32, 1 << 16
 CAMERA = looking_down(height=0.3)
