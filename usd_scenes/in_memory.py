@@ -28,6 +28,7 @@ from usd_scenes.oracle.shapes import grid_points, grid_triangles
 
 QUAD = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 WHITE = Material(color=(1.0, 1.0, 1.0))
+WATER = Material(Interaction.DIELECTRIC, ior=1.33)
 SUN = LightAtShutter("/sun", LightKind.DISTANT, (1.0, 1.0, 1.0))
 
 
@@ -74,6 +75,43 @@ def floor(size: float = 4.0, **options) -> MeshAtShutter:
 def looking_down(window=(-1, 1, -1, 1), height: float = 3.0, **options) -> CameraAtShutter:
     """An orthographic camera above the origin; x to the right, y up in the image."""
     return CameraAtShutter("/cam", True, np.array([0.0, 0.0, height]), np.eye(3), window, **options)
+
+
+def bumpy(path: str, material: Material, height: float, moving: bool, upside_down: bool = False) -> MeshAtShutter:
+    """A smooth sheet with vertex normals, whose vertices and normals move unevenly; uneven enough to bend rays."""
+    x = np.linspace(-1.5, 1.5, 7)
+    points = grid_points(x, x, lambda x, y: height + 0.1 * np.sin(2 * x + y) + 0.05 * y**2)
+    normals = np.stack(
+        [-0.2 * np.cos(2 * points[:, 0] + points[:, 1]),
+         -0.1 * np.cos(2 * points[:, 0] + points[:, 1]) - 0.1 * points[:, 1],
+         np.ones(len(points))], axis=1,
+    )  # fmt: skip
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    triangles = grid_triangles(7, 7).astype(np.int32)
+    if upside_down:
+        triangles, normals = triangles[:, ::-1].copy(), -normals
+    random = np.random.default_rng(12)
+    motions, turns = random.normal(0, 0.05, points.shape), random.normal(0, 0.08, points.shape)
+    return MeshAtShutter(
+        path, points, triangles, motions if moving else None, normals, turns if moving else None, triangles, (material,)
+    )  # fmt: skip
+
+
+def steady(meshes, lights=(SUN,), camera: CameraAtShutter | None = None) -> Source:
+    """A source of one scene; motions are per frame and everything keeps moving past the origin at frame ½."""
+
+    def at(shutter: Shutter) -> SceneAtShutter:
+        moved = []
+        for mesh in meshes:
+            if mesh.motions is None:
+                moved.append(mesh)
+                continue
+            change: dict[str, object] = {"points": mesh.points + (shutter.middle - 0.5) * mesh.motions}
+            change["motions"] = mesh.motions * shutter.exposure if shutter.exposure else None
+            moved.append(replace(mesh, **change))
+        return SceneAtShutter(shutter, tuple(moved), tuple(lights), camera or looking_down())
+
+    return Source(at)
 
 
 def wave_source(

@@ -10,9 +10,6 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import (
     CameraAtShutter,
-    Interaction,
-    Material,
-    MeshAtShutter,
     SceneAtShutter,
     Shutter,
 )
@@ -27,41 +24,22 @@ from tpdwarp.view.visibility import visible_points
 from usd_scenes.in_memory import (  # noqa: F401 (what scripts render as well lives there)
     QUAD,
     SUN,
+    WATER,
     WHITE,
     Source,
+    bumpy,
     floor,
     looking_down,
     quad,
     rod,
+    steady,
     turned,
     turning_rod_source,
     wave_source,
 )
-from usd_scenes.oracle.shapes import grid_points, grid_triangles
 
 SHUTTER = Shutter(1.0, 1.0, 2.0)
 ONE_THREAD = Launcher("cpu", 1)
-WATER = Material(Interaction.DIELECTRIC, ior=1.33)
-
-
-def bumpy(path: str, material: Material, height: float, moving: bool, upside_down: bool = False) -> MeshAtShutter:
-    """A smooth sheet with vertex normals, whose vertices and normals move unevenly; uneven enough to bend rays."""
-    x = np.linspace(-1.5, 1.5, 7)
-    points = grid_points(x, x, lambda x, y: height + 0.1 * np.sin(2 * x + y) + 0.05 * y**2)
-    normals = np.stack(
-        [-0.2 * np.cos(2 * points[:, 0] + points[:, 1]),
-         -0.1 * np.cos(2 * points[:, 0] + points[:, 1]) - 0.1 * points[:, 1],
-         np.ones(len(points))], axis=1,
-    )  # fmt: skip
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    triangles = grid_triangles(7, 7).astype(np.int32)
-    if upside_down:
-        triangles, normals = triangles[:, ::-1].copy(), -normals
-    random = np.random.default_rng(12)
-    motions, turns = random.normal(0, 0.05, points.shape), random.normal(0, 0.08, points.shape)
-    return MeshAtShutter(
-        path, points, triangles, motions if moving else None, normals, turns if moving else None, triangles, (material,)
-    )  # fmt: skip
 
 
 def view_rays(
@@ -140,20 +118,3 @@ def see(
             )
         )
     return found
-
-
-def steady(meshes, lights=(SUN,), camera: CameraAtShutter | None = None) -> Source:
-    """A source of one scene; motions are per frame and everything keeps moving past the origin at frame ½."""
-
-    def at(shutter: Shutter) -> SceneAtShutter:
-        moved = []
-        for mesh in meshes:
-            if mesh.motions is None:
-                moved.append(mesh)
-                continue
-            change: dict[str, object] = {"points": mesh.points + (shutter.middle - 0.5) * mesh.motions}
-            change["motions"] = mesh.motions * shutter.exposure if shutter.exposure else None
-            moved.append(replace(mesh, **change))
-        return SceneAtShutter(shutter, tuple(moved), tuple(lights), camera or looking_down())
-
-    return Source(at)

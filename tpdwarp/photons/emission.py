@@ -9,7 +9,10 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
+from tpdwarp.scene.description import ExtentShape
 from tpdwarp.scene.device.shaping import ShapingValues, shaped
+
+CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
 
 
 class Domain(IntEnum):
@@ -32,7 +35,8 @@ class Patch:
     the light, about ``shaping_axis``. ``extent_shape`` is that of :class:`tpdwarp.scene.description.Extent`, or −1 for
     none, ``span_a`` and ``span_b`` are its spans, and ``extent_radius`` its radius, or the sine of its half angle.
     Where ``is_place`` is 1, photons come from ``light_place`` alone from the first specular surface on, by the
-    coordinates (a, b) of the light.
+    coordinates (a, b) of the light. Where ``ball_radius`` is above 0, the light is a place in a ball of that radius,
+    ``ball_place`` beside its middle.
     """
 
     domain: int
@@ -63,6 +67,8 @@ class Patch:
     span_b: wp.vec3
     is_place: int
     light_place: wp.vec2
+    ball_place: wp.vec3
+    ball_radius: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +93,27 @@ class ChosenCells:
             numbers = np.arange(patch.count_u * patch.count_v)
         down, across = np.divmod(np.asarray(numbers, np.int64), patch.count_u)
         return cls(np.stack([patch.first_u + across, patch.first_v + down], axis=1))
+
+
+@wp.func
+def leaving(patch: Patch, w: wp.vec3) -> float:
+    """How far from where a beam of direction ω is aimed from its light begins: on the surface of what has a depth.
+
+    So light of a lamp that stands in water by half does not pass the water's surface within the lamp.
+    """
+    if patch.ball_radius > 0.0:
+        along = wp.dot(patch.ball_place, w)
+        square = along * along + patch.ball_radius * patch.ball_radius - wp.length_sq(patch.ball_place)
+        return wp.max(wp.sqrt(wp.max(square, 0.0)) - along, 0.0)
+    if patch.extent_shape == CYLINDER:
+        half = wp.length(patch.span_a)
+        cosine = wp.abs(wp.dot(patch.span_a, w)) / half
+        sine = wp.sqrt(wp.max(1.0 - cosine * cosine, 0.0))
+        # Its ends do not shine, but light passes there.
+        if patch.extent_radius * cosine < half * sine:
+            return patch.extent_radius / sine
+        return half / cosine
+    return 0.0
 
 
 @wp.func

@@ -22,7 +22,14 @@ from tpdwarp.photons.emission import Domain, Patch
 from tpdwarp.photons.energy import FEWEST_OF_SEVERAL
 from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape, turned
 from tpdwarp.scene.coordinate_range import require_within_range
-from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, SceneSource, reference_scenes
+from tpdwarp.scene.description import (
+    ExtentShape,
+    LightAtShutter,
+    LightKind,
+    SceneAtShutter,
+    SceneSource,
+    reference_scenes,
+)
 from tpdwarp.scene.device.shaping import ShapingValues, is_shaped, shaping_axis, shaping_values
 from tpdwarp.scene.light_places import phase_of, prim_of, split_lights, whole_of
 from tpdwarp.scene.normalization import Normalization
@@ -517,6 +524,11 @@ def _patch(
         patch.extent_radius = math.sin(radius) if distant else radius * normalization.scale
         spans = light.extent.spans if distant else normalization.scale * light.extent.spans
         patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in spans)
+        if light.extent.shape == ExtentShape.ROUND and not distant:
+            patch.ball_radius = patch.extent_radius
+    if light.ball is not None:
+        patch.ball_place = wp.vec3(*map(float, normalization.scale * light.ball.place))
+        patch.ball_radius = normalization.scale * light.ball.radius
     diameter = 2.0 * float(np.linalg.norm(magnitude))
     patch.near = patch.start + (distance - diameter if diameter < NEARBY * distance else 0.0)
     patch.power = wp.vec3(*normalization.light_power(light))

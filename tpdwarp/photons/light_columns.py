@@ -13,10 +13,18 @@ from enum import IntEnum
 import warp as wp
 
 from tpdwarp.photons.beam import Beam, Interface
-from tpdwarp.photons.differentials import normal_differential, reflect_differential, refract_differential, transfer
+from tpdwarp.photons.differentials import (
+    fresnel_reflectance,
+    normal_differential,
+    reflect_differential,
+    refract_differential,
+    refracted_cosine_squared,
+    transfer,
+)
 from tpdwarp.photons.emission import Patch
 from tpdwarp.scene.description import ExtentShape
 from tpdwarp.scene.device.intersection import Hit, normal_variation
+from tpdwarp.scene.device.round_lights import VISIBLE_SIDE, round_irradiance
 from tpdwarp.scene.device.shaping import across_of, shaped
 
 
@@ -42,6 +50,8 @@ CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
 # Variance of places along either axis of a disc, and of an interval.
 VARIANCE_OF_DISC = wp.constant(0.25)
 VARIANCE_OF_INTERVAL = wp.constant(1.0 / 3.0)
+# Beyond that ratio of squares a lamp touches the surface.
+NEAREST = wp.constant(1.0e4)
 
 
 @wp.struct
@@ -57,11 +67,65 @@ class LightColumns:
 
 
 @wp.func
-def columns_at(patch: Patch, beam: Beam) -> LightColumns:
+def across_axis(patch: Patch, x: wp.vec3) -> wp.vec3:
+    """From the axis of a cylinder to x, across it."""
+    axis = wp.normalize(patch.span_a)
+    off = x - patch.position
+    return off - axis * wp.dot(axis, off)
+
+
+@wp.func
+def from_visible_side(patch: Patch, beam: Beam) -> Beam:
+    """A beam of a cylinder's axis as one that comes from before it, where what is seen of the cylinder lies on average.
+
+    With c across axis and view, ρ from the axis, the place s before it moves by s c (c · D x)/ρ as the beam does.
+    """
+    out = beam
+    if patch.extent_shape != CYLINDER or patch.domain == 0:
+        return out
+    across = across_axis(patch, beam.x)
+    rho = wp.max(wp.length(across), patch.extent_radius)
+    if rho <= 0.0:
+        return out
+    part = VISIBLE_SIDE * patch.extent_radius / rho
+    way = beam.x - patch.position - part * across
+    d = wp.length(way)
+    out.w = way / d
+    c = wp.normalize(wp.cross(patch.span_a, across))
+    along_u = beam.dxdu - part * c * wp.dot(c, beam.dxdu)
+    along_v = beam.dxdv - part * c * wp.dot(c, beam.dxdv)
+    moved = beam.dxdt - patch.position_motion
+    along_t = moved - part * c * wp.dot(c, moved)
+    out.dwdu = (along_u - out.w * wp.dot(out.w, along_u)) / d
+    out.dwdv = (along_v - out.w * wp.dot(out.w, along_v)) / d
+    out.dwdt = (along_t - out.w * wp.dot(out.w, along_t)) / d
+    return out
+
+
+@wp.func
+def nearness(patch: Patch, x: wp.vec3) -> float:
+    """Whether x is nearer to a lamp than that is large: 1 where it touches, 0 far off, ½ at its own size.
+
+    Chosen, not derived: the fourth power of the square of the ratio leaves lights alone that are half as large as they
+    are far off, and what is left of first order for lights that are twice as large. Photons from one place are followed
+    through one point: how far first order misses them says what parts are worth, which lie farther off for their size.
+    """
+    if patch.domain == 0 or patch.extent_shape == ROUND or patch.is_place == 1:
+        return 0.0
+    spread = (wp.length_sq(patch.span_a) + wp.length_sq(patch.span_b)) / wp.length_sq(x - patch.position)
+    fourth = wp.pow(wp.min(spread, NEAREST), 4.0)
+    return fourth / (1.0 + fourth)
+
+
+@wp.func
+def columns_at(patch: Patch, beam: Beam, n_g: wp.vec3) -> LightColumns:
     """The columns of a beam on the first specular surface: D_a ω = −(I − ωωᵀ) a/d for a place a on a light d away.
 
     Of parallel light they are the sine of its half angle, across the beam; what is round is a disc across the beam
-    from everywhere.
+    from everywhere. A cylinder ρ away from its axis turns ω about that by its radius, b, over ρ.
+
+    From a lamp that nearly touches the surface, light of one direction is followed in the place of light through one
+    point: D_a ω is 0 and D_a x is a, along ω into the surface.
     """
     out = LightColumns()
     out.image = IMAGE_NONE
@@ -86,60 +150,141 @@ def columns_at(patch: Patch, beam: Beam) -> LightColumns:
         b = wp.cross(beam.w, a)
     elif patch.extent_shape != DISK:
         out.image = IMAGE_PARALLELOGRAM
-        if patch.extent_shape == CYLINDER:
-            b = patch.extent_radius * wp.normalize(wp.cross(a, beam.w))
-    out.dwda = (beam.w * wp.dot(beam.w, a) - a) / d
     out.dwdb = (beam.w * wp.dot(beam.w, b) - b) / d
+    if patch.extent_shape == CYLINDER:
+        across = across_axis(patch, beam.x)
+        rho = wp.max(wp.length(across), patch.extent_radius)
+        out.dwdb = (patch.extent_radius / rho) * wp.cross(beam.w, wp.normalize(a))
+        d = wp.length(beam.x - patch.position - VISIBLE_SIDE * patch.extent_radius / rho * across)
+    out.dwda = (beam.w * wp.dot(beam.w, a) - a) / d
+    near = nearness(patch, beam.x)
+    facing = wp.dot(n_g, beam.w)
+    if near > 0.0 and facing != 0.0:
+        out.dxda = near * (a - beam.w * (wp.dot(n_g, a) / facing))
+        out.dwda *= 1.0 - near
+        if patch.extent_shape != CYLINDER:
+            out.dxdb = near * (b - beam.w * (wp.dot(n_g, b) / facing))
+            out.dwdb *= 1.0 - near
     return out
 
 
 @wp.func
-def _flux_from(patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3, a: float, b: float) -> wp.vec2:
-    """Flux from the place (a, b) through the surface of normal n_g that the beam meets, by area and up to a factor, and
+def _flux_from(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3, a: float, b: float) -> wp.vec2:
+    """Flux from the place (a, b) through the surface of normal n that the beam meets, by area and up to a factor, and
     the part of it that the light's shaping leaves."""
-    w = wp.normalize(beam.w + a * columns.dwda + b * columns.dwdb)
-    facing = wp.max(wp.dot(w, n_g) * wp.sign(wp.dot(beam.w, n_g)), 0.0)
     if patch.domain == 0:
-        return wp.vec2(facing, 1.0)
-    d = wp.length(beam.x - patch.position)
-    along = beam.w * d + d * (a * columns.dwda + b * columns.dwdb)
-    if patch.extent_shape != ROUND:
-        along = beam.w * d - a * patch.span_a
-        if patch.extent_shape != CYLINDER:
-            along -= b * patch.span_b
+        # By the sines of its directions, a part of the sun sends cosines over theirs to its own axis.
+        return wp.vec2(wp.max(wp.dot(beam.w + a * columns.dwda + b * columns.dwdb, n), 0.0), 1.0)
+    off = beam.x - patch.position
+    if patch.extent_shape == ROUND:
+        d = wp.length(off)
+        way = off + d * (a * columns.dwda + b * columns.dwdb)
+    elif patch.extent_shape == CYLINDER:
+        across = across_axis(patch, beam.x)
+        rho = wp.max(wp.length(across), patch.extent_radius)
+        nearer = VISIBLE_SIDE * patch.extent_radius / rho
+        way = off - nearer * across - a * patch.span_a
+    else:
+        way = off - a * patch.span_a - b * patch.span_b
+    d2 = wp.length_sq(way)
     left = float(1.0)
     if patch.is_shaped == 1:
-        left = shaped(patch.shaping, patch.shaping_axis, wp.normalize(along))
-    return wp.vec2(facing / wp.length_sq(along), left)
+        left = shaped(patch.shaping, patch.shaping_axis, wp.normalize(way))
+    if patch.extent_shape == CYLINDER:
+        # What lies nearer than the axis is as much narrower. Angles about the axis are alike, not chords.
+        left *= 1.0 - nearer
+        way += wp.sqrt(d2) * b * columns.dwdb
+    return wp.vec2(wp.max(wp.dot(way, n), 0.0) / (d2 * wp.sqrt(d2)), left)
+
+
+@wp.struct
+class FluxOfPlaces:
+    """What the places on a light send through a point of the first specular surface, by what its middle sends.
+
+    ``mean`` is that of all of it, ``gain`` D_a ln Φ and D_b ln Φ. ``middle`` and ``rims`` (a = ±1, b = ±1) are the
+    parts of the mean that stand for the middle and the four places on the rim; all 0 where the middle stands for all.
+    """
+
+    gain: wp.vec2
+    mean: float
+    middle: float
+    rims: wp.vec4
 
 
 @wp.func
-def flux_changes(patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3) -> wp.vec3:
-    """D_a ln Φ and D_b ln Φ of light through a point of the first specular surface, and the mean of Φ by what the
-    middle would send without shaping: where a cone leaves the middle out, it may not do so with the rim.
+def flux_of_places(
+    patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3, from_middle: wp.vec3
+) -> FluxOfPlaces:
+    """The flux of the middle and of four places on the rim of a light by that of its middle without shaping: where a
+    cone leaves the middle out, it may not do so with the rim.
 
-    Both by differences from rim to rim; changes are limited to all of the light, means to half and twice what there is.
-    What the surface reflects is left out.
+    Changes are limited to all of the light, means to half and twice what there is. The mean of what is round is known
+    in closed form, the horizon included: its depth makes up for its breadth.
+
+    Args:
+        from_middle: The direction ω of light from the middle of the light; that of a cylinder lies on its axis.
     """
-    middle = _flux_from(patch, beam, columns, n_g, 0.0, 0.0)
-    if middle[0] <= 0.0:
-        return wp.vec3(0.0, 0.0, middle[1])
-    right = _flux_from(patch, beam, columns, n_g, 1.0, 0.0)
-    left = _flux_from(patch, beam, columns, n_g, -1.0, 0.0)
-    upper = _flux_from(patch, beam, columns, n_g, 0.0, 1.0)
-    lower = _flux_from(patch, beam, columns, n_g, 0.0, -1.0)
+    out = FluxOfPlaces()
+    n = n_g * wp.sign(wp.dot(from_middle, n_g))
+    cosine = wp.dot(from_middle, n)
+    of_middle = float(cosine)
+    if patch.domain == 1:
+        of_middle /= wp.length_sq(beam.x - patch.position)
+    middle = _flux_from(patch, beam, columns, n, 0.0, 0.0)
+    out.mean = middle[1]
+    if of_middle <= 0.0 or (patch.extent_shape == ROUND and patch.extent_radius <= 0.0):
+        return out
+    right = _flux_from(patch, beam, columns, n, 1.0, 0.0)
+    left = _flux_from(patch, beam, columns, n, -1.0, 0.0)
+    upper = _flux_from(patch, beam, columns, n, 0.0, 1.0)
+    lower = _flux_from(patch, beam, columns, n, 0.0, -1.0)
     k = VARIANCE_OF_INTERVAL
     if columns.image == IMAGE_DISC:
         k = VARIANCE_OF_DISC
-    rims = wp.vec4(right[0] * right[1], left[0] * left[1], upper[0] * upper[1], lower[0] * lower[1]) / middle[0]
+    rims = wp.vec4(right[0] * right[1], left[0] * left[1], upper[0] * upper[1], lower[0] * lower[1]) / of_middle
+    out.middle = (1.0 - 2.0 * k) * middle[1] * middle[0] / of_middle
+    out.rims = 0.5 * k * rims
+    mean = out.middle + out.rims[0] + out.rims[1] + out.rims[2] + out.rims[3]
+    change = 0.5 * wp.vec2(rims[0] - rims[1], rims[2] - rims[3]) / wp.max(mean, 1.0e-30)
+    if patch.extent_shape == ROUND:
+        unshaped = (1.0 - 2.0 * k) * middle[0] + 0.5 * k * (right[0] + left[0] + upper[0] + lower[0])
+        h = 1.0 / patch.extent_radius
+        if patch.domain == 1:
+            h *= wp.length(beam.x - patch.position)
+        mean *= of_middle / unshaped * round_irradiance(cosine, wp.max(h, 1.0)) / cosine
+    else:
+        # All places send alike in one direction.
+        mean = wp.lerp(mean, middle[1], nearness(patch, beam.x))
     most = wp.max(wp.max(wp.max(right[1], left[1]), wp.max(upper[1], lower[1])), middle[1])
-    mean = middle[1] + 0.5 * k * (rims[0] + rims[1] + rims[2] + rims[3] - 4.0 * middle[1])
-    mean = wp.clamp(mean, 0.5 * middle[1], 2.0 * most)
-    if mean <= 0.0:
-        return wp.vec3(0.0, 0.0, 0.0)
-    change = 0.5 * wp.vec2(rims[0] - rims[1], rims[2] - rims[3]) / mean
-    change /= wp.max(wp.length(change), 1.0)
-    return wp.vec3(change[0], change[1], mean)
+    out.mean = wp.clamp(mean, 0.5 * middle[1], 2.0 * most)
+    if out.mean > 0.0:
+        out.gain = change / wp.max(wp.length(change), 1.0)
+    return out
+
+
+@wp.func
+def reflectance_at(at: Interface, w: wp.vec3) -> float:
+    """What an interface reflects of light of another direction than that it was made for."""
+    cos_i = wp.min(-wp.dot(w, at.n), 1.0)
+    cos_t_squared = refracted_cosine_squared(cos_i, at.eta)
+    if cos_i <= 0.0 or cos_t_squared <= 0.0:
+        return 1.0
+    return fresnel_reflectance(cos_i, wp.sqrt(cos_t_squared), at.eta)
+
+
+@wp.func
+def mean_reflectance(at: Interface, w: wp.vec3, columns: LightColumns, places: FluxOfPlaces) -> float:
+    """What the first specular surface reflects of light from all of a light, where it lets that of the middle in."""
+    total = places.middle + places.rims[0] + places.rims[1] + places.rims[2] + places.rims[3]
+    if total <= 0.0 or at.cos_t <= 0.0:
+        return at.reflectance
+    of_rims = wp.vec4(
+        reflectance_at(at, wp.normalize(w + columns.dwda)),
+        reflectance_at(at, wp.normalize(w - columns.dwda)),
+        reflectance_at(at, wp.normalize(w + columns.dwdb)),
+        reflectance_at(at, wp.normalize(w - columns.dwdb)),
+    )
+    return (places.middle * at.reflectance + wp.dot(places.rims, of_rims)) / total
 
 
 @wp.func

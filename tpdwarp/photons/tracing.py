@@ -19,14 +19,17 @@ from tpdwarp.photons.beam import Interface, interface_at, passed, relative_index
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
 from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.dispersion import Band, bands_of
-from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit
+from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit, leaving
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.light_columns import (
+    FluxOfPlaces,
     LightColumns,
     centroid_shift,
     columns_at,
-    flux_changes,
+    flux_of_places,
+    from_visible_side,
+    mean_reflectance,
     scatter_columns,
     transfer_columns,
 )
@@ -155,6 +158,8 @@ def start_of(surfaces: Surfaces, patch: Patch, x: wp.vec3, w: wp.vec3, offset: w
     The rounding of a ray goes with its length, so that rays from afar miss what is small beside that.
     """
     start = patch.start
+    if patch.domain == 1:
+        start = wp.max(start, leaving(patch, w))
     if patch.near > start:
         if not occluded(surfaces, along(x, w, start), w, offset, patch.near - start):
             start = patch.near
@@ -282,7 +287,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
             if wp.static(nested):
                 # Light from afar begins outside of everything.
                 if patch.domain == 1:
-                    inside = media_at(surfaces, beam.x, beam.w)
+                    inside = media_at(surfaces, along(beam.x, beam.w, leaving(patch, beam.w)), beam.w)
 
         for bounce in range(first_bounce, bounces + 1):
             if dark:
@@ -410,19 +415,22 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                     beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
 
             # ---- The light's extent, seen from the first specular surface (beyond the paper)
+            places = FluxOfPlaces()
             if wp.static(extended):
                 if count == 0:
-                    columns = columns_at(patch, beam)
+                    from_middle = beam.w
+                    beam = from_visible_side(patch, beam)
+                    columns = columns_at(patch, beam, hit.n_g)
                     if patch.is_place == 1:
                         off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
                         beam.w = wp.normalize(beam.w + off)
                     elif patch.extent_shape >= 0:
-                        changes = flux_changes(patch, beam, columns, hit.n_g)
-                        columns.gain = wp.vec2(changes[0], changes[1])
-                        flux *= changes[2]
-                        emitted *= changes[2]
-                        entering *= changes[2]
-                        if changes[2] <= 0.0:
+                        places = flux_of_places(patch, beam, columns, hit.n_g, from_middle)
+                        columns.gain = places.gain
+                        flux *= places.mean
+                        emitted *= places.mean
+                        entering *= places.mean
+                        if places.mean <= 0.0:
                             # No place on the light shines there.
                             fate = FATE_DIRECT
                             break
@@ -445,6 +453,9 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 if sheet:
                     eta = sheet_index(surfaces, material)
             at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
+            if wp.static(extended):
+                if dielectric:
+                    at.reflectance = mean_reflectance(at, beam.w, columns, places)
             reflected = True
             if dielectric:
                 if wp.static(tints):

@@ -286,6 +286,19 @@ class Extent:
     spans_motion: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
 
 
+@dataclass(frozen=True, eq=False)
+class Ball:
+    """The sphere that a light is a place in, or a part of: its light begins where it leaves that.
+
+    Attributes:
+        place: From the middle of the sphere to the light's position, world units, shape [3].
+        radius: Of the sphere, scene units.
+    """
+
+    place: np.ndarray
+    radius: float
+
+
 # Two degrees apart. Chosen, not derived: profiles of luminaires are given every 2.5 or 5 degrees.
 PROFILE_COUNT = 91
 
@@ -327,6 +340,7 @@ class LightAtShutter:
         shaping: How a point light differs by direction beside its profile; None where it does not.
         profile: How the intensity of a point light differs by direction because of its shape.
         extent: Its extent; None for parallel rays, or a point.
+        ball: The sphere that it is a part or a place of; None of a whole light.
         unlit: Paths of meshes that it does not shine on; they hide it all the same.
         passed: Paths of meshes that its light goes through as if they were not there.
     """
@@ -341,6 +355,7 @@ class LightAtShutter:
     shaping: Shaping | None = None
     profile: EmissionProfile = EmissionProfile.UNIFORM
     extent: Extent | None = None
+    ball: Ball | None = None
     unlit: frozenset[str] = frozenset()
     passed: frozenset[str] = frozenset()
 

@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from tpdwarp.scene.description import (
+    Ball,
     EmissionProfile,
     Extent,
     ExtentShape,
@@ -93,7 +94,8 @@ def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = N
         part = _at(light, np.append(place, 0.0 if depths is None else depths[number]), spans, motions)
         power = tuple(channel / len(pieces) for channel in part.power)
         smaller = Extent(shape, extent.radius, sides @ spans[:2], sides @ motions[:2])
-        found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller))
+        ball = None if depths is None else Ball(part.position - light.position, extent.radius)
+        found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller, ball=ball))
     return found
 
 
@@ -355,7 +357,8 @@ def _without_extent(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:
         power = tuple(channel / cosine for channel in light.power)
         return replace(light, power=power, axes=tilts[1], axes_motion=tilts[2] - tilts[0], extent=None)
     if extent.shape == ExtentShape.ROUND:
-        return replace(light, position=light.position + extent.radius * place, extent=None)
+        offset = extent.radius * place
+        return replace(light, position=light.position + offset, extent=None, ball=Ball(offset, extent.radius))
     if extent.shape == ExtentShape.CYLINDER:
         return _on_cylinder(light, place)
     offset, motion = place[:2] @ extent.spans, place[:2] @ extent.spans_motion

@@ -19,6 +19,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.scene.description import ExtentShape, LightAtShutter, LightKind
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.links import UNLIT
+from tpdwarp.scene.device.round_lights import VISIBLE_SIDE, round_irradiance
 from tpdwarp.scene.device.shaping import SHAPING_COUNT, ShapingValues, across_of, shaped, shaping_of_surface
 from tpdwarp.scene.device.textures import TextureArrays
 from tpdwarp.scene.normalization import Normalization
@@ -34,9 +35,6 @@ ROUND = wp.constant(int(ExtentShape.ROUND))
 DISK = wp.constant(int(ExtentShape.DISK))
 CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
 PI = wp.constant(math.pi)
-# A sphere whose distance is more than this many radii is a flat disc where the horizon cuts it: that errs by the square
-# of the ratio, 0.4 %, of what is little there, while the closed form of the sphere loses digits.
-FLAT_FROM = wp.constant(16.0)
 # A point is never nearer to the middle of a sphere than its radius, and a little: within it nothing is defined.
 OUTSIDE = wp.constant(1.0001)
 # A flat light farther off than so many times its size is a point: that errs by the square of the ratio, 0.1 %, and the
@@ -51,8 +49,6 @@ CIRCLE = wp.constant(1.0e-3)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 GAUSS_NODES = wp.constant(wp.types.vector(length=8, dtype=wp.float32)(*NODES.astype(np.float32)))
 GAUSS_WEIGHTS = wp.constant(wp.types.vector(length=8, dtype=wp.float32)(*WEIGHTS.astype(np.float32)))
-# How far before its axis, in radii, the visible side of a cylinder lies on average over what is seen of it.
-VISIBLE_SIDE = wp.constant(0.25 * math.pi)
 TURN = wp.constant(2.0 * math.pi)
 # Random numbers that choose places on lights, the same ones in every frame; others than those of other choices.
 OF_LIGHTS = wp.constant(15485863)
@@ -157,29 +153,6 @@ def light_seen_from(lights: AreaLightArrays, k: int, x: wp.vec3, time: float) ->
     out.b = lights.span_b[k] + time * lights.span_b_motion[k]
     out.facing = wp.normalize(lights.facing[k] + time * lights.facing_motion[k])
     return out
-
-
-@wp.func
-def round_irradiance(cosine: float, h: float) -> float:
-    """Irradiance of a sphere at h radii distance, by that of a point of the same intensity at normal incidence.
-
-    ``cosine`` is that of the direction to its middle; where the horizon cuts the sphere, see Snyder (1996).
-    """
-    sine = 1.0 / h
-    if cosine >= sine:
-        return cosine
-    if cosine <= -sine:
-        return 0.0
-    if h > FLAT_FROM:
-        q = cosine * h
-        rest = wp.sqrt(wp.max(1.0 - q * q, 0.0))
-        share = 0.5 + (wp.asin(wp.clamp(q, -1.0, 1.0)) + q * rest) / PI
-        return sine * (q * share + 2.0 / (3.0 * PI) * rest * rest * rest)
-    h2 = h * h
-    k2 = wp.max(1.0 - h2 * cosine * cosine, 0.0)
-    root = wp.sqrt(h2 - 1.0)
-    angle = wp.acos(wp.clamp(-cosine * root / wp.sqrt(1.0 - cosine * cosine), -1.0, 1.0))
-    return (cosine * angle - wp.sqrt(k2) * root + h2 * wp.atan(wp.sqrt(k2) / root)) / PI
 
 
 @wp.func
@@ -351,7 +324,12 @@ def place_on_light(light: AreaLight, n: wp.vec3, place: wp.vec2) -> PlaceOnLight
     if light.shape != DISK:
         d = light.d + (2.0 * place[0] - 1.0) * light.a
         if light.shape == CYLINDER:
-            d += (2.0 * place[1] - 1.0) * light.radius * wp.normalize(wp.cross(light.a, d))
+            # On the side that is seen, not about the axis: what stands in a cylinder hides none of it.
+            chord = 2.0 * place[1] - 1.0
+            axis = wp.normalize(light.a)
+            before = wp.normalize(light.d - axis * wp.dot(axis, light.d))
+            depth = wp.sqrt(wp.max(1.0 - chord * chord, 0.0))
+            d += light.radius * (chord * wp.cross(axis, before) - depth * before)
         else:
             d += (2.0 * place[1] - 1.0) * light.b
     out.distance = wp.length(d)
