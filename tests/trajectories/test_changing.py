@@ -51,7 +51,8 @@ def changing(source: Source, photons: int = 4096):
     keyframes = ShutterKeyframes.over(tracer, plan, loaded, clock)
     photons, _ = tracer.trace(loaded, plan, clock, tags=keyframes.tags.of(loaded.scene))
     moving, _ = edge_cells(photons, plan, loaded)
-    return changing_cells(keyframes, photons, plan, clock, moving)
+    states = keyframes.states(photons, plan)
+    return changing_cells(keyframes, photons, plan, states, clock, moving)
 
 
 @pytest.mark.parametrize("photons", [4096, 16384])

@@ -21,6 +21,7 @@ Beyond the paper, whose photons shine for the whole shutter.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,7 @@ from tpdwarp.trajectories.keyframes import (
     END,
     LARGEST_DISAGREEMENT,
     LARGEST_DRIFT,
+    KeyframeState,
     ShutterKeyframes,
     disagreement,
 )
@@ -73,6 +75,7 @@ def changing_cells(
     keyframes: ShutterKeyframes,
     photons: PhotonMap,
     plan: EmissionPlan,
+    states: Sequence[KeyframeState],
     clock: Clock,
     besides: dict[int, np.ndarray] | None = None,
 ) -> RetracedCells | None:
@@ -81,6 +84,9 @@ def changing_cells(
     Args:
         keyframes: Of the shutter.
         photons: Of all cells of ``plan`` at mid shutter, with the keyframes' tags.
+        plan: Their lattices.
+        states: What keyframes say of them, in the order of time.
+        clock: Where the time goes.
         besides: Cells [n, 2] of each lattice that are traced again in any case: those at edges that move.
     """
     suspects = _suspects(keyframes, plan, clock)
@@ -95,8 +101,8 @@ def changing_cells(
         ends = [keyframes.traced(part, plan, chosen=riding(suspects, plan, part), aimed=False) for part in (-END, END)]
     with clock.stage("trace"):
         typical = max(map(typical_area, [photons, *ends]))
-    unfollowed = _unfollowed(keyframes, photons, plan, typical)
     with clock.stage("trace"):
+        unfollowed = _unfollowed(states, photons, plan, typical)
         chosen = dict(besides or {})
         for number, cells in unfollowed.items():
             chosen[number] = np.unique(np.concatenate([cells, chosen.get(number, cells)]), axis=0)
@@ -122,7 +128,7 @@ def changing_cells(
         shares += [flux_in(end, plan, chosen) / whole for end in ends]
         if max(shares) <= LEAST_LIGHT:
             return None
-        found, growth = {}, {}
+        found, growth, limited = {}, {}, 0
         for number, cells in chosen.items():
             ride = fields.get(number)
             if ride is None or ride.torn is None:
@@ -132,16 +138,18 @@ def changing_cells(
             growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
             if ride.torn is None:
                 # Neighbours that ride so far apart are of no one sheet.
-                growth[number][np.abs(growth[number]).max(axis=(1, 2)) > LARGEST_GROWTH] = 0.0
-        return RetracedCells(found, plan, growth)
+                apart = np.abs(growth[number]).max(axis=(1, 2)) > LARGEST_GROWTH
+                growth[number][apart] = 0.0
+                limited += int(np.sum(apart))
+        return RetracedCells(found, plan, growth, limited)
 
 
 def _unfollowed(
-    keyframes: ShutterKeyframes, photons: PhotonMap, plan: EmissionPlan, typical: float
+    states: Sequence[KeyframeState], photons: PhotonMap, plan: EmissionPlan, typical: float
 ) -> dict[int, np.ndarray]:
     """Cells [n, 2] of each lattice whose photons matter and leave the way that they have at mid shutter, and whose
-    trajectories do not curve, since keyframes disagree; arguments as of :func:`_change`."""
-    before, _, after = keyframes.states(photons, plan)
+    trajectories do not curve, since keyframes disagree; arguments as of :class:`_Change`."""
+    before, _, after = states
     sagitta = lengths(after.dxdt - before.dxdt) / 8.0
     off = before.valid & after.valid & (sagitta > LARGEST_SAGITTA * photons.size)
     off &= disagreement(photons, before.dxdt, after.dxdt) > LARGEST_DISAGREEMENT

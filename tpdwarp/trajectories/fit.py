@@ -26,6 +26,7 @@ Beyond the paper, whose footprints go straight and keep their shape and flux.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,7 +56,11 @@ LONGEST_QUANTILE = 0.99
 
 
 def fit_trajectories(
-    photons: PhotonMap, plan: EmissionPlan, keyframes: ShutterKeyframes, clock: Clock
+    photons: PhotonMap,
+    plan: EmissionPlan,
+    keyframes: ShutterKeyframes,
+    clock: Clock,
+    states: Sequence[KeyframeState] | None = None,
 ) -> tuple[PhotonMap, EnergyAccount]:
     """``photons`` with their trajectories.
 
@@ -64,11 +69,12 @@ def fit_trajectories(
         plan: Their lattices.
         keyframes: What they are fitted to.
         clock: Where the time goes.
+        states: What they say of the photons, in the order of time, where that has been asked before.
 
     Returns:
         The photons, and an account that counts the keyframes' photons and those that go straight all the same.
     """
-    before, middle, after = keyframes.states(photons, plan)
+    before, middle, after = states or keyframes.states(photons, plan)
     with clock.stage("trace"):
         follows = before.valid & middle.valid & after.valid
         follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT
