@@ -148,6 +148,9 @@ def test_a_lamp_in_the_plane_of_a_face_or_on_it_is_harmless(beside, height):
     light = lamp((*beside, 1 + height), (0.01, 0, 0))
     frame = render(scene([pane, floor(half=6.0)], light, eye=looking_down((-2, 2, -2, 2), height=0.6)))
     assert frame.energy.sent <= 3 * 2 * math.pi
+    # Cells in the face's plane ride past each other without bound, and say so.
+    apart = frame.energy.counts.get("cells that ride too far apart to grow", 0)
+    assert (apart > 0) == (height > 0.0 and beside == (0.2, 0.1))
 
 
 @pytest.mark.parametrize("spread", [0.3, 1.0, 100.0, "opposed", "zero", "vanishing"])

@@ -29,6 +29,7 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.scene.description import LightAtShutter, LightKind, SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
+from tpdwarp.trajectories.brightening import follow_lights
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.view.camera import pixel_size
@@ -125,7 +126,7 @@ def test_a_lamp_that_brightens_ninefold_has_its_light_brighten_as_it_goes():
         sun = replace(SUN, power=(1.0 + 1.6 * (shutter.middle - 0.5),) * 3)
         return SceneAtShutter(shutter, (floor(), water), (sun,), looking_down(height=0.6))
 
-    photons, _ = fitted_photons(Source(at))
+    (photons,) = follow_lights(fitted_photons(Source(at))[0])
     # From 0.2 to 1.8 of its mean, whether keyframes see the photon or not.
     assert np.median(photons.trajectory.gain) == pytest.approx(1.6, rel=1e-4)
     assert (np.abs(photons.trajectory.gain - 1.6) < 0.1).mean() > 0.95

@@ -91,9 +91,9 @@ def _whole(
         edges = resting_edges(photons, plan, resting)
     if edges is None:
         return [(photons, plan)], account
-    photons, finer, more = _with_finer_edges(photons, edges, tracer, seen, options, clock)
+    finer, more = _finer_edges(edges, tracer, seen, options, clock)
     account.add(more)
-    return [(photons, plan), finer], account
+    return [(photons.rows(~edges.holds(photons)), plan), finer], account
 
 
 def _along_keyframes(
@@ -113,22 +113,27 @@ def _along_keyframes(
     keyframes = ShutterKeyframes.over(tracer, plan, seen, clock)
     tagged = {"tags": keyframes.tags.of(seen.scene), "weight": weight, **options}
     photons, account = tracer.trace(seen, plan, clock, **tagged)
+    states = keyframes.states(photons, plan)
     changing = edges = None
     light = float(photons.flux.sum(dtype=np.float64))
     if tracer.settings.emission == "lattice":
         with clock.stage("trace"):
             moving, resting = edge_cells(photons, plan, seen, tell_apart=_has_finer_edges(tracer.settings))
-        changing = changing_cells(keyframes, photons, plan, clock, moving)
+        changing = changing_cells(keyframes, photons, plan, states, clock, moving)
         edges = resting_edges(photons, plan, resting, changing)
     finer = None
+    stays = np.ones(len(photons), bool)
     if edges:
-        photons, finer, more = _with_finer_edges(photons, edges, tracer, seen, tagged, clock)
+        finer, more = _finer_edges(edges, tracer, seen, tagged, clock)
         account.add(more)
+        stays &= ~edges.holds(photons)
     if changing:
         _, replaced = tracer.trace(seen, plan, clock, chosen=changing.at_middle(), **tagged)
         account.subtract(replaced)
-        photons = photons.rows(~changing.holds(photons))
-    photons, fitted = fit_trajectories(photons, plan, keyframes, clock)
+        stays &= ~changing.holds(photons)
+    if not stays.all():
+        photons, states = photons.rows(stays), tuple(state.rows(stays) for state in states)
+    photons, fitted = fit_trajectories(photons, plan, keyframes, clock, states)
     account.add(fitted)
     traced = [(photons, plan)]
     if changing:
@@ -137,6 +142,8 @@ def _along_keyframes(
         account.add(more)
         traced += [(part, plan) for part in parts]
         account.counts["cells traced again in time"] = len(changing)
+        if changing.limited:
+            account.counts["cells that ride too far apart to grow"] = changing.limited
     if finer:
         photons, fitted = fit_trajectories(*finer, keyframes, clock)
         account.add(fitted)
@@ -144,23 +151,17 @@ def _along_keyframes(
     return traced, account
 
 
-def _with_finer_edges(
-    photons: PhotonMap,
-    edges: RetracedCells,
-    tracer: PhotonTracer,
-    seen: LoadedScene,
-    options: dict[str, Any],
-    clock: Clock,
-) -> tuple[PhotonMap, Traced, EnergyAccount]:
-    """``photons`` without those of ``edges``, the photons of their finer cells, and where the flux of these went
-    instead."""
+def _finer_edges(
+    edges: RetracedCells, tracer: PhotonTracer, seen: LoadedScene, options: dict[str, Any], clock: Clock
+) -> tuple[Traced, EnergyAccount]:
+    """The photons of the finer cells of ``edges``, and where the flux of these went instead."""
     account = EnergyAccount()
     _, replaced = tracer.trace(seen, edges.plan, clock, chosen=edges.at_middle(), **options)
     account.subtract(replaced)
     fine, lattices, more = traced_finer(tracer, seen, edges, clock, **options)
     account.add(more)
     account.counts["cells traced again at edges"] = len(edges)
-    return photons.rows(~edges.holds(photons)), (fine, lattices), account
+    return (fine, lattices), account
 
 
 def _has_finer_edges(settings: LightSettings) -> bool:

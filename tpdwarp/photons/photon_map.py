@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from tpdwarp.photons.power_curves import PowerCurve
 from tpdwarp.photons.vectors import lengths
 
 # Vertices that are recorded of a path; the last of them is where it ends. Chosen, not derived: more are a tangle.
@@ -66,6 +67,9 @@ class PhotonMap:
         reach: Parts of D_u x and D_v x that the footprint reaches over (likewise), shape [n, 2]; rows as bends have.
         light_parts: Into how many parts lights with extent are cut, each with lattices of its own.
         trajectory: How it curves, and how the footprint changes along it; None where it is straight.
+        power_curves: How the power of each of the lights changes over the shutter
+            (:mod:`.power_curves`), None of those that stay as they are; none where all
+            do. Flux is the mean over the shutter, and ``trajectory.gain`` does not count it.
         time: Middle of the photons' part of the shutter, −½ … ½.
         duration: Length of that part.
         part: Which of the parts of a segment these photons stand for, from 1 on; 0 for the whole segment.
@@ -98,6 +102,7 @@ class PhotonMap:
     reach: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     light_parts: int = 1
     trajectory: TrajectoryColumns | None = None
+    power_curves: tuple[PowerCurve | None, ...] = ()
     time: float = 0.0
     duration: float = 1.0
     part: int = 0

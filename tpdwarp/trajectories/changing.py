@@ -21,6 +21,7 @@ Beyond the paper, whose photons shine for the whole shutter.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,7 @@ from tpdwarp.trajectories.keyframes import (
     END,
     LARGEST_DISAGREEMENT,
     LARGEST_DRIFT,
+    KeyframeState,
     ShutterKeyframes,
     disagreement,
 )
@@ -61,6 +63,13 @@ _TINY = np.finfo(np.float64).tiny
 # this part of its footprint. Chosen on a ball that rolls by 57 degrees within a segment: 1 and 0.3 err alike, by .127,
 # and straight ways by .368.
 LARGEST_SAGITTA = 0.5
+# So is light that they follow, but not well: it leaves the curve by more than this part of its footprint. Chosen on a
+# ball that rolls by 29 degrees (scripts/benchmarks/solids.py ball-rolling, 16 k photons, one segment): with .25 of a
+# footprint it errs by .114, with .1 by .107, without by .123.
+LARGEST_MISS = 0.1
+# Keyframes disagree by more than this then. Chosen, not derived: with .03 the same ball errs by .095, and a sixth more
+# cells are traced again.
+LEAST_DISAGREEMENT = 0.1
 # Cells that would grow by more times their size as they ride keep it: those of a mirror that turns by 85 degrees within
 # a shutter grow by two. Chosen, not derived.
 LARGEST_GROWTH = 4.0
@@ -73,6 +82,7 @@ def changing_cells(
     keyframes: ShutterKeyframes,
     photons: PhotonMap,
     plan: EmissionPlan,
+    states: Sequence[KeyframeState],
     clock: Clock,
     besides: dict[int, np.ndarray] | None = None,
 ) -> RetracedCells | None:
@@ -81,6 +91,9 @@ def changing_cells(
     Args:
         keyframes: Of the shutter.
         photons: Of all cells of ``plan`` at mid shutter, with the keyframes' tags.
+        plan: Their lattices.
+        states: What keyframes say of them, in the order of time.
+        clock: Where the time goes.
         besides: Cells [n, 2] of each lattice that are traced again in any case: those at edges that move.
     """
     suspects = _suspects(keyframes, plan, clock)
@@ -95,8 +108,8 @@ def changing_cells(
         ends = [keyframes.traced(part, plan, chosen=riding(suspects, plan, part), aimed=False) for part in (-END, END)]
     with clock.stage("trace"):
         typical = max(map(typical_area, [photons, *ends]))
-    unfollowed = _unfollowed(keyframes, photons, plan, typical)
     with clock.stage("trace"):
+        unfollowed = _unfollowed(states, photons, plan, typical)
         chosen = dict(besides or {})
         for number, cells in unfollowed.items():
             chosen[number] = np.unique(np.concatenate([cells, chosen.get(number, cells)]), axis=0)
@@ -122,7 +135,7 @@ def changing_cells(
         shares += [flux_in(end, plan, chosen) / whole for end in ends]
         if max(shares) <= LEAST_LIGHT:
             return None
-        found, growth = {}, {}
+        found, growth, limited = {}, {}, 0
         for number, cells in chosen.items():
             ride = fields.get(number)
             if ride is None or ride.torn is None:
@@ -132,19 +145,30 @@ def changing_cells(
             growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
             if ride.torn is None:
                 # Neighbours that ride so far apart are of no one sheet.
-                growth[number][np.abs(growth[number]).max(axis=(1, 2)) > LARGEST_GROWTH] = 0.0
-        return RetracedCells(found, plan, growth)
+                apart = np.abs(growth[number]).max(axis=(1, 2)) > LARGEST_GROWTH
+                growth[number][apart] = 0.0
+                limited += int(np.sum(apart))
+        return RetracedCells(found, plan, growth, limited)
 
 
 def _unfollowed(
-    keyframes: ShutterKeyframes, photons: PhotonMap, plan: EmissionPlan, typical: float
+    states: Sequence[KeyframeState], photons: PhotonMap, plan: EmissionPlan, typical: float
 ) -> dict[int, np.ndarray]:
     """Cells [n, 2] of each lattice whose photons matter and leave the way that they have at mid shutter, and whose
-    trajectories do not curve, since keyframes disagree; arguments as of :func:`_change`."""
-    before, _, after = keyframes.states(photons, plan)
+    trajectories do not curve, since keyframes disagree, or leave the curve; arguments as of :class:`_Change`.
+
+    At the ends of the shutter a curve of third order misses D_tttt x/384, which is estimated as for a sine or a root:
+    as the square of D_ttt x over D_tt x.
+    """
+    before, middle, after = states
     sagitta = lengths(after.dxdt - before.dxdt) / 8.0
-    off = before.valid & after.valid & (sagitta > LARGEST_SAGITTA * photons.size)
-    off &= disagreement(photons, before.dxdt, after.dxdt) > LARGEST_DISAGREEMENT
+    second = lengths(after.dxdt - before.dxdt) / (2.0 * END)
+    third = lengths(before.dxdt + after.dxdt - 2.0 * middle.dxdt) / END**2
+    miss = np.divide(third**2, 384.0 * second, out=np.zeros_like(third), where=second > 0.0)
+    apart = disagreement(photons, before.dxdt, after.dxdt)
+    off = (apart > LARGEST_DISAGREEMENT) & (sagitta > LARGEST_SAGITTA * photons.size)
+    off |= (apart > LEAST_DISAGREEMENT) & (np.minimum(miss, sagitta) > LARGEST_MISS * photons.size)
+    off &= before.valid & after.valid
     lost = CellsOfLattices(photons.rows(off & matters(photons, typical, LEAST_SHARE)), plan)
     return {number: np.unique(lost.of(number)[1], axis=0) for number in lost.numbers()}
 

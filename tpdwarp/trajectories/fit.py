@@ -26,6 +26,7 @@ Beyond the paper, whose footprints go straight and keep their shape and flux.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +36,7 @@ from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
 from tpdwarp.photons.vectors import lengths
+from tpdwarp.trajectories.brightening import gained_flux
 from tpdwarp.trajectories.keyframes import (
     END,
     LARGEST_DISAGREEMENT,
@@ -45,11 +47,8 @@ from tpdwarp.trajectories.keyframes import (
 )
 from tpdwarp.trajectories.neighbours import differences, neighbours
 
-# Flux grows by no more than half of this part to either end of the shutter: on a line, it would be below zero before
-# the shutter is over.
-LARGEST_GAIN = 2.0
-# Beside what lights themselves do, it grows by no more than half of this part to either end, as the axes of footprints
-# do. Chosen, not derived: with 2 a ball that rolls by 57 degrees within a segment errs by .137, with 1 by .123.
+# Beside what lights themselves do, flux grows by no more than half of this part to either end, as axes do. Chosen, not
+# derived: with 2 a ball that rolls by 57 degrees within a segment errs by .137, with 1 by .123.
 LARGEST_GROWTH = 1.0
 # Of the ways of light that keyframes follow, this quantile is as far as any other may go. Chosen, not derived: the last
 # hundredth may be as far off as those others.
@@ -57,7 +56,11 @@ LONGEST_QUANTILE = 0.99
 
 
 def fit_trajectories(
-    photons: PhotonMap, plan: EmissionPlan, keyframes: ShutterKeyframes, clock: Clock
+    photons: PhotonMap,
+    plan: EmissionPlan,
+    keyframes: ShutterKeyframes,
+    clock: Clock,
+    states: Sequence[KeyframeState] | None = None,
 ) -> tuple[PhotonMap, EnergyAccount]:
     """``photons`` with their trajectories.
 
@@ -66,11 +69,12 @@ def fit_trajectories(
         plan: Their lattices.
         keyframes: What they are fitted to.
         clock: Where the time goes.
+        states: What they say of the photons, in the order of time, where that has been asked before.
 
     Returns:
         The photons, and an account that counts the keyframes' photons and those that go straight all the same.
     """
-    before, middle, after = keyframes.states(photons, plan)
+    before, middle, after = states or keyframes.states(photons, plan)
     with clock.stage("trace"):
         follows = before.valid & middle.valid & after.valid
         follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT
@@ -83,29 +87,17 @@ def fit_trajectories(
             growth = sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
         # Of flux that goes along a line, over its mean.
         change = 2.0 * np.tanh(0.5 * (after.log_flux - before.log_flux)) / (2.0 * END)
-        brighter = _brightening(photons, keyframes)
-        gain = np.clip(growth + np.where(follows, change - brighter, 0.0), -LARGEST_GROWTH, LARGEST_GROWTH) + brighter
-        limited = np.clip(gain, -LARGEST_GAIN, LARGEST_GAIN).astype(np.float32)
-        counts = {"keyframes": keyframes.emitted}
+        gain = np.clip(growth + np.where(follows, change, 0.0), -LARGEST_GROWTH, LARGEST_GROWTH).astype(np.float32)
+        account = EnergyAccount(counts={"keyframes": keyframes.emitted})
         if shortened:
-            counts["ways shortened for want of keyframes"] = shortened
-        if (limited != gain.astype(np.float32)).any():
-            counts["flux that grows too fast"] = int(np.sum(limited != gain.astype(np.float32)))
+            account.counts["ways shortened for want of keyframes"] = shortened
         if not follows.all():
-            counts["straight for want of keyframes"] = int(np.sum(~follows))
-        return replace(photons, trajectory=TrajectoryColumns(*changes, *rates, limited)), EnergyAccount(counts=counts)
-
-
-def _brightening(photons: PhotonMap, keyframes: ShutterKeyframes) -> np.ndarray:
-    """How much the light of each photon brightens over the shutter, as a part of its mean, shape [n]."""
-    ends = [
-        {light.path: float(sum(light.power)) for light in loaded.scene.lights}
-        for loaded in (keyframes.opening, keyframes.closing)
-    ]
-    before, after = (np.array([powers.get(path, 0.0) for path in photons.light_paths]) for powers in ends)
-    mean = 0.5 * (before + after)
-    change = np.divide(after - before, mean, out=np.zeros_like(mean), where=mean > 0.0) / (2.0 * END)
-    return change[photons.light] if len(photons.light) == len(photons) else np.zeros(len(photons))
+            account.counts["straight for want of keyframes"] = int(np.sum(~follows))
+        photons = replace(photons, trajectory=TrajectoryColumns(*changes, *rates, gain))
+        photons = replace(photons, power_curves=keyframes.power_curves(photons.light_paths))
+        gained = plan.normalization.power * gained_flux(photons)
+        account.add(EnergyAccount(sent=gained, deposited=gained))
+        return photons, account
 
 
 def _shortened(photons: PhotonMap, follows: np.ndarray) -> tuple[PhotonMap, int]:

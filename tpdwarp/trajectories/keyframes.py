@@ -8,6 +8,7 @@ too few photons to say; those cells are traced at either end themselves.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -20,10 +21,12 @@ from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.power_curves import PowerCurve
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.photons.vectors import lengths
-from tpdwarp.scene.description import Shutter
+from tpdwarp.scene.description import LightAtShutter, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.trajectories.brightening import lights_change, power_curves, steady_lights
 from tpdwarp.trajectories.grids import Riders, StateArrays, grids_of, interpolate
 from tpdwarp.trajectories.retraced import LEAST_SHARE, CellsOfLattices, riding
 
@@ -91,6 +94,7 @@ class ShutterKeyframes:
         opening, closing: The scenes as the shutter opens and closes, over ``KEYFRAME_DURATION`` of it.
         tags: Tell paths apart, for keyframes and photons alike.
         clock: Where the time goes.
+        lights_change: Whether lights change their power over the shutter.
 
     Attributes:
         emitted: Number of photons traced for them.
@@ -105,13 +109,15 @@ class ShutterKeyframes:
         closing: LoadedScene,
         tags: PathTags,
         clock: Clock,
+        lights_change: bool = False,
     ) -> None:
         self.tracer, self.plan, self.tags, self.emitted = tracer, plan, tags, 0
         self.middle, self.opening, self.closing = middle, opening, closing
-        self._clock = clock
+        self._clock, self._lights_change = clock, lights_change
         self._grids: dict[float, _KeyframeGrids] = {}
         # Of the lattices that were last asked for, photons that were traced at either end themselves.
         self._ends: tuple[EmissionPlan, list[PhotonMap]] | None = None
+        self._curves: dict[tuple[str, ...], tuple[PowerCurve | None, ...]] = {}
 
     @classmethod
     def over(cls, tracer: PhotonTracer, plan: EmissionPlan, loaded: LoadedScene, clock: Clock) -> ShutterKeyframes:
@@ -122,9 +128,10 @@ class ShutterKeyframes:
             shared=False,
         ).foreseeing(loaded.scene)
         opening, _, closing = (tracer.load(end, clock) for end in keyframe_shutters(loaded.scene.shutter))
+        (opening, closing), changes = steadily_lit(tracer, [opening, closing], [-END, END], loaded.scene.lights)
         with clock.stage("plan"):
             tags = PathTags(loaded.scene, plan.photons)
-        return cls(tracer, sparse, loaded, opening, closing, tags, clock)
+        return cls(tracer, sparse, loaded, opening, closing, tags, clock, changes)
 
     def around(self, photons: PhotonMap, plan: EmissionPlan) -> tuple[KeyframeState, KeyframeState]:
         """Photons of mid shutter, as it opens and as it closes; ``photons.shift`` is that over the whole of it."""
@@ -172,6 +179,15 @@ class ShutterKeyframes:
         """The keyframes' own photons at ``-END``, 0 or ``END``."""
         return self._at(part).photons
 
+    def power_curves(self, lights: tuple[str, ...]) -> tuple[PowerCurve | None, ...]:
+        """How the power of lights, by their paths, changes over the shutter; None of those that stay as they are, and
+        nothing where all do."""
+        if not self._lights_change:
+            return ()
+        if lights not in self._curves:
+            self._curves[lights] = power_curves(self.tracer.source, self.middle.scene.shutter, lights)
+        return self._curves[lights]
+
     def traced(self, part: float, plan: EmissionPlan, **options: Any) -> PhotonMap:
         """Photons of ``plan`` at ``-END``, 0 or ``END`` of the shutter; ``options`` are those of the tracer."""
         loaded = self.middle if part == 0.0 else self.opening if part < 0.0 else self.closing
@@ -193,6 +209,28 @@ class ShutterKeyframes:
         grids = self._at(part)
         with self._clock.stage("trace"):
             return grids.looked_up(photons, plan, part)
+
+
+def steadily_lit(
+    tracer: PhotonTracer, scenes: Sequence[LoadedScene], parts: Sequence[float], lights: Sequence[LightAtShutter]
+) -> tuple[list[LoadedScene], bool]:
+    """Scenes of keyframes in light of the power that it has over the whole shutter, and whether it has another then.
+
+    So keyframes tell where light goes while its lamp is dark, and of how flux changes what lamps themselves do not.
+
+    Args:
+        tracer: Loaded them.
+        scenes: Over ``KEYFRAME_DURATION`` of the shutter.
+        parts: Where in the shutter they lie, −½ … ½.
+        lights: Over the whole shutter.
+    """
+    if not any(lights_change(loaded.scene.lights, lights) for loaded in scenes):
+        return list(scenes), False
+    lit = [
+        tracer.loader.lit_by(loaded, steady_lights(loaded.scene.lights, lights, part, KEYFRAME_DURATION))
+        for loaded, part in zip(scenes, parts, strict=True)
+    ]
+    return lit, True
 
 
 def disagreement(photons: PhotonMap, before: np.ndarray, after: np.ndarray) -> np.ndarray:

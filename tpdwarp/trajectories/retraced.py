@@ -78,11 +78,13 @@ class RetracedCells:
         plan: The lattices.
         growth: ∇S of the field that cells ride along (:mod:`.rifts`), for each of those of a lattice, shape [n, 2, 2];
             none where they keep their size.
+        limited: How many of them keep their size although they ride apart.
     """
 
     cells: dict[int, ChosenCells]
     plan: EmissionPlan
     growth: dict[int, np.ndarray] = field(default_factory=dict)
+    limited: int = 0
 
     def __len__(self) -> int:
         return sum(map(len, self.cells.values()))

@@ -29,6 +29,7 @@ What turns has a segment for every few degrees in any case (:mod:`.turns`).
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from collections.abc import Collection, Sequence
@@ -43,6 +44,7 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.trajectories.brightening import lights_change
 from tpdwarp.trajectories.keyframes import (
     END,
     KEYFRAME_DURATION,
@@ -51,6 +53,7 @@ from tpdwarp.trajectories.keyframes import (
     ShutterKeyframes,
     disagreement,
     keyframe_shutters,
+    steadily_lit,
 )
 from tpdwarp.trajectories.neighbours import Pairs, differences, neighbours
 from tpdwarp.trajectories.retraced import PARTS
@@ -219,13 +222,21 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
         start = frame + shutter.open - shutter.frame
         whole = Shutter(frame, start, start + shutter.exposure)
         shutter_part = whole.segments(parts)[number % parts]
-        scenes = [tracer.load(keyframe, Clock()) for keyframe in keyframe_shutters(shutter_part)]
+        scenes = _keyframe_scenes(tracer, shutter_part)
         least = max(least, parts * least_segments([loaded.scene for loaded in scenes], 2.0 * END))
         errors = _errors_over(tracer, scenes, plan)
         if errors is not None:
             found.append(errors.over(parts))
     most = min(MOST_SEGMENTS, photons // FEWEST_PHOTONS)
     return SegmentErrors.joined(found).best(breaks, most, least) if found else min(least, most)
+
+
+def _keyframe_scenes(tracer: PhotonTracer, shutter: Shutter) -> list[LoadedScene]:
+    """The scenes at the keyframes of a shutter, in the order of time, lit as over all of it."""
+    scenes = [tracer.load(keyframe, Clock()) for keyframe in keyframe_shutters(shutter)]
+    if not any(lights_change(one.scene.lights, other.scene.lights) for one, other in itertools.pairwise(scenes)):
+        return scenes
+    return steadily_lit(tracer, scenes, (-END, 0.0, END), tracer.source.at(shutter).lights)[0]
 
 
 def _errors_over(tracer: PhotonTracer, scenes: Sequence[LoadedScene], plan: EmissionPlan) -> SegmentErrors | None:

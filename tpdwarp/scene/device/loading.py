@@ -10,7 +10,14 @@ from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
 from tpdwarp.errors import InputError
 from tpdwarp.scene.coordinate_range import require_within_range
-from tpdwarp.scene.description import CameraAtShutter, SceneAtShutter, SceneSource, Shutter, reference_scenes
+from tpdwarp.scene.description import (
+    CameraAtShutter,
+    LightAtShutter,
+    SceneAtShutter,
+    SceneSource,
+    Shutter,
+    reference_scenes,
+)
 from tpdwarp.scene.device.geometry import Geometry, geometry_of
 from tpdwarp.scene.device.textures import TextureArrays, TextureStore
 from tpdwarp.scene.nesting import nesting_of
@@ -95,11 +102,22 @@ class SceneLoader:
         Raises:
             InputError: The camera cannot be used there.
         """
-        scene = replace(loaded.scene, camera=camera)
+        return self._otherwise(loaded, replace(loaded.scene, camera=camera))
+
+    def lit_by(self, loaded: LoadedScene, lights: Sequence[LightAtShutter]) -> LoadedScene:
+        """A scene in the light of other lights over the same shutter; what is on the device stays there.
+
+        Raises:
+            InputError: The lights cannot be used there.
+        """
+        return self._otherwise(loaded, replace(loaded.scene, lights=tuple(lights)))
+
+    def _otherwise(self, loaded: LoadedScene, scene: SceneAtShutter) -> LoadedScene:
+        """A scene with the meshes of ``loaded``."""
         require_within_range(scene, self.normalization, self.source.file)
         needs = requirements_of(scene, self._bounces)
         geometry = loaded.geometry
-        if needs.view_motion and not loaded.moves:
+        if (needs.view_motion or needs.photon_motion) and not loaded.moves:
             geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=True)
         return LoadedScene(scene, geometry, needs, loaded.textures)
 
