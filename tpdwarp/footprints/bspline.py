@@ -21,7 +21,7 @@ from functools import cache
 import warp as wp
 
 from tpdwarp.footprints.cells import cell_weights, pixel_extent
-from tpdwarp.footprints.lanes import LANES, Lanes, not_negative
+from tpdwarp.footprints.lanes import Lanes, greater, greatest, least, lesser, not_negative, roots
 
 # Half the width of the B-spline of degree two, in cells: (degree + 1)/2.
 SUPPORT = 1.5
@@ -45,16 +45,16 @@ DISC_AREA = wp.constant(4.0 * math.pi)
 def quadratic_bspline(x: Lanes) -> Lanes:
     """b(x), centred, with support (−3/2, 3/2) and ∫ b = 1: beyond the paper, beside the kernels of Table 1."""
     distance = wp.abs(x)
-    outer = wp.max(Lanes(1.5) - distance, Lanes(0.0))
-    inner = wp.max(Lanes(0.5) - distance, Lanes(0.0))
+    outer = greater(Lanes(1.5) - distance, Lanes(0.0))
+    inner = greater(Lanes(0.5) - distance, Lanes(0.0))
     return 0.5 * wp.cw_mul(outer, outer) - 1.5 * wp.cw_mul(inner, inner)
 
 
 @wp.func
 def bspline_tail(x: Lanes) -> Lanes:
     """∫ b from x ≥ 0 to the end of its support, for averages over a box (beyond the paper)."""
-    outer = wp.max(Lanes(1.5) - x, Lanes(0.0))
-    inner = wp.max(Lanes(0.5) - x, Lanes(0.0))
+    outer = greater(Lanes(1.5) - x, Lanes(0.0))
+    inner = greater(Lanes(0.5) - x, Lanes(0.0))
     return SIXTH * wp.cw_mul(wp.cw_mul(outer, outer), outer) - 0.5 * wp.cw_mul(wp.cw_mul(inner, inner), inner)
 
 
@@ -75,8 +75,8 @@ def averaged_bspline(x: Lanes, width: float) -> Lanes:
 def double_tail(x: Lanes) -> Lanes:
     """∫ of the tail from |x| on, plus |x|/2, which second differences do not see: even, convex (beyond the paper)."""
     distance = wp.abs(x)
-    outer = wp.max(Lanes(1.5) - distance, Lanes(0.0))
-    inner = wp.max(Lanes(0.5) - distance, Lanes(0.0))
+    outer = greater(Lanes(1.5) - distance, Lanes(0.0))
+    inner = greater(Lanes(0.5) - distance, Lanes(0.0))
     outer = wp.cw_mul(outer, outer)
     inner = wp.cw_mul(inner, inner)
     return wp.cw_mul(outer, outer) / 24.0 - 0.125 * wp.cw_mul(inner, inner) + 0.5 * distance
@@ -92,7 +92,7 @@ def twice_averaged_bspline(x: Lanes, width: float, second: float) -> Lanes:
     apart = Lanes(0.5 * (width - second))
     outer = double_tail(x + both) + double_tail(x - both)
     inner = double_tail(x + apart) + double_tail(x - apart)
-    return wp.max(outer - inner, Lanes(0.0)) / (width * second)
+    return greater(outer - inner, Lanes(0.0)) / (width * second)
 
 
 @wp.func
@@ -107,10 +107,8 @@ def averaged_disc(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
     Args:
         pixel: The sides of the parallelogram, as columns.
     """
-    distance = wp.cw_mul(u, u) + wp.cw_mul(v, v)
-    for lane in range(LANES):
-        distance[lane] = wp.sqrt(distance[lane])
-    far = wp.max(distance, Lanes(1.0e-6))
+    distance = roots(wp.cw_mul(u, u) + wp.cw_mul(v, v))
+    far = greater(distance, Lanes(1.0e-6))
     e_u = wp.cw_div(u, far)
     e_v = wp.cw_div(v, far)
     one = wp.abs(pixel[0, 0] * e_u + pixel[1, 0] * e_v)
@@ -119,14 +117,14 @@ def averaged_disc(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
     tangent = Lanes(squares) - wp.cw_mul(one, one) - wp.cw_mul(other, other)
     inside = Lanes(DISC_RADIUS) - distance - (TWELFTH / (2.0 * DISC_RADIUS)) * tangent
     # The half plane in two boxes: second differences of half a square, divided by both of their sides.
-    wide = wp.max(wp.max(one, other), Lanes(1.0e-3))
-    narrow = wp.max(wp.min(one, other), NARROWEST * wide)
+    wide = greater(greater(one, other), Lanes(1.0e-3))
+    narrow = greater(lesser(one, other), NARROWEST * wide)
     both = 0.5 * (wide + narrow)
     apart = 0.5 * (wide - narrow)
-    inside = wp.min(wp.max(inside, -both), both)
+    inside = lesser(greater(inside, -both), both)
     full = inside + both
-    outer = wp.max(inside + apart, Lanes(0.0))
-    inner = wp.max(inside - apart, Lanes(0.0))
+    outer = greater(inside + apart, Lanes(0.0))
+    inner = greater(inside - apart, Lanes(0.0))
     area = wp.cw_mul(full, full) - wp.cw_mul(outer, outer) - wp.cw_mul(inner, inner)
     variance = TWELFTH * (pixel * wp.transpose(pixel))
     squared = (2.0 * wp.ddot(variance, variance) + wp.trace(variance) * wp.trace(variance)) / 8.0
@@ -188,11 +186,11 @@ def _time_within(u: Lanes, v: Lanes, velocity: wp.vec2, extent: wp.vec2) -> wp.v
             slowness = 1.0 / velocity[axis]
         a = slowness * (at - Lanes(extent[axis]))
         b = slowness * (at + Lanes(extent[axis]))
-        low = wp.max(low, wp.min(a, b))
-        high = wp.min(high, wp.max(a, b))
+        low = greater(low, lesser(a, b))
+        high = lesser(high, greater(a, b))
     # Those that it never reaches, later than its end and before its beginning.
     missed = Lanes(1.0) - not_negative(high - low)
-    return wp.vec2(wp.min(low + missed), wp.max(high - missed))
+    return wp.vec2(least(low + missed), greatest(high - missed))
 
 
 @wp.func
@@ -228,8 +226,8 @@ def panels_to(
             at = v
         per_panel = wp.max(speeds[axis] * step, 1.0e-6)
         extent = reach[axis] + 0.5 * per_panel
-        panels = wp.max(panels, (wp.abs(at - Lanes(middle * motion[axis])) - Lanes(extent)) / per_panel)
-    fewest = wp.min(panels)
+        panels = greater(panels, (wp.abs(at - Lanes(middle * motion[axis])) - Lanes(extent)) / per_panel)
+    fewest = least(panels)
     if fewest > 0.0:
         return 1 + int(wp.min(fewest, MOST_PANELS))
     return 0

@@ -13,52 +13,48 @@ from __future__ import annotations
 
 import warp as wp
 
-from tpdwarp.footprints.lanes import LANES, Lanes
+from tpdwarp.footprints.lanes import Lanes, equal, greater, lesser, not_negative
 
-# Edges that lean by less than this beside the square are as good as upright: the mean of what they bound is off by no
-# more than an eighth of it, and by their rounding over it where they lean more.
-NEARLY_UPRIGHT = wp.constant(1.0e-4)
 # Half a side of the unit square.
 HALF = wp.constant(0.5)
 
 
 @wp.func
-def _bounded(x: float) -> float:
+def _bounded(x: Lanes) -> Lanes:
     """x within the square: −½ … ½ (beyond the paper)."""
-    return wp.clamp(x, -HALF, HALF)
+    return greater(lesser(x, Lanes(HALF)), Lanes(-HALF))
 
 
 @wp.func
-def _integral(x: float) -> float:
+def _integral(x: Lanes) -> Lanes:
     """∫ of the bounded coordinate from 0 to x (beyond the paper)."""
     bounded = _bounded(x)
-    return bounded * (x - 0.5 * bounded)
+    return wp.cw_mul(bounded, x - 0.5 * bounded)
 
 
 @wp.func
-def _along_edge(a: wp.vec2, b: wp.vec2, slope: float) -> float:
+def _along_edge(a_x: Lanes, a_y: Lanes, b_y: Lanes, slope: float) -> Lanes:
     """∫ of the bounded x dy from a to b, where −½ < y < ½ (beyond the paper): by Green, what an edge adds to an area.
 
     Args:
         slope: dx/dy.
     """
-    low = _bounded(a[1])
-    high = _bounded(b[1])
-    start = a[0] + slope * (low - a[1])
-    end = a[0] + slope * (high - a[1])
+    low = _bounded(a_y)
+    high = _bounded(b_y)
+    start = a_x + slope * (low - a_y)
+    end = a_x + slope * (high - a_y)
     first = _bounded(start)
     last = _bounded(end)
-    mean = 0.5 * (first + last)
-    outside = first != start or last != end
-    if outside and wp.abs(end - start) > NEARLY_UPRIGHT:
-        mean = (_integral(end) - _integral(start)) / (end - start)
-        mean = wp.clamp(mean, wp.min(first, last), wp.max(first, last))
-    return mean * (high - low)
+    # Where it is upright the quotient is rounding, and the limits are next to each other.
+    run = end - start
+    mean = wp.cw_div(_integral(end) - _integral(start), run + equal(run, 0.0))
+    mean = lesser(greater(mean, lesser(first, last)), greater(first, last))
+    return wp.cw_mul(mean, high - low)
 
 
 @wp.func
-def cell_weight(y: wp.vec2, pixel: wp.mat22) -> float:
-    """The mean over a pixel around y of the unit square in filter space, a cell of the lattice (beyond the paper).
+def cell_weights(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
+    """The means over pixels around (u, v) of the unit square in filter space, a cell of the lattice (beyond the paper).
 
     Args:
         pixel: The sides of the pixel, as columns.
@@ -71,25 +67,18 @@ def cell_weight(y: wp.vec2, pixel: wp.mat22) -> float:
     slope_q = float(0.0)
     if wp.abs(q[1]) > 0.0:
         slope_q = q[0] / q[1]
-    a = y - 0.5 * (p + q)
-    b = a + p
-    c = b + q
-    d = a + q
-    area = _along_edge(a, b, slope_p) + _along_edge(b, c, slope_q)
-    area += _along_edge(c, d, slope_p) + _along_edge(d, a, slope_q)
-    return wp.abs(area / (p[0] * q[1] - p[1] * q[0]))
-
-
-@wp.func
-def cell_weights(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
-    """The same by lanes (beyond the paper): most of them are those of pixels beside the cell."""
-    reach_u = HALF + pixel_extent(pixel, 0)
-    reach_v = HALF + pixel_extent(pixel, 1)
-    out = Lanes(0.0)
-    for lane in range(LANES):
-        if wp.abs(u[lane]) < reach_u and wp.abs(v[lane]) < reach_v:
-            out[lane] = cell_weight(wp.vec2(u[lane], v[lane]), pixel)
-    return out
+    a_x = u - Lanes(0.5 * (p[0] + q[0]))
+    a_y = v - Lanes(0.5 * (p[1] + q[1]))
+    b_y = a_y + Lanes(p[1])
+    c_x = a_x + Lanes(p[0] + q[0])
+    c_y = b_y + Lanes(q[1])
+    d_y = a_y + Lanes(q[1])
+    area = _along_edge(a_x, a_y, b_y, slope_p) + _along_edge(a_x + Lanes(p[0]), b_y, c_y, slope_q)
+    area += _along_edge(c_x, c_y, d_y, slope_p) + _along_edge(a_x + Lanes(q[0]), d_y, a_y, slope_q)
+    # Elsewhere it is rounding.
+    within = not_negative(Lanes(HALF + pixel_extent(pixel, 0)) - wp.abs(u))
+    within = wp.cw_mul(within, not_negative(Lanes(HALF + pixel_extent(pixel, 1)) - wp.abs(v)))
+    return wp.cw_mul(within, wp.abs(area)) / wp.abs(p[0] * q[1] - p[1] * q[0])
 
 
 @wp.func

@@ -26,6 +26,7 @@ from tpdwarp.footprints.lanes import (
     LaneVectors,
     added,
     equal,
+    greatest,
     in_lane,
     not_negative,
     products,
@@ -58,6 +59,8 @@ FEWEST_FOR_PARABOLA = wp.constant(8)
 NARROW_CONE = wp.constant(math.cos(math.radians(10.0)))
 ALWAYS_FACING = wp.constant(math.cos(math.radians(60.0 - 10.0)))
 NEVER_FACING = wp.constant(math.cos(math.radians(60.0 + 10.0)))
+# Out of reach of every footprint, in cells, yet so near that its square is a number.
+FAR_OFF = wp.constant(1.0e9)
 # At rest, over the whole shutter, nothing but irradiance.
 PLAIN_LOOKUP = Lookup()
 
@@ -178,10 +181,12 @@ def _add_to_leaf(
         counted = wp.cw_mul(counted, not_negative(facing - Lanes(SMALLEST_COSINE)))
         if last - first < LEAF:
             counted = wp.cw_mul(counted, lanes_between(leaf, first, last))
-        if wp.max(counted) > 0.0:
-            # ---- Weigh
-            w = weight(products(offset, placed.row_u), products(offset, placed.row_v), placed.trajectory)
-            w = wp.cw_mul(w, counted)
+        if greatest(counted) > 0.0:
+            # ---- Weigh; those that do not count are out of its reach, so that it need not be looked for near them
+            beyond = FAR_OFF * (Lanes(1.0) - counted)
+            u = products(offset, placed.row_u) + beyond
+            v = products(offset, placed.row_v) + beyond
+            w = wp.cw_mul(weight(u, v, placed.trajectory), counted)
             if wp.static(shaded):
                 w = wp.cw_mul(w, shading_ratios(placed.incidence, leaves.shading_normal[leaf]))
 

@@ -24,10 +24,45 @@ class LaneVectors:
     z: Lanes
 
 
+@wp.func_native("auto out = a; for (int i = 0; i < 16; ++i) out[i] = a[i] < b[i] ? a[i] : b[i]; return out;")
+def lesser(a: Lanes, b: Lanes) -> Lanes:
+    """The lesser of two values by lanes: ``wp.min``, which looks for NaN, is no vector instruction."""
+    ...
+
+
+@wp.func_native("auto out = a; for (int i = 0; i < 16; ++i) out[i] = a[i] > b[i] ? a[i] : b[i]; return out;")
+def greater(a: Lanes, b: Lanes) -> Lanes:
+    """The greater of two values by lanes, likewise."""
+    ...
+
+
+@wp.func_native("auto out = a; for (int i = 0; i < 16; ++i) out[i] = sqrtf(a[i]); return out;")
+def roots(a: Lanes) -> Lanes:
+    """√ by lanes."""
+    ...
+
+
+@wp.func_native(
+    "auto out = a;"
+    "for (int step = 8; step > 0; step /= 2)"
+    "    for (int i = 0; i < step; ++i) out[i] = out[i] < out[i + step] ? out[i] : out[i + step];"
+    "return out[0];"
+)
+def least(a: Lanes) -> float:
+    """The least value of all lanes, found in four steps."""
+    ...
+
+
 @wp.func
-def not_negative(values: Lanes) -> Lanes:
+def greatest(a: Lanes) -> float:
+    """The greatest value of all lanes."""
+    return -least(-a)
+
+
+@wp.func_native("auto out = a; for (int i = 0; i < 16; ++i) out[i] = a[i] >= 0.0f ? 1.0f : 0.0f; return out;")
+def not_negative(a: Lanes) -> Lanes:
     """One in lanes whose value is no less than zero, nothing in others: terms of Eq. 8 that count."""
-    return wp.max(wp.sign(values), Lanes(0.0))
+    ...
 
 
 @wp.func

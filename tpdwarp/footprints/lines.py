@@ -19,7 +19,7 @@ import math
 import warp as wp
 
 from tpdwarp.footprints.bspline import HALF_WIDTH, Trajectory, box_extent, bspline_tail, double_tail
-from tpdwarp.footprints.lanes import LANES, Lanes, not_negative
+from tpdwarp.footprints.lanes import Lanes, greater, lesser, not_negative, roots
 
 # A line goes at least so many pixels, or halves of what a B-spline reaches over. Chosen, not derived: at the ends of a
 # cell's line, an eighth of it, the profile along it is taken for a box; that of a B-spline is one, of which slower ones
@@ -91,7 +91,7 @@ def _time_of_passing(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     first = measure[0, 0] * u + measure[0, 1] * v
     second = measure[1, 0] * u + measure[1, 1] * v
     s = (velocity[0] * first + velocity[1] * second) / wp.length_sq(velocity)
-    s = wp.min(wp.max(s, Lanes(-LATEST)), Lanes(LATEST))
+    s = lesser(greater(s, Lanes(-LATEST)), Lanes(LATEST))
     for _step in range(STEPS):
         away = Lanes(0.0)
         slope = Lanes(0.0)
@@ -103,18 +103,15 @@ def _time_of_passing(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
             speed = _speed(s, velocity[axis], acceleration[axis], jerk[axis])
             away += wp.cw_mul(apart, speed)
             slope += wp.cw_mul(speed, speed) - wp.cw_mul(apart, Lanes(acceleration[axis]) + jerk[axis] * s)
-        s = s + wp.cw_div(away, wp.max(slope, Lanes(1.0e-20)))
-        s = wp.min(wp.max(s, Lanes(-LATEST)), Lanes(LATEST))
+        s = s + wp.cw_div(away, greater(slope, Lanes(1.0e-20)))
+        s = lesser(greater(s, Lanes(-LATEST)), Lanes(LATEST))
     return s
 
 
 @wp.func
 def _length(x: Lanes, y: Lanes) -> Lanes:
     """√(x² + y²), for profiles across lines (beyond the paper)."""
-    out = wp.cw_mul(x, x) + wp.cw_mul(y, y)
-    for lane in range(LANES):
-        out[lane] = wp.sqrt(out[lane])
-    return out
+    return roots(wp.cw_mul(x, x) + wp.cw_mul(y, y))
 
 
 @wp.func
@@ -123,12 +120,12 @@ def four_boxes(x: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes) -> Lanes:
 
     Of three boxes it is the third difference of x |x|/4.
     """
-    wider = wp.min(wp.max(a, b), wp.max(c, d))
-    narrower = wp.max(wp.min(a, b), wp.min(c, d))
-    first = 0.5 * wp.max(wp.max(a, b), wp.max(c, d))
+    wider = lesser(greater(a, b), greater(c, d))
+    narrower = greater(lesser(a, b), lesser(c, d))
+    first = 0.5 * greater(greater(a, b), greater(c, d))
     floor = NARROWEST_PART * first
-    second = wp.max(0.5 * wp.max(wider, narrower), floor)
-    third = wp.max(0.5 * _length(wp.min(wider, narrower), wp.min(wp.min(a, b), wp.min(c, d))), floor)
+    second = greater(0.5 * greater(wider, narrower), floor)
+    third = greater(0.5 * _length(lesser(wider, narrower), lesser(lesser(a, b), lesser(c, d))), floor)
     total = Lanes(0.0)
     for corner in range(8):
         sign_a = float(1 - 2 * (corner % 2))
@@ -139,26 +136,26 @@ def four_boxes(x: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes) -> Lanes:
     # Beyond them differences are rounding.
     within = not_negative(first + second + third - wp.abs(x))
     area = 32.0 * wp.cw_mul(wp.cw_mul(first, second), third)
-    return wp.cw_div(wp.cw_mul(within, wp.max(total, Lanes(0.0))), area)
+    return wp.cw_div(wp.cw_mul(within, greater(total, Lanes(0.0))), area)
 
 
 @wp.func
 def bspline_and_boxes(x: Lanes, cell: Lanes, first: Lanes, second: Lanes) -> Lanes:
     """Mean of a B-spline with cells of a width over two boxes, with ∫ = 1 (beyond the paper)."""
-    one = wp.max(wp.cw_div(first, cell), Lanes(NARROWEST_BOX))
-    other = wp.max(wp.cw_div(second, cell), Lanes(NARROWEST_SECOND))
+    one = greater(wp.cw_div(first, cell), Lanes(NARROWEST_BOX))
+    other = greater(wp.cw_div(second, cell), Lanes(NARROWEST_SECOND))
     at = wp.cw_div(x, cell)
     both = 0.5 * (one + other)
     apart = 0.5 * (one - other)
     total = double_tail(at + both) + double_tail(at - both) - double_tail(at + apart) - double_tail(at - apart)
-    return wp.cw_div(wp.max(total, Lanes(0.0)), wp.cw_mul(wp.cw_mul(one, other), cell))
+    return wp.cw_div(greater(total, Lanes(0.0)), wp.cw_mul(wp.cw_mul(one, other), cell))
 
 
 @wp.func
 def line_weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     """w(u, v, trajectory) of Eq. 8 of a footprint that :func:`is_line` (beyond the paper)."""
     s = _time_of_passing(u, v, trajectory)
-    inside = wp.min(wp.max(s, Lanes(-0.5)), Lanes(0.5))
+    inside = lesser(greater(s, Lanes(-0.5)), Lanes(0.5))
 
     # ---- How fast it goes when it passes, and where queries are beside the line
     velocity = trajectory.velocity
@@ -204,8 +201,8 @@ def line_weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
         width = trajectory.filter_width
         box_u = width[0] * wp.abs(ahead_v)
         box_v = wp.max(width[1], width[2]) * wp.abs(ahead_u)
-        rest = _length(wp.min(box_u, box_v), wp.min(width[1], width[2]) * ahead_u)
-        profile = bspline_and_boxes(across, _length(one_across, other_across), wp.max(box_u, box_v), rest)
+        rest = _length(lesser(box_u, box_v), wp.min(width[1], width[2]) * ahead_u)
+        profile = bspline_and_boxes(across, _length(one_across, other_across), greater(box_u, box_v), rest)
         boxes = _length(
             (width[0] * measure[0, 0]) * wp.cw_div(way_u, way),
             (wp.length(wp.vec2(width[1], width[2])) * measure[1, 1]) * wp.cw_div(way_v, way),
@@ -217,9 +214,9 @@ def line_weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     for end in range(2):
         left = wp.cw_div(wp.cw_mul(way, Lanes(0.5) + float(1 - 2 * end) * s), length)
         if trajectory.is_cell == 1:
-            part += wp.min(wp.max(Lanes(0.5) + left, Lanes(0.0)), Lanes(1.0))
+            part += lesser(greater(Lanes(0.5) + left, Lanes(0.0)), Lanes(1.0))
         else:
             beyond = bspline_tail(BOX_OF_BSPLINE * wp.abs(left))
             part += beyond + wp.cw_mul(not_negative(left), Lanes(1.0) - 2.0 * beyond)
-    weight = wp.cw_mul(wp.cw_mul(profile, slowness), wp.max(part, Lanes(0.0)))
+    weight = wp.cw_mul(wp.cw_mul(profile, slowness), greater(part, Lanes(0.0)))
     return wp.cw_mul(weight, Lanes(1.0) + trajectory.gain * inside)
