@@ -155,7 +155,7 @@ class Trajectory:
     ``filter_width`` holds the widths of the boxes that it is averaged over, in cells, one along u and two along v; they
     stay. Where the last is below zero it is a disc (:func:`disc_widths`); where ``is_cell`` is 1 a cell. Both are
     averaged over the pixel whose sides are the columns of ``pixel``, which stays, too. ``straight`` is set where it
-    does not curve and its axes do not grow.
+    does not curve and its axes do not grow, ``passes`` where it passes queries as a line (:mod:`.lines`).
     """
 
     velocity: wp.vec2
@@ -167,6 +167,7 @@ class Trajectory:
     pixel: wp.mat22
     is_cell: int
     straight: bool
+    passes: bool
 
 
 @wp.func

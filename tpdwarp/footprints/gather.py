@@ -28,6 +28,7 @@ from tpdwarp.footprints.lanes import (
     equal,
     greatest,
     in_lane,
+    lanes_in_vectors,
     not_negative,
     products,
 )
@@ -233,7 +234,7 @@ def gather_kernel(
     add_parabola = _add_parabola(form, moves, curved)
     add_to_leaf = _add_to_leaf(form, moves, curved, shaded, query_moves, with_motion)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options=lanes_in_vectors(), enable_backward=False)
     def gather(
         base: int,
         # In

@@ -8,6 +8,7 @@ import warp as wp
 
 from tpdwarp.footprints.bspline import Trajectory
 from tpdwarp.footprints.lanes import Lanes, LaneVectors, greater, lesser, products
+from tpdwarp.footprints.lines import is_line
 from tpdwarp.footprints.shaping import FootprintArrays
 
 # Parts of the shutter that are a smaller part of what a footprint or query stands for count as nothing: some 16
@@ -153,6 +154,8 @@ def place_footprint(smooth: bool, moves: bool, curved: bool, shaded: bool) -> wp
                 trajectory.jacobian_rate = part * rate
             swept = part * motion - length * window.motion
             trajectory.velocity = wp.vec2(wp.dot(row_u, swept), wp.dot(row_v, swept))
+            if wp.static(smooth):
+                trajectory.passes = is_line(trajectory)
             density = density * (length / (share * duration))
         out.center = center
         out.row_u = row_u

@@ -11,7 +11,7 @@ from tpdwarp.footprints import bspline
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
 from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
 from tpdwarp.footprints.lanes import LANES, Lanes
-from tpdwarp.footprints.lines import is_line, line_weight
+from tpdwarp.footprints.lines import line_weight
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def footprint_weight(form: GatherForm, moves: bool, curved: bool) -> wp.Function
 
         @wp.func
         def smooth(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
-            if is_line(trajectory):
+            if trajectory.passes:
                 return line_weight(u, v, trajectory)
             return along(u, v, trajectory)
 
