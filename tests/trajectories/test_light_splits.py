@@ -79,6 +79,17 @@ def test_a_light_near_the_water_is_split_and_one_far_off_is_not(height, least):
     assert parts == 1 if least == 1 else parts >= least
 
 
+@pytest.mark.parametrize(("height", "is_cut"), [(1.0, True), (3.0, False)])
+def test_a_lamp_that_the_water_cuts_has_the_most_parts(height, is_cut):
+    """No photon from its middle, which is under water, lands where its upper half shines."""
+    lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.3, 0.2, height]))
+    light = replace(lamp, extent=Extent(ExtentShape.ROUND, 0.3))
+    source = steady([floor(), bumpy("/water", WATER, 1.0, False)], (light,), looking_down(height=0.3))
+    context = RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1))
+    parts = render_frame(context, Shutter(0, 0, 0), 8, 8).energy.counts.get("parts of each light with extent", 1)
+    assert (parts == candidates(1 << 14)[-1]) == is_cut
+
+
 def test_glass_that_turns_the_middle_of_a_sun_back_is_lit_by_its_rim():
     """A prism reflects all that falls straight on it, and lets some of a sun 20 degrees wide through.
 

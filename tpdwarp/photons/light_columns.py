@@ -103,8 +103,9 @@ def from_visible_side(patch: Patch, beam: Beam) -> Beam:
 
 
 @wp.func
-def nearness(patch: Patch, x: wp.vec3) -> float:
-    """Whether x is nearer to a lamp than that is large: 1 where it touches, 0 far off, ½ at its own size.
+def nearness(patch: Patch, x: wp.vec3, n: wp.vec3) -> float:
+    """Whether x is nearer to a lamp than that is large: 1 where it touches, 0 far off, ½ at its own size; 0 as well for
+    lamps that the plane with normal n through x cuts, of which it is lit by what stands before it alone.
 
     Chosen, not derived: the fourth power of the square of the ratio leaves lights alone that are half as large as they
     are far off, and what is left of first order for lights that are twice as large. Photons from one place are followed
@@ -114,7 +115,11 @@ def nearness(patch: Patch, x: wp.vec3) -> float:
         return 0.0
     spread = (wp.length_sq(patch.span_a) + wp.length_sq(patch.span_b)) / wp.length_sq(x - patch.position)
     fourth = wp.pow(wp.min(spread, NEAREST), 4.0)
-    return fourth / (1.0 + fourth)
+    depth = wp.abs(wp.dot(n, patch.span_a)) + wp.abs(wp.dot(n, patch.span_b))
+    height = wp.abs(wp.dot(n, x - patch.position))
+    # Half as deep as high up and less, it is all before the plane.
+    before = wp.clamp(2.0 - 2.0 * depth / wp.max(height, 1.0e-30), 0.0, 1.0)
+    return before * fourth / (1.0 + fourth)
 
 
 @wp.func
@@ -157,7 +162,7 @@ def columns_at(patch: Patch, beam: Beam, n_g: wp.vec3) -> LightColumns:
         out.dwdb = (patch.extent_radius / rho) * wp.cross(beam.w, wp.normalize(a))
         d = wp.length(beam.x - patch.position - VISIBLE_SIDE * patch.extent_radius / rho * across)
     out.dwda = (beam.w * wp.dot(beam.w, a) - a) / d
-    near = nearness(patch, beam.x)
+    near = nearness(patch, beam.x, n_g)
     facing = wp.dot(n_g, beam.w)
     if near > 0.0 and facing != 0.0:
         out.dxda = near * (a - beam.w * (wp.dot(n_g, a) / facing))
@@ -254,7 +259,7 @@ def flux_of_places(
         mean *= of_middle / unshaped * round_irradiance(cosine, wp.max(h, 1.0)) / cosine
     else:
         # All places send alike in one direction.
-        mean = wp.lerp(mean, middle[1], nearness(patch, beam.x))
+        mean = wp.lerp(mean, middle[1], nearness(patch, beam.x, n_g))
     most = wp.max(wp.max(wp.max(right[1], left[1]), wp.max(upper[1], lower[1])), middle[1])
     out.mean = wp.clamp(mean, 0.5 * middle[1], 2.0 * most)
     if out.mean > 0.0:

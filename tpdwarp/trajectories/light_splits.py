@@ -15,6 +15,9 @@ as root mean squares over the photons of a coarse trace, weighted by the irradia
 pictures are. Photons from the rim are traced from the point of the
 first surface at which those from the middle meet it, so that each has its own e.
 
+Of lights that something specular cuts, some places shine on its other side, which no photon from the middle tells: they
+have as many parts as there may be.
+
 Beyond the paper, whose lights are points or parallel.
 """
 
@@ -31,6 +34,7 @@ from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap, joined
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.photons.vectors import areas, lengths
+from tpdwarp.scene.cut_lights import cut_lights
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.light_places import narrowing_of
 
@@ -73,6 +77,8 @@ def best_split_count(tracer: PhotonTracer) -> int:
     for still in chosen:
         loaded = tracer.load(still, clock)
         if loaded.requirements.extended_lights and loaded.requirements.caustics:
+            if cut_lights(loaded.scene):
+                return int(candidates(photons)[-1])
             totals, looks = totals + _errors(tracer, loaded, candidates(photons), clock), looks + 1
     if totals[0] <= ENOUGH * looks:
         return 1
