@@ -15,6 +15,8 @@ import warp as wp
 
 from tpdwarp.footprints.lanes import Lanes, equal, greater, lesser, not_negative
 
+# Areas are sums of parts of the unit square, of which rounding is a few 1e-8: what is less than this is none.
+LEAST_AREA = wp.constant(1.0e-6)
 # Half a side of the unit square.
 HALF = wp.constant(0.5)
 
@@ -75,9 +77,10 @@ def cell_weights(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
     d_y = a_y + Lanes(q[1])
     area = _along_edge(a_x, a_y, b_y, slope_p) + _along_edge(a_x + Lanes(p[0]), b_y, c_y, slope_q)
     area += _along_edge(c_x, c_y, d_y, slope_p) + _along_edge(a_x + Lanes(q[0]), d_y, a_y, slope_q)
-    # Elsewhere it is rounding.
+    # Elsewhere it is rounding, and so is what is smaller than that.
     within = not_negative(Lanes(HALF + pixel_extent(pixel, 0)) - wp.abs(u))
     within = wp.cw_mul(within, not_negative(Lanes(HALF + pixel_extent(pixel, 1)) - wp.abs(v)))
+    within = wp.cw_mul(within, not_negative(wp.abs(area) - Lanes(LEAST_AREA)))
     return wp.cw_mul(within, wp.abs(area)) / wp.abs(p[0] * q[1] - p[1] * q[0])
 
 
