@@ -21,7 +21,7 @@ from functools import cache
 import warp as wp
 
 from tpdwarp.footprints.cells import cell_weights, pixel_extent
-from tpdwarp.footprints.lanes import Lanes, greater, greatest, least, lesser, not_negative, roots
+from tpdwarp.footprints.lanes import Lanes, between, greater, greatest, least, lesser, not_negative, roots
 
 # Half the width of the B-spline of degree two, in cells: (degree + 1)/2.
 SUPPORT = 1.5
@@ -121,7 +121,7 @@ def averaged_disc(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
     narrow = greater(lesser(one, other), NARROWEST * wide)
     both = 0.5 * (wide + narrow)
     apart = 0.5 * (wide - narrow)
-    inside = lesser(greater(inside, -both), both)
+    inside = between(inside, -both, both)
     full = inside + both
     outer = greater(inside + apart, Lanes(0.0))
     inner = greater(inside - apart, Lanes(0.0))

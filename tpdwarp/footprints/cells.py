@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from tpdwarp.footprints.lanes import Lanes, equal, greater, lesser, not_negative
+from tpdwarp.footprints.lanes import Lanes, between, equal, greater, lesser, not_negative
 
 # Areas are sums of parts of the unit square, of which rounding is a few 1e-8: what is less than this is none.
 LEAST_AREA = wp.constant(1.0e-6)
@@ -24,7 +24,7 @@ HALF = wp.constant(0.5)
 @wp.func
 def _bounded(x: Lanes) -> Lanes:
     """x within the square: −½ … ½ (beyond the paper)."""
-    return greater(lesser(x, Lanes(HALF)), Lanes(-HALF))
+    return between(x, Lanes(-HALF), Lanes(HALF))
 
 
 @wp.func
@@ -50,8 +50,7 @@ def _along_edge(a_x: Lanes, a_y: Lanes, b_y: Lanes, slope: float) -> Lanes:
     # Where it is upright the quotient is rounding, and the limits are next to each other.
     run = end - start
     mean = wp.cw_div(_integral(end) - _integral(start), run + equal(run, 0.0))
-    mean = lesser(greater(mean, lesser(first, last)), greater(first, last))
-    return wp.cw_mul(mean, high - low)
+    return wp.cw_mul(between(mean, lesser(first, last), greater(first, last)), high - low)
 
 
 @wp.func

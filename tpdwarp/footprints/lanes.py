@@ -36,19 +36,30 @@ class LaneVectors:
     z: Lanes
 
 
-@wp.func_native("auto out = a; for (int i = 0; i < 16; ++i) out[i] = a[i] < b[i] ? a[i] : b[i]; return out;")
+def _by_lanes(value: str) -> str:
+    """C++ of a function whose value in lane i is ``value``, in terms of a[i] and b[i]."""
+    return f"auto out = a; for (int i = 0; i < {LANE_COUNT}; ++i) out[i] = {value}; return out;"
+
+
+@wp.func_native(_by_lanes("a[i] < b[i] ? a[i] : b[i]"))
 def lesser(a: Lanes, b: Lanes) -> Lanes:
     """The lesser of two values by lanes: ``wp.min``, which looks for NaN, is no vector instruction."""
     ...
 
 
-@wp.func_native("auto out = a; for (int i = 0; i < 16; ++i) out[i] = a[i] > b[i] ? a[i] : b[i]; return out;")
+@wp.func_native(_by_lanes("a[i] > b[i] ? a[i] : b[i]"))
 def greater(a: Lanes, b: Lanes) -> Lanes:
     """The greater of two values by lanes, likewise."""
     ...
 
 
-@wp.func_native("auto out = a; for (int i = 0; i < 16; ++i) out[i] = sqrtf(a[i]); return out;")
+@wp.func
+def between(values: Lanes, low: Lanes, high: Lanes) -> Lanes:
+    """The values by lanes, no lower than ``low`` and no higher than ``high``."""
+    return lesser(greater(values, low), high)
+
+
+@wp.func_native(_by_lanes("sqrtf(a[i])"))
 def roots(a: Lanes) -> Lanes:
     """√ by lanes."""
     ...
@@ -56,12 +67,12 @@ def roots(a: Lanes) -> Lanes:
 
 @wp.func_native(
     "auto out = a;"
-    "for (int step = 8; step > 0; step /= 2)"
+    f"for (int step = {LANE_COUNT // 2}; step > 0; step /= 2)"
     "    for (int i = 0; i < step; ++i) out[i] = out[i] < out[i + step] ? out[i] : out[i + step];"
     "return out[0];"
 )
 def least(a: Lanes) -> float:
-    """The least value of all lanes, found in four steps."""
+    """The least value of all lanes, found by halves."""
     ...
 
 
@@ -71,7 +82,7 @@ def greatest(a: Lanes) -> float:
     return -least(-a)
 
 
-@wp.func_native("auto out = a; for (int i = 0; i < 16; ++i) out[i] = a[i] >= 0.0f ? 1.0f : 0.0f; return out;")
+@wp.func_native(_by_lanes("a[i] >= 0.0f ? 1.0f : 0.0f"))
 def not_negative(a: Lanes) -> Lanes:
     """One in lanes whose value is no less than zero, nothing in others: terms of Eq. 8 that count."""
     ...

@@ -19,7 +19,7 @@ import math
 import warp as wp
 
 from tpdwarp.footprints.bspline import HALF_WIDTH, Trajectory, box_extent, bspline_tail, double_tail
-from tpdwarp.footprints.lanes import Lanes, greater, lesser, not_negative, roots
+from tpdwarp.footprints.lanes import Lanes, between, greater, lesser, not_negative, roots
 
 # A line goes at least so many pixels, or halves of what a B-spline reaches over. Chosen, not derived: at the ends of a
 # cell's line, an eighth of it, the profile along it is taken for a box; that of a B-spline is one, of which slower ones
@@ -91,7 +91,7 @@ def _time_of_passing(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     first = measure[0, 0] * u + measure[0, 1] * v
     second = measure[1, 0] * u + measure[1, 1] * v
     s = (velocity[0] * first + velocity[1] * second) / wp.length_sq(velocity)
-    s = lesser(greater(s, Lanes(-LATEST)), Lanes(LATEST))
+    s = between(s, Lanes(-LATEST), Lanes(LATEST))
     for _step in range(STEPS):
         away = Lanes(0.0)
         slope = Lanes(0.0)
@@ -104,7 +104,7 @@ def _time_of_passing(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
             away += wp.cw_mul(apart, speed)
             slope += wp.cw_mul(speed, speed) - wp.cw_mul(apart, Lanes(acceleration[axis]) + jerk[axis] * s)
         s = s + wp.cw_div(away, greater(slope, Lanes(1.0e-20)))
-        s = lesser(greater(s, Lanes(-LATEST)), Lanes(LATEST))
+        s = between(s, Lanes(-LATEST), Lanes(LATEST))
     return s
 
 
@@ -155,7 +155,7 @@ def bspline_and_boxes(x: Lanes, cell: Lanes, first: Lanes, second: Lanes) -> Lan
 def line_weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     """w(u, v, trajectory) of Eq. 8 of a footprint that :func:`is_line` (beyond the paper)."""
     s = _time_of_passing(u, v, trajectory)
-    inside = lesser(greater(s, Lanes(-0.5)), Lanes(0.5))
+    inside = between(s, Lanes(-0.5), Lanes(0.5))
 
     # ---- How fast it goes when it passes, and where queries are beside the line
     velocity = trajectory.velocity
@@ -214,7 +214,7 @@ def line_weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     for end in range(2):
         left = wp.cw_div(wp.cw_mul(way, Lanes(0.5) + float(1 - 2 * end) * s), length)
         if trajectory.is_cell == 1:
-            part += lesser(greater(Lanes(0.5) + left, Lanes(0.0)), Lanes(1.0))
+            part += between(Lanes(0.5) + left, Lanes(0.0), Lanes(1.0))
         else:
             beyond = bspline_tail(BOX_OF_BSPLINE * wp.abs(left))
             part += beyond + wp.cw_mul(not_negative(left), Lanes(1.0) - 2.0 * beyond)

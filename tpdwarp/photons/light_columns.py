@@ -66,12 +66,30 @@ class LightColumns:
     gain: wp.vec2
 
 
+@wp.struct
+class VisibleSide:
+    """The side of a cylinder that is seen from a point: ``across`` goes from the axis to the point, across the axis.
+
+    ``rho`` is how far off the axis the point lies, or the radius within it. What is seen of the cylinder lies on
+    average ``part`` of ``across`` before the axis.
+    """
+
+    across: wp.vec3
+    rho: float
+    part: float
+
+
 @wp.func
-def across_axis(patch: Patch, x: wp.vec3) -> wp.vec3:
-    """From the axis of a cylinder to x, across it."""
+def visible_side(patch: Patch, x: wp.vec3) -> VisibleSide:
+    """The side of a cylinder that is seen from x."""
     axis = wp.normalize(patch.span_a)
     off = x - patch.position
-    return off - axis * wp.dot(axis, off)
+    out = VisibleSide()
+    out.across = off - axis * wp.dot(axis, off)
+    out.rho = wp.max(wp.length(out.across), patch.extent_radius)
+    if out.rho > 0.0:
+        out.part = VISIBLE_SIDE * patch.extent_radius / out.rho
+    return out
 
 
 @wp.func
@@ -83,19 +101,17 @@ def from_visible_side(patch: Patch, beam: Beam) -> Beam:
     out = beam
     if patch.extent_shape != CYLINDER or patch.domain == 0:
         return out
-    across = across_axis(patch, beam.x)
-    rho = wp.max(wp.length(across), patch.extent_radius)
-    if rho <= 0.0:
+    side = visible_side(patch, beam.x)
+    if side.rho <= 0.0:
         return out
-    part = VISIBLE_SIDE * patch.extent_radius / rho
-    way = beam.x - patch.position - part * across
+    way = beam.x - patch.position - side.part * side.across
     d = wp.length(way)
     out.w = way / d
-    c = wp.normalize(wp.cross(patch.span_a, across))
-    along_u = beam.dxdu - part * c * wp.dot(c, beam.dxdu)
-    along_v = beam.dxdv - part * c * wp.dot(c, beam.dxdv)
+    c = wp.normalize(wp.cross(patch.span_a, side.across))
+    along_u = beam.dxdu - side.part * c * wp.dot(c, beam.dxdu)
+    along_v = beam.dxdv - side.part * c * wp.dot(c, beam.dxdv)
     moved = beam.dxdt - patch.position_motion
-    along_t = moved - part * c * wp.dot(c, moved)
+    along_t = moved - side.part * c * wp.dot(c, moved)
     out.dwdu = (along_u - out.w * wp.dot(out.w, along_u)) / d
     out.dwdv = (along_v - out.w * wp.dot(out.w, along_v)) / d
     out.dwdt = (along_t - out.w * wp.dot(out.w, along_t)) / d
@@ -157,10 +173,9 @@ def columns_at(patch: Patch, beam: Beam, n_g: wp.vec3) -> LightColumns:
         out.image = IMAGE_PARALLELOGRAM
     out.dwdb = (beam.w * wp.dot(beam.w, b) - b) / d
     if patch.extent_shape == CYLINDER:
-        across = across_axis(patch, beam.x)
-        rho = wp.max(wp.length(across), patch.extent_radius)
-        out.dwdb = (patch.extent_radius / rho) * wp.cross(beam.w, wp.normalize(a))
-        d = wp.length(beam.x - patch.position - VISIBLE_SIDE * patch.extent_radius / rho * across)
+        side = visible_side(patch, beam.x)
+        out.dwdb = (patch.extent_radius / side.rho) * wp.cross(beam.w, wp.normalize(a))
+        d = wp.length(beam.x - patch.position - side.part * side.across)
     out.dwda = (beam.w * wp.dot(beam.w, a) - a) / d
     near = nearness(patch, beam.x, n_g)
     facing = wp.dot(n_g, beam.w)
@@ -185,10 +200,9 @@ def _flux_from(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3, a: f
         d = wp.length(off)
         way = off + d * (a * columns.dwda + b * columns.dwdb)
     elif patch.extent_shape == CYLINDER:
-        across = across_axis(patch, beam.x)
-        rho = wp.max(wp.length(across), patch.extent_radius)
-        nearer = VISIBLE_SIDE * patch.extent_radius / rho
-        way = off - nearer * across - a * patch.span_a
+        side = visible_side(patch, beam.x)
+        nearer = side.part
+        way = off - nearer * side.across - a * patch.span_a
     else:
         way = off - a * patch.span_a - b * patch.span_b
     d2 = wp.length_sq(way)

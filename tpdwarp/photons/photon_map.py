@@ -67,9 +67,9 @@ class PhotonMap:
         reach: Parts of D_u x and D_v x that the footprint reaches over (likewise), shape [n, 2]; rows as bends have.
         light_parts: Into how many parts lights with extent are cut, each with lattices of its own.
         trajectory: How it curves, and how the footprint changes along it; None where it is straight.
-        power_curves: How the power of each of the lights changes over the shutter
-            (:mod:`.power_curves`), None of those that stay as they are; none where all
-            do. Flux is the mean over the shutter, and ``trajectory.gain`` does not count it.
+        power_curves: How the power of each of the lights changes over the shutter (:mod:`.power_curves`), None of those
+            that stay as they are; none where all do. Flux is the mean over the shutter, and ``trajectory.gain`` does
+            not count it.
         time: Middle of the photons' part of the shutter, −½ … ½.
         duration: Length of that part.
         part: Which of the parts of a segment these photons stand for, from 1 on; 0 for the whole segment.

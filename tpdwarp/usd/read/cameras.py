@@ -122,7 +122,7 @@ class Camera:
         """Radius of the lens and distance of the focus in scene units; a radius of 0 for a pinhole."""
         if not camera.fStop > 0:
             return 0.0, 1.0
-        if orthographic or not (math.isfinite(camera.focusDistance) and camera.focusDistance > 0):
+        if orthographic or not positive(camera.focusDistance):
             what = "an orthographic camera has" if orthographic else "without a focusDistance there is"
             self._warnings(f"{self.path}.fStop", f"{what} no depth of field: everything is sharp")
             return 0.0, 1.0

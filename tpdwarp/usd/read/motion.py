@@ -11,7 +11,6 @@ The rules, the same for meshes, lights and cameras:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -19,6 +18,7 @@ from pxr import Usd, UsdGeom
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import Shutter
+from tpdwarp.usd.read.values import not_negative
 
 # A thousandth of a frame: the central difference errs by 2e-7 of the third derivative, and rounding stays below 1e-12.
 DERIVATIVE_STEP = 1e-3
@@ -57,7 +57,7 @@ def over_shutter(
 def blur_scale(prim: Usd.Prim, frame: float, warnings: WarnOnce) -> float:
     """What ``motion:blurScale`` makes of a prim's shutter at a time code; 1 where it means nothing, which is said."""
     scale = UsdGeom.MotionAPI(prim).ComputeMotionBlurScale(frame)
-    if math.isfinite(scale) and scale >= 0:
+    if not_negative(scale):
         return scale
     warnings(f"{prim.GetPath()}.motion:blurScale", f"amounts to {scale:g}; 1 is used (author 0 or more)")
     return 1.0

@@ -12,7 +12,7 @@ from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import Interaction, Material, Texture
 from tpdwarp.usd.read.materials.physical import Physical
 from tpdwarp.usd.read.materials.textures import Image, combined
-from tpdwarp.usd.read.values import ITS_DEFAULT
+from tpdwarp.usd.read.values import ITS_DEFAULT, positive
 
 # Up to this roughness r a microfacet lobe is narrower (r² < .0049) than the sun's disc (.0046 rad): smooth.
 SMOOTH = 0.07
@@ -140,7 +140,7 @@ def _warn_normal_map(physical: Physical, warn: Callable[[str, str], None]) -> No
 def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None]) -> Material:
     _warn_normal_map(physical, warn)
     ior = physical.ior
-    if not (math.isfinite(ior) and ior > 0):
+    if not positive(ior):
         warn("ior", f"holds an index of refraction of {ior:g}; {ITS_DEFAULT}, {Physical.ior:g} (author one above 0)")
         ior = Physical.ior
     if physical.roughness > MIRROR_LIKE and "roughness" not in physical.images:

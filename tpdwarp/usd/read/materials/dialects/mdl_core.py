@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from pxr import UsdGeom
@@ -10,6 +9,7 @@ from pxr import UsdGeom
 from tpdwarp.usd.read.materials.dialects.table import Dialect, Field
 from tpdwarp.usd.read.materials.inputs import Inputs
 from tpdwarp.usd.read.materials.physical import WHITE
+from tpdwarp.usd.read.values import positive
 
 NEARLY_WHITE = (0.95, 0.95, 0.95)
 
@@ -18,7 +18,7 @@ def _absorb(inputs: Inputs, values: dict[str, Any]) -> None:
     """The volume's colour is reached at a distance; what colours the surface alone counts where that is white."""
     volume, surface = values.pop("volume"), values["tint"]
     meters = UsdGeom.GetStageMetersPerUnit(inputs.shader.GetPrim().GetStage())
-    if min(volume) >= 1 or not (math.isfinite(meters) and meters > 0):
+    if min(volume) >= 1 or not positive(meters):
         values["absorption_depth"] = 0.0
         return
     if min(surface) < 1:
