@@ -14,6 +14,7 @@ from tpdwarp.scene.description import DomeAtShutter, Interaction, Texture, Wrap
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
 from tpdwarp.scene.device.presence import presence_at
+from tpdwarp.scene.device.ray_tree import first_met
 from tpdwarp.scene.device.textures import TextureArrays, filtered, packed_textures
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.view.lights import FAR
@@ -187,16 +188,16 @@ def hidden_from_dome(
     reach = wp.length(offset)
     start = float(0.0)
     for _layer in range(MOST_LAYERS):
-        query = wp.mesh_query_ray(surfaces.mesh, x + offset + start * w, w, FAR)
-        if not query.result:
+        met = first_met(surfaces.tree, x + offset + start * w, w, FAR)
+        if met.triangle < 0:
             return False
-        clear = surfaces.interaction[surfaces.material_of[query.face]] == DIELECTRIC
+        clear = surfaces.interaction[surfaces.material_of[met.triangle]] == DIELECTRIC
         if partial and not clear:
-            beta = wp.vec3(query.u, query.v, 1.0 - query.u - query.v)
-            clear = presence_at(surfaces, textures, query.face, beta) < 0.5
-        if not clear and not is_plane_left(plane_of(surfaces, query.face), x, side, reach):
+            beta = wp.vec3(met.u, met.v, 1.0 - met.u - met.v)
+            clear = presence_at(surfaces, textures, met.triangle, beta) < 0.5
+        if not clear and not is_plane_left(plane_of(surfaces, met.triangle), x, side, reach):
             return True
-        start += query.t + STEP
+        start += met.distance + STEP
     return True
 
 

@@ -14,6 +14,7 @@ from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, occluded, plane_of
 from tpdwarp.scene.device.links import PASSED, linked_share
+from tpdwarp.scene.device.ray_tree import first_met
 from tpdwarp.scene.device.textures import TextureArrays
 from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance
 from tpdwarp.view.camera import Camera
@@ -70,17 +71,17 @@ def only_by_glass(linked: bool) -> wp.Function:
         origin = x + offset
         gone = float(0.0)
         for _crossed in range(MOST_CROSSED):
-            query = wp.mesh_query_ray(surfaces.mesh, origin + gone * w, w, distance - gone)
-            if not query.result:
+            met = first_met(surfaces.tree, origin + gone * w, w, distance - gone)
+            if met.triangle < 0:
                 return 1.0
-            plane = plane_of(surfaces, query.face)
-            lets_by = surfaces.interaction[surfaces.material_of[query.face]] == DIELECTRIC
+            plane = plane_of(surfaces, met.triangle)
+            lets_by = surfaces.interaction[surfaces.material_of[met.triangle]] == DIELECTRIC
             if wp.static(linked):
-                lets_by = lets_by or (links[row, surfaces.object_of[query.face]] & PASSED) != 0
+                lets_by = lets_by or (links[row, surfaces.object_of[met.triangle]] & PASSED) != 0
             if not lets_by and not is_plane_left(plane, x, side, offset_length):
                 return 0.0
             # Off the surface by as much as a ray that leaves it.
-            gone += query.t + 2.0 * plane.offset / wp.max(wp.abs(wp.dot(plane.n_g, w)), 1.0e-3)
+            gone += met.distance + 2.0 * plane.offset / wp.max(wp.abs(wp.dot(plane.n_g, w)), 1.0e-3)
             if gone >= distance:
                 return 1.0
         return 0.0

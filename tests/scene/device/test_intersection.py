@@ -86,13 +86,13 @@ def test_what_stands_instead_of_an_earlier_scene_is_met_as_if_it_were_built_anew
     scene, launcher = scene_of([water, floor(-1.0)]), Launcher("cpu", 1)
     before, anew = packed(earlier, floor(-1.0)), packed(water, floor(-1.0))
     after = geometry_of(scene, NORM, launcher, with_motions=False, instead_of=before)
-    assert after.mesh is before.mesh
+    assert after.trees is before.trees
     (found, triangles, _), (expected, known, _) = (looked(geometry, *rays()) for geometry in (after, anew))
     np.testing.assert_array_equal(triangles, known)
     for name, values in expected.items():
         np.testing.assert_array_equal(found[name], values)
     # Other triangles have a tree of their own.
-    assert geometry_of(scene, NORM, launcher, with_motions=False, instead_of=packed(water)).mesh is not before.mesh
+    assert geometry_of(scene, NORM, launcher, with_motions=False, instead_of=packed(water)).trees is not before.trees
 
 
 def test_a_ray_meets_nothing_where_nothing_is():

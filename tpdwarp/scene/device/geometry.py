@@ -11,6 +11,8 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.device.contact import separate_coincident
+from tpdwarp.scene.device.ray_tree import RayTree
+from tpdwarp.scene.device.wide_tree import WideTree
 from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.normalization import Normalization
 
@@ -26,6 +28,7 @@ class Surfaces:
     """
 
     mesh: wp.uint64
+    tree: RayTree
     time: float
     magnitude: wp.vec3
     triangles: wp.array(dtype=wp.vec3i)
@@ -53,18 +56,18 @@ class Geometry:
 
     Attributes:
         surfaces: The kernel's view of it.
-        mesh: The BVH (kept alive with ``surfaces``).
+        trees: The BVH (kept alive with ``surfaces``).
         moves: Whether any vertex moves over the shutter.
         paths: Prim path of each object, indexed by ``surfaces.object_of``.
         materials: The materials, indexed by ``surfaces.material_of``.
     """
 
     surfaces: Surfaces
-    mesh: wp.Mesh
+    trees: WideTree
     moves: bool
     paths: tuple[str, ...]
     materials: tuple[Material, ...] = ()
-    _moved: wp.Mesh | None = None
+    _moved: WideTree | None = None
 
     def at(self, time: float, launcher: Launcher) -> Surfaces:
         """The same surfaces with their points moved to ``time`` in the shutter (−½ … ½).
@@ -74,12 +77,11 @@ class Geometry:
         if not self.moves:
             return replace_time(self.surfaces, time)
         if self._moved is None:
-            self._moved = _mesh(self.surfaces.points.numpy(), self.surfaces.triangles.numpy(), launcher)
+            self._moved = _trees(self.surfaces.points.numpy(), self.surfaces.triangles.numpy(), launcher)
         points = self.surfaces.points.numpy() + np.float32(time) * self.surfaces.motions.numpy()
-        self._moved.points.assign(points)
-        self._moved.refit()
+        self._moved.move(points, launcher)
         surfaces = replace_time(self.surfaces, time)
-        surfaces.mesh, surfaces.points = self._moved.id, self._moved.points
+        _stand(surfaces, self._moved)
         return surfaces
 
 
@@ -92,20 +94,27 @@ def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
     return copy
 
 
-def _mesh(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> wp.Mesh:
-    return wp.Mesh(
+def _stand(surfaces: Surfaces, trees: WideTree) -> None:
+    """Has the surfaces stand where the trees do."""
+    surfaces.mesh, surfaces.tree, surfaces.points = trees.mesh.id, trees.tree, trees.mesh.points
+
+
+def _trees(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> WideTree:
+    mesh = wp.Mesh(
         points=wp.array(points, dtype=wp.vec3, device=launcher.device),
         indices=wp.array(triangles.ravel(), dtype=wp.int32, device=launcher.device),
     )
+    return WideTree.of(mesh, launcher)
 
 
-def _refitted(geometry: Geometry | None, points: np.ndarray, triangles: np.ndarray) -> wp.Mesh | None:
-    """The mesh of ``geometry`` moved to ``points``; None where it has other triangles."""
+def _refitted(
+    geometry: Geometry | None, points: np.ndarray, triangles: np.ndarray, launcher: Launcher
+) -> WideTree | None:
+    """The trees of ``geometry`` moved to ``points``; None where it has other triangles."""
     if geometry is None or not np.array_equal(geometry.surfaces.triangles.numpy(), triangles):
         return None
-    geometry.mesh.points.assign(points)
-    geometry.mesh.refit()
-    return geometry.mesh
+    geometry.trees.move(points, launcher)
+    return geometry.trees
 
 
 def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
@@ -171,7 +180,7 @@ def geometry_of(
         object_count += copies
 
     corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
-    mesh = _refitted(instead_of, vertices, corners) or _mesh(vertices, corners, launcher)
+    trees = _refitted(instead_of, vertices, corners, launcher) or _trees(vertices, corners, launcher)
     owners, materials_of = np.concatenate(object_of), np.concatenate(material_of)
     table = list(materials)
     diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
@@ -179,14 +188,14 @@ def geometry_of(
     media = np.full(object_count, -1, np.int32)
     if nesting is not None:
         media = np.repeat(nesting.media, [len(mesh.objects) for mesh in scene.meshes])
-    separated = separate_coincident(mesh, corners, owners, diffuse, np.concatenate(boxes), media, launcher)
+    separated = separate_coincident(trees.mesh, corners, owners, diffuse, np.concatenate(boxes), media, launcher)
     if separated is not None:
-        mesh.points.assign(separated)
-        mesh.refit()
+        trees.move(separated, launcher)
     surfaces = Surfaces()
     extent = np.abs(vertices).max(axis=0).astype(float)
     surfaces.magnitude = wp.vec3(*(extent + 1e-3 * extent.max()))
-    surfaces.mesh, surfaces.time, surfaces.points = mesh.id, 0.0, mesh.points
+    _stand(surfaces, trees)
+    surfaces.time = 0.0
     surfaces.triangles = launcher.array(corners, wp.vec3i)
     surfaces.motions = launcher.array(_stack(motions, 3, np.float32), wp.vec3)
     surfaces.normals = launcher.array(_stack(normals, 3, np.float32), wp.vec3)
@@ -206,7 +215,7 @@ def geometry_of(
         box = normalization.points(nesting.box)
         surfaces.media_low, surfaces.media_high = wp.vec3(*(box[0] - MEDIA_MARGIN)), wp.vec3(*(box[1] + MEDIA_MARGIN))
     paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
-    return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, tuple(table))
+    return Geometry(surfaces, trees, any(m.moves for m in scene.meshes), paths, tuple(table))
 
 
 def _boxes(points: np.ndarray, copies: int) -> np.ndarray:

@@ -4,6 +4,7 @@ import warp as wp
 
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.ray_offset import ray_offset
+from tpdwarp.scene.device.ray_tree import first_met
 
 # A ray starts a little off the surface it leaves, on the side it leaves to, and is shifted sideways by less than that
 # (a part of the coordinates of the triangle at hand, some 16 units in their last place), because rays that pass exactly
@@ -144,11 +145,12 @@ def closest_hit(
         shift = wp.vec3(wp.randf(stream) - 0.5, wp.randf(stream) - 0.5, wp.randf(stream) - 0.5)
         shift = SHIFT * wp.cw_mul(shift, magnitude)
         shift = shift - wp.dot(shift, side) * side
-        query = wp.mesh_query_ray(surfaces.mesh, along(x, w, start) + farther * offset + shift, w, end - start)
-        if not query.result:
+        origin = along(x, w, start) + farther * offset + shift
+        met = first_met(surfaces.tree, origin, w, end - start)
+        if met.triangle < 0:
             missed += 1
         else:
-            plane = plane_of(surfaces, query.face)
+            plane = plane_of(surfaces, met.triangle)
             if is_plane_left(plane, x, side, offset_length):
                 farther *= OFFSET_GROWTH
             elif wp.isfinite(plane.inverse):
@@ -156,7 +158,7 @@ def closest_hit(
                 # Both times the area; the plane's normal itself need not be known in double precision.
                 height = wp.dot(plane.area, from_corner)
                 cosine = wp.dot(plane.area, wp.vec3d(w))
-                distance = wp.float64(start + query.t)
+                distance = wp.float64(start + met.distance)
                 if wp.abs(cosine) > wp.float64(GRAZING) * plane.length:
                     distance = -height / cosine
                 from_corner = from_corner + distance * wp.vec3d(w)
@@ -164,7 +166,7 @@ def closest_hit(
                 g2 = wp.cross(plane.area, plane.e1) * plane.inverse
                 b1 = wp.dot(g1, from_corner)
                 b2 = wp.dot(g2, from_corner)
-                hit.triangle = query.face
+                hit.triangle = met.triangle
                 hit.retried = missed
                 hit.distance = float(distance)
                 hit.position = wp.vec3(plane.origin + from_corner)
@@ -175,7 +177,7 @@ def closest_hit(
                 hit.offset = plane.offset
                 hit.magnitude = plane.magnitude
                 if moves:
-                    corner = surfaces.triangles[query.face]
+                    corner = surfaces.triangles[met.triangle]
                     hit.motion = (
                         hit.beta[0] * surfaces.motions[corner[0]]
                         + hit.beta[1] * surfaces.motions[corner[1]]
@@ -220,14 +222,14 @@ def occluded(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, offset: wp.vec3, distan
     """
     offset_length = wp.length(offset)
     if offset_length == 0.0:
-        return wp.mesh_query_ray_anyhit(surfaces.mesh, x, w, distance)
+        return first_met(surfaces.tree, x, w, distance).triangle >= 0
     side = offset / offset_length
     farther = float(1.0)
     for _attempt in range(MOST_ATTEMPTS):
-        query = wp.mesh_query_ray(surfaces.mesh, x + farther * offset, w, distance)
-        if not query.result:
+        met = first_met(surfaces.tree, x + farther * offset, w, distance)
+        if met.triangle < 0:
             return False
-        if not is_plane_left(plane_of(surfaces, query.face), x, side, offset_length):
+        if not is_plane_left(plane_of(surfaces, met.triangle), x, side, offset_length):
             return True
         farther *= OFFSET_GROWTH
     return False

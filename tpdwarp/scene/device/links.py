@@ -12,6 +12,7 @@ from tpdwarp.scene.description import LightAtShutter
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import is_plane_left, plane_of
 from tpdwarp.scene.device.presence import LEAST_SHARE, MOST_LAYERS, STEP, presence_at
+from tpdwarp.scene.device.ray_tree import first_met
 from tpdwarp.scene.device.textures import TextureArrays
 
 # Bits of a link: the light does not shine on an object; the light passes through it.
@@ -55,19 +56,19 @@ def linked_share(partial: bool) -> wp.Function:
         share = float(1.0)
         start = float(0.0)
         for _layer in range(MOST_LAYERS):
-            query = wp.mesh_query_ray(surfaces.mesh, x + offset + start * w, w, distance - start)
-            if not query.result:
+            met = first_met(surfaces.tree, x + offset + start * w, w, distance - start)
+            if met.triangle < 0:
                 return share
-            if (links[row, surfaces.object_of[query.face]] & PASSED) == 0:
-                if not is_plane_left(plane_of(surfaces, query.face), x, side, reach):
+            if (links[row, surfaces.object_of[met.triangle]] & PASSED) == 0:
+                if not is_plane_left(plane_of(surfaces, met.triangle), x, side, reach):
                     if wp.static(partial):
-                        beta = wp.vec3(query.u, query.v, 1.0 - query.u - query.v)
-                        share *= 1.0 - presence_at(surfaces, textures, query.face, beta)
+                        beta = wp.vec3(met.u, met.v, 1.0 - met.u - met.v)
+                        share *= 1.0 - presence_at(surfaces, textures, met.triangle, beta)
                         if share < LEAST_SHARE:
                             return 0.0
                     else:
                         return 0.0
-            start += query.t + STEP
+            start += met.distance + STEP
             if start >= distance:
                 return share
         return 0.0

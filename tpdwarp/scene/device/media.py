@@ -7,7 +7,8 @@ is. A surface beyond which that stays the same is none: there the path goes stra
 import warp as wp
 
 from tpdwarp.scene.device.geometry import Surfaces
-from tpdwarp.scene.device.intersection import Hit
+from tpdwarp.scene.device.intersection import Hit, plane_of
+from tpdwarp.scene.device.ray_tree import first_met
 
 # Surfaces looked at for what a path begins in.
 MOST_SURFACES = wp.constant(64)
@@ -78,15 +79,15 @@ def media_at(surfaces: Surfaces, x: wp.vec3, w: wp.vec3) -> int:
         looking = bool(True)
         for _surface in range(MOST_SURFACES):
             if looking:
-                query = wp.mesh_query_ray(surfaces.mesh, place, direction, FAR)
-                looking = query.result
-                if query.result:
-                    medium = surfaces.medium_of[surfaces.object_of[query.face]]
+                met = first_met(surfaces.tree, place, direction, FAR)
+                looking = met.triangle >= 0
+                if met.triangle >= 0:
+                    medium = surfaces.medium_of[surfaces.object_of[met.triangle]]
                     if medium >= 0:
                         bit = 1 << medium
-                        if (known & bit) == 0 and wp.dot(query.normal, direction) > 0.0:
+                        if (known & bit) == 0 and wp.dot(plane_of(surfaces, met.triangle).n_g, direction) > 0.0:
                             inside = inside | bit
                         known = known | bit
                     # Past it by some roundings of a scene of unit size.
-                    place = place + (query.t * (1.0 + 1.0e-6) + 2.0e-6) * direction
+                    place = place + (met.distance * (1.0 + 1.0e-6) + 2.0e-6) * direction
     return inside

@@ -4,6 +4,7 @@ import warp as wp
 
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import Hit, is_plane_left, occluded, plane_of
+from tpdwarp.scene.device.ray_tree import first_met
 from tpdwarp.scene.device.textures import LEAST_SHARE, TextureArrays, filtered
 
 # Surfaces that a shadow ray passes at most. Chosen, not derived: trees of leaf cards have some dozens.
@@ -67,13 +68,13 @@ def share_that_passes(
     share = float(1.0)
     start = float(0.0)
     for _layer in range(MOST_LAYERS):
-        query = wp.mesh_query_ray(surfaces.mesh, x + offset + start * w, w, distance - start)
-        if not query.result:
+        met = first_met(surfaces.tree, x + offset + start * w, w, distance - start)
+        if met.triangle < 0:
             return share
-        if not is_plane_left(plane_of(surfaces, query.face), x, side, reach):
-            beta = wp.vec3(query.u, query.v, 1.0 - query.u - query.v)
-            share *= 1.0 - presence_at(surfaces, textures, query.face, beta)
+        if not is_plane_left(plane_of(surfaces, met.triangle), x, side, reach):
+            beta = wp.vec3(met.u, met.v, 1.0 - met.u - met.v)
+            share *= 1.0 - presence_at(surfaces, textures, met.triangle, beta)
             if share < LEAST_SHARE:
                 return 0.0
-        start += query.t + STEP
+        start += met.distance + STEP
     return 0.0
