@@ -26,6 +26,7 @@ ORDER = (
     ("workers",),
     ("settings", "io"),
     ("compiler_lock",),
+    ("compiler_flags",),
     ("kernel_cache",),
     ("device",),
     ("scene",),

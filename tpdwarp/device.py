@@ -73,12 +73,22 @@ class Launcher:
         self._workers = Workers(self.threads) if self.threads > 1 else None
 
     def __call__(
-        self, kernel: wp.Kernel, count: int, inputs: Sequence[Any], smallest_chunk: int = SMALLEST_CHUNK
+        self,
+        kernel: wp.Kernel,
+        count: int,
+        inputs: Sequence[Any],
+        smallest_chunk: int = SMALLEST_CHUNK,
+        in_turn: bool = False,
     ) -> None:
         """Launches ``kernel`` over ``count`` items; ``base`` is put in front of ``inputs``.
 
         However this ends, by an interruption too, no thread runs the kernel afterwards, so that arrays and meshes may
         be freed.
+
+        Args:
+            in_turn: Whether the kernel takes a second argument, how many items a thread works through, the first of
+                them ``base + wp.tid() * in_turn``: all of a chunk on the CPU, where Warp copies a kernel's arguments
+                anew for each thread, which of large structures takes longer than a ray.
 
         Raises:
             Stopped: A signal asked the process to end.
@@ -89,14 +99,18 @@ class Launcher:
             return
         if self.device.is_cuda:
             _cache.load(kernel.module, self.device, kernel.module.options["block_dim"])
-            wp.launch(kernel, dim=count, inputs=[0, *inputs], device=self.device)
+            wp.launch(kernel, dim=count, inputs=[0, *([1] if in_turn else []), *inputs], device=self.device)
             return
         # Loaded once, as a launch on the CPU would (one thread a block), or each thread compiles it again.
         _cache.load(kernel.module, self.device, 1)
         chunk = max(smallest_chunk, -(-count // (self.threads * CHUNKS_PER_THREAD)))
 
         def run(base: int) -> None:
-            wp.launch(kernel, dim=min(chunk, count - base), inputs=[base, *inputs], device=self.device)
+            items = min(chunk, count - base)
+            if in_turn:
+                wp.launch(kernel, dim=1, inputs=[base, items, *inputs], device=self.device)
+            else:
+                wp.launch(kernel, dim=items, inputs=[base, *inputs], device=self.device)
 
         bases = range(0, count, chunk)
         if self._workers is not None:

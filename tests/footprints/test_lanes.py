@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tpdwarp.compiler_flags import lanes_in_vectors
 from tpdwarp.footprints.lanes import (
     LANE_COUNT,
     Lanes,
     greater,
     greatest,
-    lanes_in_vectors,
     least,
     lesser,
     not_negative,

@@ -15,6 +15,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from tpdwarp.compiler_flags import lanes_in_vectors
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bounds import Piece
 from tpdwarp.footprints.courses import Course, passes_by
@@ -28,7 +29,6 @@ from tpdwarp.footprints.lanes import (
     equal,
     greatest,
     in_lane,
-    lanes_in_vectors,
     not_negative,
     products,
 )

@@ -5,8 +5,6 @@ A footprint falls on neighbouring queries alike, and to evaluate it at sixteen o
 
 from __future__ import annotations
 
-from typing import Any
-
 import warp as wp
 
 # Queries that are worked on at once: a square of pixels of this area (tpdwarp.view.sampling). Chosen, not derived: a
@@ -15,16 +13,6 @@ LANE_COUNT = 16
 LANES = wp.constant(LANE_COUNT)
 Lanes = wp.types.vector(LANE_COUNT, wp.float32)
 LANE_NUMBERS = wp.constant(Lanes(*map(float, range(LANE_COUNT))))
-
-# Loops of more steps are not unrolled before vector instructions are made of them: those over lanes, of which LLVM
-# finds few again once they are sixteen lines.
-MOST_UNROLLED = 4
-
-
-def lanes_in_vectors() -> dict[str, Any]:
-    """Options of modules whose kernels work on lanes: they make up for how Warp writes its vectors as loops."""
-    flags = "-march=native" if wp.config.cpu_compiler_flags is None else wp.config.cpu_compiler_flags
-    return {"cpu_compiler_flags": f"{flags} -mllvm=-unroll-full-max-count={MOST_UNROLLED}"}
 
 
 @wp.struct

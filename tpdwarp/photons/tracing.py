@@ -14,6 +14,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import Interface, interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
@@ -193,9 +194,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 out = widened(out, before, after, at, reflected, roughness)
         return out
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
     def trace_photons(
         base: int,
+        in_turn: int,
         # Scene
         surfaces: Surfaces,
         textures: TextureArrays,
@@ -218,347 +220,349 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         states: wp.array(dtype=PathState),
         vertices: wp.array(dtype=wp.vec3),
     ):
-        i = base + wp.tid()
+        first = base + wp.tid() * in_turn
+        for i in range(first, first + in_turn):
+            # ---- Emission
+            number = wp.lower_bound(first_cells, cells[i] + 1) - 1
+            patch = patches[number]
+            cell = cells[i] - first_cells[number]
+            index_u = patch.first_u + cell % patch.count_u
+            index_v = patch.first_v + cell // patch.count_u
+            stream = wp.rand_init(seed, index_u * 65537 + index_v)
+            place_in_cell = wp.vec2(0.5, 0.5)
+            if wp.static(jittered):
+                place_in_cell = wp.vec2(wp.randf(stream), wp.randf(stream))
+            coordinates = wp.vec2(float(index_u), float(index_v)) + place_in_cell
+            place = coordinates
+            if offsets.shape[0] > 0:
+                place += offsets[cells[i]]
+            beam = emit(patch, place)
+            emitted = cell_flux(patch, place)
+            flux = emitted
+            absorbed = wp.vec3(0.0, 0.0, 0.0)
+            culled = wp.vec3(0.0, 0.0, 0.0)
+            entering = wp.vec3(0.0, 0.0, 0.0)
+            mask = masks[i]
+            first_open = first_open_decision(mask)
+            cutoff = smallest_branch * wp.max(emitted)
+            reported = int(0)
+            fate = int(FATE_DEPTH)
+            count = int(0)
+            decision = int(0)
+            retried = int(0)
+            path = wp.uint32(1)
+            columns = LightColumns()
+            shift = wp.vec2(0.0, 0.0)
+            first_bounce = int(0)
+            kept = int(0)
+            start = float(0.0)
+            inside = int(0)
+            # Outside the cone of a light there is nothing to follow.
+            dark = wp.max(emitted) <= 0.0
+            branch_of = int(-1)
+            if wp.static(branches):
+                if sources.shape[0] > 0:
+                    branch_of = sources[i]
+            if branch_of >= 0:
+                # ---- It branches from another path
+                resumed = states_before[branch_of]
+                beam = resumed.beam
+                columns = resumed.columns
+                emitted = resumed.emitted
+                flux = resumed.flux
+                shift = resumed.shift
+                path = resumed.path
+                start = resumed.start
+                inside = resumed.inside
+                decision = resumed.decision
+                count = resumed.count
+                first_bounce = resumed.bounce
+                if wp.static(recording):
+                    parent = branch_of % (states_before.shape[0] // wp.static(KEPT_STATES))
+                    for k in range(wp.min(count + 1, VERTICES)):
+                        vertices[i * VERTICES + k] = vertices_before[parent * VERTICES + k]
+            else:
+                start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
+                beam.magnitude = patch.magnitude
+                if wp.static(recording):
+                    vertices[i * VERTICES] = along(beam.x, beam.w, start)
+                if wp.static(nested):
+                    # Light from afar begins outside of everything.
+                    if patch.domain == 1:
+                        inside = media_at(surfaces, along(beam.x, beam.w, leaving(patch, beam.w)), beam.w)
 
-        # ---- Emission
-        number = wp.lower_bound(first_cells, cells[i] + 1) - 1
-        patch = patches[number]
-        cell = cells[i] - first_cells[number]
-        index_u = patch.first_u + cell % patch.count_u
-        index_v = patch.first_v + cell // patch.count_u
-        stream = wp.rand_init(seed, index_u * 65537 + index_v)
-        place_in_cell = wp.vec2(0.5, 0.5)
-        if wp.static(jittered):
-            place_in_cell = wp.vec2(wp.randf(stream), wp.randf(stream))
-        coordinates = wp.vec2(float(index_u), float(index_v)) + place_in_cell
-        place = coordinates
-        if offsets.shape[0] > 0:
-            place += offsets[cells[i]]
-        beam = emit(patch, place)
-        emitted = cell_flux(patch, place)
-        flux = emitted
-        absorbed = wp.vec3(0.0, 0.0, 0.0)
-        culled = wp.vec3(0.0, 0.0, 0.0)
-        entering = wp.vec3(0.0, 0.0, 0.0)
-        mask = masks[i]
-        first_open = first_open_decision(mask)
-        cutoff = smallest_branch * wp.max(emitted)
-        reported = int(0)
-        fate = int(FATE_DEPTH)
-        count = int(0)
-        decision = int(0)
-        retried = int(0)
-        path = wp.uint32(1)
-        columns = LightColumns()
-        shift = wp.vec2(0.0, 0.0)
-        first_bounce = int(0)
-        kept = int(0)
-        start = float(0.0)
-        inside = int(0)
-        # Outside the cone of a light there is nothing to follow.
-        dark = wp.max(emitted) <= 0.0
-        branch_of = int(-1)
-        if wp.static(branches):
-            if sources.shape[0] > 0:
-                branch_of = sources[i]
-        if branch_of >= 0:
-            # ---- It branches from another path
-            resumed = states_before[branch_of]
-            beam = resumed.beam
-            columns = resumed.columns
-            emitted = resumed.emitted
-            flux = resumed.flux
-            shift = resumed.shift
-            path = resumed.path
-            start = resumed.start
-            inside = resumed.inside
-            decision = resumed.decision
-            count = resumed.count
-            first_bounce = resumed.bounce
-            if wp.static(recording):
-                parent = branch_of % (states_before.shape[0] // wp.static(KEPT_STATES))
-                for k in range(wp.min(count + 1, VERTICES)):
-                    vertices[i * VERTICES + k] = vertices_before[parent * VERTICES + k]
-        else:
-            start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
-            beam.magnitude = patch.magnitude
-            if wp.static(recording):
-                vertices[i * VERTICES] = along(beam.x, beam.w, start)
-            if wp.static(nested):
-                # Light from afar begins outside of everything.
-                if patch.domain == 1:
-                    inside = media_at(surfaces, along(beam.x, beam.w, leaving(patch, beam.w)), beam.w)
-
-        for bounce in range(first_bounce, bounces + 1):
-            if dark:
-                fate = FATE_DIRECT
-                break
-            if wp.static(partial):
-                # ---- Where another share of the surface acts, a path begins here
-                state = path_state(
-                    beam, columns, emitted, flux, shift, path, start, inside, decision, count, bounce
-                )
-            # ---- Transfer to the next surface (Eqs. 3, 4)
-            hit = closest_hit(
-                surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, FAR, wp.static(moves), stream
-            )
-            if hit.triangle < 0:
-                if count > 0:
-                    fate = FATE_ESCAPED
-                else:
+            for bounce in range(first_bounce, bounces + 1):
+                if dark:
                     fate = FATE_DIRECT
-                break
-            retried += hit.retried
-            if wp.static(nested and tints):
-                left = wp.cw_mul(flux, absorbed_in_media(textures, inside, hit.distance))
-                if decision >= first_open:
-                    absorbed += flux - left
-                flux = left
-            if wp.static(linked):
-                # ---- What the light passes, or does not shine on
-                link = links[number, surfaces.object_of[hit.triangle]]
-                takes = surfaces.interaction[surfaces.material_of[hit.triangle]] == DIFFUSE and count > 0
-                # What throws no shadow is lit all the same, by light that others bend too.
-                if (link & PASSED) != 0 and ((link & UNLIT) != 0 or not takes):
-                    beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
-                    if wp.static(extended):
-                        columns = transfer_columns(columns, beam.w, hit)
-                    start = 0.0
-                    continue
-                if (link & UNLIT) != 0:
-                    if count == 0:
-                        fate = FATE_DIRECT
-                    else:
-                        absorbed += flux
-                    flux = wp.vec3(0.0, 0.0, 0.0)
                     break
-            if wp.static(partial):
-                # ---- What is not there lets light pass, and is no part of its path
-                there = transfer_to(beam, hit, True, wp.static(moves))
-                share = presence_over(surfaces, textures, hit, there.dxdu, there.dxdv)
-                part = take_share(mask, decision, first_open, share, flux, cutoff)
-                flux = part.throughput
-                reported = reported | part.reported
-                if part.reported != 0:
-                    kept = keep_state(states, i, kept, state)
-                culled += part.culled
-                decision += part.decided
-                if not part.reflected:
-                    beam = passed(there, hit)
-                    if wp.static(extended):
-                        columns = transfer_columns(columns, beam.w, hit)
-                    start = 0.0
-                    continue
-
-            # ---- What another solid displaces is not there (Schmidt & Budge 2002)
-            eta = float(1.0)
-            if wp.static(nested):
-                beyond = int(inside)
-                if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
-                    crossing = crossing_at(surfaces, hit, beam.w, inside)
-                    eta = crossing.eta
-                    beyond = crossing.beyond
-                    if crossing.nothing:
-                        inside = beyond
+                if wp.static(partial):
+                    # ---- Where another share of the surface acts, a path begins here
+                    state = path_state(
+                        beam, columns, emitted, flux, shift, path, start, inside, decision, count, bounce
+                    )
+                # ---- Transfer to the next surface (Eqs. 3, 4)
+                hit = closest_hit(
+                    surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, FAR, wp.static(moves), stream
+                )
+                if hit.triangle < 0:
+                    if count > 0:
+                        fate = FATE_ESCAPED
+                    else:
+                        fate = FATE_DIRECT
+                    break
+                retried += hit.retried
+                if wp.static(nested and tints):
+                    left = wp.cw_mul(flux, absorbed_in_media(textures, inside, hit.distance))
+                    if decision >= first_open:
+                        absorbed += flux - left
+                    flux = left
+                if wp.static(linked):
+                    # ---- What the light passes, or does not shine on
+                    link = links[number, surfaces.object_of[hit.triangle]]
+                    takes = surfaces.interaction[surfaces.material_of[hit.triangle]] == DIFFUSE and count > 0
+                    # What throws no shadow is lit all the same, by light that others bend too.
+                    if (link & PASSED) != 0 and ((link & UNLIT) != 0 or not takes):
                         beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
                         if wp.static(extended):
                             columns = transfer_columns(columns, beam.w, hit)
                         start = 0.0
                         continue
-            if tags.shape[0] > 0:
-                path = prolonged(path, tags[hit.triangle])
-            beam = transfer_to(beam, hit, True, wp.static(moves))
-            if wp.static(recording):
-                vertices[i * VERTICES + wp.min(count + 1, VERTICES - 1)] = beam.x
-            if wp.static(extended):
-                columns = transfer_columns(columns, beam.w, hit)
-            material = surfaces.material_of[hit.triangle]
-            interaction = surfaces.interaction[material]
-            if wp.static(partial):
-                share = textures.diffuse_shares[material]
-                if wp.static(mapped):
-                    share = diffuse_share_at(textures, material, hit, beam.dxdu, beam.dxdv)
-                part = take_share(mask, decision, first_open, share, flux, cutoff)
-                flux = part.throughput
-                reported = reported | part.reported
-                if part.reported != 0:
-                    kept = keep_state(states, i, kept, state)
-                culled += part.culled
-                decision += part.decided
-                if part.reflected:
-                    interaction = DIFFUSE
-
-            # ---- A diffuse surface takes it
-            if interaction == DIFFUSE:
-                fate = FATE_DIRECT
-                if count > 0:
-                    fate = FATE_DEPOSITED
-                    out.receiver[i] = surfaces.object_of[hit.triangle]
-                    out.normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
-                    out.receiver_motion[i] = hit.motion
-                    if wp.static(smooth_receivers):
-                        out.incidence[i] = -beam.w / wp.abs(wp.dot(beam.w, hit.n_g))
-                break
-            if bounce == bounces:
-                break
-
-            if wp.static(partial):
-                # The flux that a first specular surface receives, counted by the path that others branch from.
-                if count == 0 and decision >= first_open:
-                    entering = flux
-
-            # ---- Riding on the first specular surface (beyond the paper)
-            if wp.static(riding):
-                if count == 0:
-                    shift = riding_shift(beam.dxdu, beam.dxdv, hit.n_g, hit.motion - beam.dxdt)
-                    beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
-                    beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
-
-            # ---- The light's extent, seen from the first specular surface (beyond the paper)
-            places = FluxOfPlaces()
-            if wp.static(extended):
-                if count == 0:
-                    from_middle = beam.w
-                    beam = from_visible_side(patch, beam)
-                    columns = columns_at(patch, beam, hit.n_g)
-                    if patch.is_place == 1:
-                        off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
-                        beam.w = wp.normalize(beam.w + off)
-                    elif patch.extent_shape >= 0:
-                        places = flux_of_places(patch, beam, columns, hit.n_g, from_middle)
-                        columns.gain = places.gain
-                        flux *= places.mean
-                        emitted *= places.mean
-                        entering *= places.mean
-                        if places.mean <= 0.0:
-                            # No place on the light shines there.
+                    if (link & UNLIT) != 0:
+                        if count == 0:
                             fate = FATE_DIRECT
-                            break
+                        else:
+                            absorbed += flux
+                        flux = wp.vec3(0.0, 0.0, 0.0)
+                        break
+                if wp.static(partial):
+                    # ---- What is not there lets light pass, and is no part of its path
+                    there = transfer_to(beam, hit, True, wp.static(moves))
+                    share = presence_over(surfaces, textures, hit, there.dxdu, there.dxdv)
+                    part = take_share(mask, decision, first_open, share, flux, cutoff)
+                    flux = part.throughput
+                    reported = reported | part.reported
+                    if part.reported != 0:
+                        kept = keep_state(states, i, kept, state)
+                    culled += part.culled
+                    decision += part.decided
+                    if not part.reflected:
+                        beam = passed(there, hit)
+                        if wp.static(extended):
+                            columns = transfer_columns(columns, beam.w, hit)
+                        start = 0.0
+                        continue
 
-            # ---- Reflection or refraction
-            roughness = float(0.0)
-            if wp.static(rough):
-                roughness = textures.roughnesses[material]
-                if wp.static(mapped):
-                    roughness = roughness_at(textures, material, hit, beam.dxdu, beam.dxdv)
-            dielectric = wp.static(refraction)
-            if wp.static(both):
-                dielectric = interaction == DIELECTRIC
-            if wp.static(refraction and not nested):
-                if dielectric:
-                    eta = relative_index(surfaces, hit, beam.w)
-            sheet = bool(False)
-            if wp.static(thin_walls):
-                sheet = dielectric and textures.thin_walls[material] == 1
-                if sheet:
-                    eta = sheet_index(surfaces, material)
-            at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
-            if wp.static(extended):
-                if dielectric:
-                    at.reflectance = mean_reflectance(at, beam.w, columns, places)
-            reflected = True
-            if dielectric:
-                if wp.static(tints):
-                    within = at.side < 0.0
-                    if wp.static(nested):
-                        # That of nested media is taken along the way.
-                        within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
-                    if within:
-                        left = wp.cw_mul(flux, absorbed_within(textures, material, hit.distance))
-                        if decision >= first_open:
-                            absorbed += flux - left
-                        flux = left
-                reflectance = float(at.reflectance)
-                if wp.static(thin_walls):
-                    if sheet:
-                        reflectance = sheet_reflectance(reflectance)
-                branch = take_branch(mask, decision, first_open, reflectance, flux, cutoff)
-                reflected = branch.reflected
-                flux = branch.throughput
-                reported = reported | branch.reported
-                if branch.reported != 0:
-                    # ---- What is reflected goes on from here
-                    other = scatter(beam, hit, at, True, True, wp.static(moves))
-                    others = columns
-                    if wp.static(extended):
-                        others = columns_after(columns, beam.w, other.w, hit, at, True, roughness)
-                    of_branch = path_state(
-                        other, others, emitted, branch.other, shift, prolonged(path, 1), 0.0, inside, decision + 1,
-                        count + 1, bounce + 1,
-                    )  # fmt: skip
-                    kept = keep_state(states, i, kept, of_branch)
-                culled += branch.culled
-                decision += branch.decided
-                if wp.static(tints):
-                    if not reflected:
-                        passing = textures.transmittances[material]
-                        if wp.static(mapped):
-                            passing = transmittance_at(textures, material, hit, beam.dxdu, beam.dxdv)
-                        left = wp.cw_mul(flux, passing)
-                        if decision >= first_open:
-                            absorbed += flux - left
-                        flux = left
-                if bounce >= FIRST_INTERACTIONS and wp.max(flux) < cutoff:
-                    culled += flux
-                    flux = wp.vec3(0.0, 0.0, 0.0)
+                # ---- What another solid displaces is not there (Schmidt & Budge 2002)
+                eta = float(1.0)
+                if wp.static(nested):
+                    beyond = int(inside)
+                    if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
+                        crossing = crossing_at(surfaces, hit, beam.w, inside)
+                        eta = crossing.eta
+                        beyond = crossing.beyond
+                        if crossing.nothing:
+                            inside = beyond
+                            beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
+                            if wp.static(extended):
+                                columns = transfer_columns(columns, beam.w, hit)
+                            start = 0.0
+                            continue
+                if tags.shape[0] > 0:
+                    path = prolonged(path, tags[hit.triangle])
+                beam = transfer_to(beam, hit, True, wp.static(moves))
+                if wp.static(recording):
+                    vertices[i * VERTICES + wp.min(count + 1, VERTICES - 1)] = beam.x
+                if wp.static(extended):
+                    columns = transfer_columns(columns, beam.w, hit)
+                material = surfaces.material_of[hit.triangle]
+                interaction = surfaces.interaction[material]
+                if wp.static(partial):
+                    share = textures.diffuse_shares[material]
+                    if wp.static(mapped):
+                        share = diffuse_share_at(textures, material, hit, beam.dxdu, beam.dxdv)
+                    part = take_share(mask, decision, first_open, share, flux, cutoff)
+                    flux = part.throughput
+                    reported = reported | part.reported
+                    if part.reported != 0:
+                        kept = keep_state(states, i, kept, state)
+                    culled += part.culled
+                    decision += part.decided
+                    if part.reflected:
+                        interaction = DIFFUSE
+
+                # ---- A diffuse surface takes it
+                if interaction == DIFFUSE:
+                    fate = FATE_DIRECT
+                    if count > 0:
+                        fate = FATE_DEPOSITED
+                        out.receiver[i] = surfaces.object_of[hit.triangle]
+                        out.normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+                        out.receiver_motion[i] = hit.motion
+                        if wp.static(smooth_receivers):
+                            out.incidence[i] = -beam.w / wp.abs(wp.dot(beam.w, hit.n_g))
                     break
-            else:
-                tint = surfaces.tint[material]
-                if wp.static(mapped):
-                    tint = mirror_tint(textures, material, hit, tint, beam.dxdu, beam.dxdv)
-                tinted = wp.cw_mul(flux, tint)
-                if decision >= first_open:
-                    absorbed += flux - tinted
-                flux = tinted
-            if wp.static(nested):
-                if not reflected:
-                    inside = beyond
-            path = prolonged(path, int(reflected))
-            start = 0.0
-            count += 1
-            if wp.static(thin_walls):
-                if sheet and not reflected:
-                    beam = passed(beam, hit)
-                    if wp.static(rough):
-                        if roughness > 0.0:
-                            columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], roughness)
-                    continue
-            before = beam.w
-            beam = scatter(beam, hit, at, reflected, True, wp.static(moves))
-            if wp.static(extended):
-                columns = columns_after(columns, before, beam.w, hit, at, reflected, roughness)
+                if bounce == bounces:
+                    break
 
-        if fate == FATE_DEPOSITED:
-            size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
+                if wp.static(partial):
+                    # The flux that a first specular surface receives, counted by the path that others branch from.
+                    if count == 0 and decision >= first_open:
+                        entering = flux
+
+                # ---- Riding on the first specular surface (beyond the paper)
+                if wp.static(riding):
+                    if count == 0:
+                        shift = riding_shift(beam.dxdu, beam.dxdv, hit.n_g, hit.motion - beam.dxdt)
+                        beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
+                        beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
+
+                # ---- The light's extent, seen from the first specular surface (beyond the paper)
+                places = FluxOfPlaces()
+                if wp.static(extended):
+                    if count == 0:
+                        from_middle = beam.w
+                        beam = from_visible_side(patch, beam)
+                        columns = columns_at(patch, beam, hit.n_g)
+                        if patch.is_place == 1:
+                            off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
+                            beam.w = wp.normalize(beam.w + off)
+                        elif patch.extent_shape >= 0:
+                            places = flux_of_places(patch, beam, columns, hit.n_g, from_middle)
+                            columns.gain = places.gain
+                            flux *= places.mean
+                            emitted *= places.mean
+                            entering *= places.mean
+                            if places.mean <= 0.0:
+                                # No place on the light shines there.
+                                fate = FATE_DIRECT
+                                break
+
+                # ---- Reflection or refraction
+                roughness = float(0.0)
+                if wp.static(rough):
+                    roughness = textures.roughnesses[material]
+                    if wp.static(mapped):
+                        roughness = roughness_at(textures, material, hit, beam.dxdu, beam.dxdv)
+                dielectric = wp.static(refraction)
+                if wp.static(both):
+                    dielectric = interaction == DIELECTRIC
+                if wp.static(refraction and not nested):
+                    if dielectric:
+                        eta = relative_index(surfaces, hit, beam.w)
+                sheet = bool(False)
+                if wp.static(thin_walls):
+                    sheet = dielectric and textures.thin_walls[material] == 1
+                    if sheet:
+                        eta = sheet_index(surfaces, material)
+                at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
+                if wp.static(extended):
+                    if dielectric:
+                        at.reflectance = mean_reflectance(at, beam.w, columns, places)
+                reflected = True
+                if dielectric:
+                    if wp.static(tints):
+                        within = at.side < 0.0
+                        if wp.static(nested):
+                            # That of nested media is taken along the way.
+                            within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
+                        if within:
+                            left = wp.cw_mul(flux, absorbed_within(textures, material, hit.distance))
+                            if decision >= first_open:
+                                absorbed += flux - left
+                            flux = left
+                    reflectance = float(at.reflectance)
+                    if wp.static(thin_walls):
+                        if sheet:
+                            reflectance = sheet_reflectance(reflectance)
+                    branch = take_branch(mask, decision, first_open, reflectance, flux, cutoff)
+                    reflected = branch.reflected
+                    flux = branch.throughput
+                    reported = reported | branch.reported
+                    if branch.reported != 0:
+                        # ---- What is reflected goes on from here
+                        other = scatter(beam, hit, at, True, True, wp.static(moves))
+                        others = columns
+                        if wp.static(extended):
+                            others = columns_after(columns, beam.w, other.w, hit, at, True, roughness)
+                        of_branch = path_state(
+                            other, others, emitted, branch.other, shift, prolonged(path, 1), 0.0, inside, decision + 1,
+                            count + 1, bounce + 1,
+                        )  # fmt: skip
+                        kept = keep_state(states, i, kept, of_branch)
+                    culled += branch.culled
+                    decision += branch.decided
+                    if wp.static(tints):
+                        if not reflected:
+                            passing = textures.transmittances[material]
+                            if wp.static(mapped):
+                                passing = transmittance_at(textures, material, hit, beam.dxdu, beam.dxdv)
+                            left = wp.cw_mul(flux, passing)
+                            if decision >= first_open:
+                                absorbed += flux - left
+                            flux = left
+                    if bounce >= FIRST_INTERACTIONS and wp.max(flux) < cutoff:
+                        culled += flux
+                        flux = wp.vec3(0.0, 0.0, 0.0)
+                        break
+                else:
+                    tint = surfaces.tint[material]
+                    if wp.static(mapped):
+                        tint = mirror_tint(textures, material, hit, tint, beam.dxdu, beam.dxdv)
+                    tinted = wp.cw_mul(flux, tint)
+                    if decision >= first_open:
+                        absorbed += flux - tinted
+                    flux = tinted
+                if wp.static(nested):
+                    if not reflected:
+                        inside = beyond
+                path = prolonged(path, int(reflected))
+                start = 0.0
+                count += 1
+                if wp.static(thin_walls):
+                    if sheet and not reflected:
+                        beam = passed(beam, hit)
+                        if wp.static(rough):
+                            if roughness > 0.0:
+                                columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], roughness)
+                        continue
+                before = beam.w
+                beam = scatter(beam, hit, at, reflected, True, wp.static(moves))
+                if wp.static(extended):
+                    columns = columns_after(columns, before, beam.w, hit, at, reflected, roughness)
+
+            if fate == FATE_DEPOSITED:
+                size = (
+                    wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
+                )
+                if wp.static(extended):
+                    size += wp.length_sq(columns.dxda) + wp.length_sq(columns.dxdb)
+                if not wp.isfinite(size):
+                    fate = FATE_NONFINITE
             if wp.static(extended):
-                size += wp.length_sq(columns.dxda) + wp.length_sq(columns.dxdb)
-            if not wp.isfinite(size):
-                fate = FATE_NONFINITE
-        if wp.static(extended):
-            beam.x += centroid_shift(columns)
-        out.position[i] = beam.x
-        out.shift[i] = shift
-        out.dxdu[i] = beam.dxdu
-        out.dxdv[i] = beam.dxdv
-        out.dxdt[i] = beam.dxdt
-        if wp.static(extended):
-            out.dxda[i] = columns.dxda
-            out.dxdb[i] = columns.dxdb
-            out.image[i] = columns.image
-        if wp.static(partial):
-            out.emitted[i] = entering
-        else:
-            out.emitted[i] = emitted
-        out.flux[i] = flux
-        out.absorbed[i] = absorbed
-        out.culled[i] = culled
-        out.emission[i] = coordinates
-        out.bounces[i] = count
-        out.path[i] = path
-        out.share[i] = wp.max(flux) / wp.max(wp.max(emitted), 1.0e-30)
-        out.fate[i] = fate
-        out.reported[i] = reported
-        out.retried[i] = retried
+                beam.x += centroid_shift(columns)
+            out.position[i] = beam.x
+            out.shift[i] = shift
+            out.dxdu[i] = beam.dxdu
+            out.dxdv[i] = beam.dxdv
+            out.dxdt[i] = beam.dxdt
+            if wp.static(extended):
+                out.dxda[i] = columns.dxda
+                out.dxdb[i] = columns.dxdb
+                out.image[i] = columns.image
+            if wp.static(partial):
+                out.emitted[i] = entering
+            else:
+                out.emitted[i] = emitted
+            out.flux[i] = flux
+            out.absorbed[i] = absorbed
+            out.culled[i] = culled
+            out.emission[i] = coordinates
+            out.bounces[i] = count
+            out.path[i] = path
+            out.share[i] = wp.max(flux) / wp.max(wp.max(emitted), 1.0e-30)
+            out.fate[i] = fate
+            out.reported[i] = reported
+            out.retried[i] = retried
 
     return trace_photons
 
@@ -648,7 +652,7 @@ def trace_photons(
                 inputs += [launcher.array(paths.cells, wp.int32), launcher.array(paths.masks, wp.int32)]
                 inputs += [offsets, device_tags, own, launcher.array(paths.sources, wp.int32)]
                 inputs += [paths.kept.states, paths.kept.vertices, requirements.bounces, smallest_branch, seed]
-                launcher(kernel, count, [*inputs, traced.arrays, kept.states, kept.vertices])
+                launcher(kernel, count, [*inputs, traced.arrays, kept.states, kept.vertices], in_turn=True)
                 out = traced.columns(count)
                 fate = out["fate"]
                 # Of surfaces that are there in part, more than one path may be the first to meet what is specular.

@@ -14,6 +14,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import Beam, interface_at, passed, relative_index, scatter, transfer_to
@@ -159,9 +160,10 @@ def visible_kernel(
     arrives = share_that_arrives(linked, partial)
     from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
     def see(
         base: int,
+        in_turn: int,
         # Scene
         surfaces: Surfaces,
         lights: LightArrays,
@@ -187,312 +189,314 @@ def visible_kernel(
         out: VisibleArrays,
         states: wp.array(dtype=ViewState),
     ):
-        tid = base + wp.tid()
-        i = rows[tid]
+        first_tid = base + wp.tid() * in_turn
+        for tid in range(first_tid, first_tid + in_turn):
+            i = rows[tid]
 
-        item = items[tid]
-        mask = masks[tid]
-        first_open = first_open_decision(mask)
-        reported = int(0)
-        kept = int(0)
-        branch_of = int(-1)
-        if wp.static(branches):
-            if sources.shape[0] > 0:
-                branch_of = sources[tid]
-        beam = Beam()
-        throughput = wp.vec3(1.0, 1.0, 1.0)
-        stream = wp.rand_init(7919, item)
-        start = float(0.0)
-        end = float(FAR)
-        passed_by = float(0.0)
-        travelled = float(0.0)
-        depth_scale = float(0.0)
-        straight = bool(True)
-        inside = int(0)
-        decision = int(0)
-        first_bounce = int(0)
-        flags = int(0)
-        queries.receiver[i] = -1
-        out.first_depth[i] = -1.0
-        if wp.static(named):
-            out.first_triangle[i] = -1
-        if branch_of >= 0:
-            # ---- It branches from another path
-            resumed = states_before[branch_of]
-            beam = resumed.beam
-            throughput = resumed.throughput
-            stream = resumed.stream
-            start = resumed.start
-            end = resumed.end
-            passed_by = resumed.passed_by
-            travelled = resumed.travelled
-            depth_scale = resumed.depth_scale
-            out.first_depth[i] = resumed.depth
-            inside = resumed.inside
-            decision = resumed.decision
-            first_bounce = resumed.bounce
-            flags = resumed.flags
-        else:
-            # ---- The camera's ray
-            beam = camera_ray(camera, films[item], surfaces.time)
-            if wp.static(lens):
-                chance = wp.rand_init(int(OF_LENS), item)
-                radius = wp.sqrt(wp.randf(chance))
-                beam = through_lens(camera, beam, surfaces.time, radius, TURN * wp.randf(chance))
-            depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
-            # The origin lies in what is specular: an eye close to it looks at what may be tiny beside the scene.
-            closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
-            beam.magnitude = wp.min(surfaces.magnitude, wp.vec3(closeness, closeness, closeness))
-            start = camera.near / depth_scale
-            end = camera.far / depth_scale
-            if wp.static(clipped):
-                between = kept_by_planes(camera, beam.x, beam.w, surfaces.time, start, end)
-                start = between[0]
-                end = between[1]
-            if wp.static(nested):
-                inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
+            item = items[tid]
+            mask = masks[tid]
+            first_open = first_open_decision(mask)
+            reported = int(0)
+            kept = int(0)
+            branch_of = int(-1)
+            if wp.static(branches):
+                if sources.shape[0] > 0:
+                    branch_of = sources[tid]
+            beam = Beam()
+            throughput = wp.vec3(1.0, 1.0, 1.0)
+            stream = wp.rand_init(7919, item)
+            start = float(0.0)
+            end = float(FAR)
+            passed_by = float(0.0)
+            travelled = float(0.0)
+            depth_scale = float(0.0)
+            straight = bool(True)
+            inside = int(0)
+            decision = int(0)
+            first_bounce = int(0)
+            flags = int(0)
+            queries.receiver[i] = -1
+            out.first_depth[i] = -1.0
+            if wp.static(named):
+                out.first_triangle[i] = -1
+            if branch_of >= 0:
+                # ---- It branches from another path
+                resumed = states_before[branch_of]
+                beam = resumed.beam
+                throughput = resumed.throughput
+                stream = resumed.stream
+                start = resumed.start
+                end = resumed.end
+                passed_by = resumed.passed_by
+                travelled = resumed.travelled
+                depth_scale = resumed.depth_scale
+                out.first_depth[i] = resumed.depth
+                inside = resumed.inside
+                decision = resumed.decision
+                first_bounce = resumed.bounce
+                flags = resumed.flags
+            else:
+                # ---- The camera's ray
+                beam = camera_ray(camera, films[item], surfaces.time)
+                if wp.static(lens):
+                    chance = wp.rand_init(int(OF_LENS), item)
+                    radius = wp.sqrt(wp.randf(chance))
+                    beam = through_lens(camera, beam, surfaces.time, radius, TURN * wp.randf(chance))
+                depth_scale = -wp.dot(beam.w, wp.normalize(camera.back + surfaces.time * camera.back_motion))
+                # The origin lies in what is specular: an eye close to it looks at what may be tiny beside the scene.
+                closeness = wp.max(wp.abs(beam.x)) + 1.0e-9
+                beam.magnitude = wp.min(surfaces.magnitude, wp.vec3(closeness, closeness, closeness))
+                start = camera.near / depth_scale
+                end = camera.far / depth_scale
+                if wp.static(clipped):
+                    between = kept_by_planes(camera, beam.x, beam.w, surfaces.time, start, end)
+                    start = between[0]
+                    end = between[1]
+                if wp.static(nested):
+                    inside = media_at(surfaces, along(beam.x, beam.w, start), beam.w)
 
-        for bounce in range(first_bounce, bounces + 1):
-            if wp.static(clipped):
-                if end <= start:
+            for bounce in range(first_bounce, bounces + 1):
+                if wp.static(clipped):
+                    if end <= start:
+                        if wp.static(domed):
+                            out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
+                        break
+                if wp.static(partial):
+                    # ---- Where another share of the surface acts, a path begins here
+                    state = view_state(
+                        beam, throughput, stream, start, end, passed_by, travelled, depth_scale, out.first_depth[i],
+                        inside, decision, bounce, flags & MET_MOTION,
+                    )  # fmt: skip
+                # ---- Transfer to the next surface
+                hit = closest_hit(
+                    surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, end, wp.static(moves), stream
+                )
+                if hit.triangle < 0:
                     if wp.static(domed):
                         out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
+                    if wp.static(partial):
+                        if straight and branch_of < 0:
+                            out.weight[i] = throughput
                     break
-            if wp.static(partial):
-                # ---- Where another share of the surface acts, a path begins here
-                state = view_state(
-                    beam, throughput, stream, start, end, passed_by, travelled, depth_scale, out.first_depth[i],
-                    inside, decision, bounce, flags & MET_MOTION,
-                )  # fmt: skip
-            # ---- Transfer to the next surface
-            hit = closest_hit(
-                surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, end, wp.static(moves), stream
-            )
-            if hit.triangle < 0:
-                if wp.static(domed):
-                    out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
+                across = wp.vec3(0.0, 0.0, 0.0)
+                down = wp.vec3(0.0, 0.0, 0.0)
+                if wp.static(placed):
+                    # What a sample stands for is taken to be as wide as it would be without what bent its ray.
+                    travelled += hit.distance
+                    width = sample_side
+                    if camera.orthographic == 0:
+                        width *= travelled * depth_scale
+                    across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
+                    down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
+                if wp.static(nested and tinted):
+                    throughput = wp.cw_mul(throughput, absorbed_in_media(textures, inside, hit.distance))
                 if wp.static(partial):
-                    if straight and branch_of < 0:
-                        out.weight[i] = throughput
-                break
-            across = wp.vec3(0.0, 0.0, 0.0)
-            down = wp.vec3(0.0, 0.0, 0.0)
-            if wp.static(placed):
-                # What a sample stands for is taken to be as wide as it would be without what bent its ray.
-                travelled += hit.distance
-                width = sample_side
-                if camera.orthographic == 0:
-                    width *= travelled * depth_scale
-                across = on_plane(width * camera.pixel[0] * camera.right, beam.w, hit.n_g)
-                down = on_plane(width * camera.pixel[1] * camera.up, beam.w, hit.n_g)
-            if wp.static(nested and tinted):
-                throughput = wp.cw_mul(throughput, absorbed_in_media(textures, inside, hit.distance))
-            if wp.static(partial):
-                # ---- What is not there is seen through
-                share = presence_over(surfaces, textures, hit, across, down)
-                part = take_share(mask, decision, first_open, share, throughput, smallest_throughput)
-                throughput = part.throughput
-                reported = reported | part.reported
-                if part.reported != 0:
-                    kept = keep_state(states, tid, kept, state)
-                decision += part.decided
-                if part.decided == 1 and out.first_depth[i] < 0.0:
-                    out.first_position[i] = hit.position
-                    out.first_normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
-                    out.first_depth[i] = (passed_by + hit.distance) * depth_scale
-                    if wp.static(named):
-                        out.first_triangle[i] = hit.triangle
-                if not part.reflected:
-                    passed_by += hit.distance
-                    beam = passed(transfer_to(beam, hit, False, wp.static(moves)), hit)
-                    start = 0.0
-                    end = FAR
-                    continue
-            # ---- What another solid displaces is not there
-            eta = float(1.0)
-            if wp.static(nested):
-                beyond = int(inside)
-                if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
-                    crossing = crossing_at(surfaces, hit, beam.w, inside)
-                    eta = crossing.eta
-                    beyond = crossing.beyond
-                    if crossing.nothing:
-                        inside = beyond
+                    # ---- What is not there is seen through
+                    share = presence_over(surfaces, textures, hit, across, down)
+                    part = take_share(mask, decision, first_open, share, throughput, smallest_throughput)
+                    throughput = part.throughput
+                    reported = reported | part.reported
+                    if part.reported != 0:
+                        kept = keep_state(states, tid, kept, state)
+                    decision += part.decided
+                    if part.decided == 1 and out.first_depth[i] < 0.0:
+                        out.first_position[i] = hit.position
+                        out.first_normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+                        out.first_depth[i] = (passed_by + hit.distance) * depth_scale
+                        if wp.static(named):
+                            out.first_triangle[i] = hit.triangle
+                    if not part.reflected:
                         passed_by += hit.distance
                         beam = passed(transfer_to(beam, hit, False, wp.static(moves)), hit)
                         start = 0.0
                         end = FAR
                         continue
-            beam = transfer_to(beam, hit, False, wp.static(moves))
-            if wp.static(moves):
-                if wp.length_sq(hit.motion) > 0.0:
-                    flags = flags | MET_MOTION
-            n_g = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
-            first = bounce == 0
-            if wp.static(nested or partial):
-                # Before it, there may have been surfaces that are not there.
-                first = out.first_depth[i] < 0.0
-            if first:
-                out.first_position[i] = beam.x
-                out.first_normal[i] = faced_normal(surfaces, hit, n_g, wp.static(moves))
-                if wp.static(named):
-                    out.first_triangle[i] = hit.triangle
-                depth = hit.distance
-                if wp.static(nested or partial):
-                    depth += passed_by
-                out.first_depth[i] = depth * depth_scale
-            material = surfaces.material_of[hit.triangle]
-            interaction = surfaces.interaction[material]
-            if wp.static(partial):
-                diffuse = textures.diffuse_shares[material]
-                if wp.static(mapped):
-                    diffuse = diffuse_share_at(textures, material, hit, across, down)
-                part = take_share(mask, decision, first_open, diffuse, throughput, smallest_throughput)
-                throughput = part.throughput
-                reported = reported | part.reported
-                if part.reported != 0:
-                    kept = keep_state(states, tid, kept, state)
-                decision += part.decided
-                if part.reflected:
-                    interaction = DIFFUSE
-
-            # ---- A diffuse surface ends the path: direct light, and a query for the photons'
-            if interaction == DIFFUSE:
-                n = faced_normal(surfaces, hit, n_g, wp.static(moves))
-                albedo = diffuse_color(surfaces, hit)
-                if wp.static(textured):
-                    albedo = textured_color(textures, material, hit, albedo, across, down)
-                    if wp.static(normal_maps):
-                        n = mapped_normal(textures, material, hit, n, across, down)
-                weight = wp.cw_mul(throughput, albedo) * INV_PI
-                irradiance = from_points(
-                    surfaces, textures, lights, beam.x, n, n_g, hit.offset * n_g, surfaces.object_of[hit.triangle]
-                )
-                if wp.static(extended):
-                    irradiance += from_areas(
-                        surfaces, textures, area_lights, beam.x, n, n_g, hit.offset * n_g, place_for(films[item]),
-                        surfaces.object_of[hit.triangle],
-                    )  # fmt: skip
-                if wp.static(domed):
-                    # Neighbours in the image choose other parts of the dome.
-                    scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
-                    place = scattered - wp.floor(scattered)
-                    irradiance += dome_irradiance(
-                        surfaces, textures, wp.static(partial), domes, beam.x, n, n_g, hit.offset * n_g, place
-                    )
-                if wp.static(named):
-                    out.albedo[i] = albedo
-                    out.triangle[i] = hit.triangle
-                out.weight[i] = weight
-                out.direct[i] = wp.cw_mul(weight, irradiance)
-                if wp.static(emission):
-                    shining = textures.emissions[material]
-                    if wp.static(textured):
-                        shining = emission_at(textures, material, hit, across, down)
-                    out.direct[i] += wp.cw_mul(throughput, shining)
-                queries.receiver[i] = surfaces.object_of[hit.triangle]
-                queries.normal[i] = n_g
-                if wp.static(smooth_receivers):
-                    queries.shading_normal[i] = n
-                queries.position[i] = beam.x
-                if wp.static(moves):
-                    speed = wp.length(segments * beam.dxdt)
-                    if not wp.isfinite(speed):
-                        flags = flags | NOT_FINITE
-                    elif speed > FASTEST_QUERY:
-                        flags = flags | TOO_FAST
-                    queries.motion[i] = query_motion(segments * beam.dxdt)
-                break
-
-            # ---- Reflection or refraction
-            if wp.static(specular):
-                if bounce == bounces:
-                    break
-                straight = False
-                dielectric = wp.static(refraction)
-                if wp.static(both):
-                    dielectric = interaction == DIELECTRIC
-                if wp.static(refraction and not nested):
-                    if dielectric:
-                        eta = relative_index(surfaces, hit, beam.w)
-                sheet = bool(False)
-                if wp.static(thin_walls):
-                    sheet = dielectric and textures.thin_walls[material] == 1
-                    if sheet:
-                        eta = sheet_index(surfaces, material)
-                at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
-                u = float(0.0)
-                v = float(0.0)
-                roughness = float(0.0)
-                if wp.static(rough):
-                    u = wp.randf(stream)
-                    v = wp.randf(stream)
-                    roughness = textures.roughnesses[material]
-                    if wp.static(mapped):
-                        roughness = roughness_at(textures, material, hit, across, down)
-                    if roughness > 0.0:
-                        at = facet(at, hit, beam.w, dielectric, roughness, u, v)
-                reflected = True
-                if dielectric:
-                    if wp.static(tinted):
-                        within = at.side < 0.0
-                        if wp.static(nested):
-                            # That of nested media is taken along the way.
-                            within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
-                        if within:
-                            throughput = wp.cw_mul(throughput, absorbed_within(textures, material, hit.distance))
-                    reflectance = float(at.reflectance)
-                    if wp.static(thin_walls):
-                        if sheet:
-                            reflectance = sheet_reflectance(reflectance)
-                    branch = take_branch(mask, decision, first_open, reflectance, throughput, smallest_throughput)
-                    reflected = branch.reflected
-                    throughput = branch.throughput
-                    if reflected and branch.decided != 0:
-                        throughput *= float(samples_served(throughput, samples))
-                    if not reflected:
-                        if not sheet:
-                            throughput = throughput * wp.pow(at.eta, radiance_power)
-                        if wp.static(tinted):
-                            passing = textures.transmittances[material]
-                            if wp.static(mapped):
-                                passing = transmittance_at(textures, material, hit, across, down)
-                            throughput = wp.cw_mul(throughput, passing)
-                    if branch.reported != 0:
-                        served = samples_served(branch.other, samples)
-                        if follows(films[item], item % samples, mask | branch.reported, served):
-                            reported = reported | branch.reported
-                            # ---- What is reflected goes on from here
-                            other = scatter(beam, hit, at, True, False, wp.static(moves))
-                            of_branch = view_state(
-                                other, float(served) * branch.other, stream, 0.0, FAR, passed_by, travelled,
-                                depth_scale, out.first_depth[i], inside, decision + 1, bounce + 1, flags & MET_MOTION,
-                            )  # fmt: skip
-                            kept = keep_state(states, tid, kept, of_branch)
-                    if wp.max(branch.culled) > 0.0:
-                        flags = flags | CULLED
-                    decision += branch.decided
-                else:
-                    tint = surfaces.tint[material]
-                    if wp.static(mapped):
-                        tint = mirror_tint(textures, material, hit, tint, across, down)
-                    throughput = wp.cw_mul(throughput, tint)
+                # ---- What another solid displaces is not there
+                eta = float(1.0)
                 if wp.static(nested):
-                    if not reflected:
-                        inside = beyond
-                start = 0.0
-                end = FAR
-                if sheet and not reflected:
-                    beam = passed(beam, hit)
-                    if wp.static(rough):
-                        beam.w = behind_sheet(beam.w, surfaces.ior[material], roughness, u, v)
-                else:
-                    beam = scatter(beam, hit, at, reflected, False, wp.static(moves))
-            else:
-                break
+                    beyond = int(inside)
+                    if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
+                        crossing = crossing_at(surfaces, hit, beam.w, inside)
+                        eta = crossing.eta
+                        beyond = crossing.beyond
+                        if crossing.nothing:
+                            inside = beyond
+                            passed_by += hit.distance
+                            beam = passed(transfer_to(beam, hit, False, wp.static(moves)), hit)
+                            start = 0.0
+                            end = FAR
+                            continue
+                beam = transfer_to(beam, hit, False, wp.static(moves))
+                if wp.static(moves):
+                    if wp.length_sq(hit.motion) > 0.0:
+                        flags = flags | MET_MOTION
+                n_g = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+                first = bounce == 0
+                if wp.static(nested or partial):
+                    # Before it, there may have been surfaces that are not there.
+                    first = out.first_depth[i] < 0.0
+                if first:
+                    out.first_position[i] = beam.x
+                    out.first_normal[i] = faced_normal(surfaces, hit, n_g, wp.static(moves))
+                    if wp.static(named):
+                        out.first_triangle[i] = hit.triangle
+                    depth = hit.distance
+                    if wp.static(nested or partial):
+                        depth += passed_by
+                    out.first_depth[i] = depth * depth_scale
+                material = surfaces.material_of[hit.triangle]
+                interaction = surfaces.interaction[material]
+                if wp.static(partial):
+                    diffuse = textures.diffuse_shares[material]
+                    if wp.static(mapped):
+                        diffuse = diffuse_share_at(textures, material, hit, across, down)
+                    part = take_share(mask, decision, first_open, diffuse, throughput, smallest_throughput)
+                    throughput = part.throughput
+                    reported = reported | part.reported
+                    if part.reported != 0:
+                        kept = keep_state(states, tid, kept, state)
+                    decision += part.decided
+                    if part.reflected:
+                        interaction = DIFFUSE
 
-        out.reported[i] = reported
-        out.flags[i] = flags
+                # ---- A diffuse surface ends the path: direct light, and a query for the photons'
+                if interaction == DIFFUSE:
+                    n = faced_normal(surfaces, hit, n_g, wp.static(moves))
+                    albedo = diffuse_color(surfaces, hit)
+                    if wp.static(textured):
+                        albedo = textured_color(textures, material, hit, albedo, across, down)
+                        if wp.static(normal_maps):
+                            n = mapped_normal(textures, material, hit, n, across, down)
+                    weight = wp.cw_mul(throughput, albedo) * INV_PI
+                    irradiance = from_points(
+                        surfaces, textures, lights, beam.x, n, n_g, hit.offset * n_g, surfaces.object_of[hit.triangle]
+                    )
+                    if wp.static(extended):
+                        irradiance += from_areas(
+                            surfaces, textures, area_lights, beam.x, n, n_g, hit.offset * n_g, place_for(films[item]),
+                            surfaces.object_of[hit.triangle],
+                        )  # fmt: skip
+                    if wp.static(domed):
+                        # Neighbours in the image choose other parts of the dome.
+                        scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
+                        place = scattered - wp.floor(scattered)
+                        irradiance += dome_irradiance(
+                            surfaces, textures, wp.static(partial), domes, beam.x, n, n_g, hit.offset * n_g, place
+                        )
+                    if wp.static(named):
+                        out.albedo[i] = albedo
+                        out.triangle[i] = hit.triangle
+                    out.weight[i] = weight
+                    out.direct[i] = wp.cw_mul(weight, irradiance)
+                    if wp.static(emission):
+                        shining = textures.emissions[material]
+                        if wp.static(textured):
+                            shining = emission_at(textures, material, hit, across, down)
+                        out.direct[i] += wp.cw_mul(throughput, shining)
+                    queries.receiver[i] = surfaces.object_of[hit.triangle]
+                    queries.normal[i] = n_g
+                    if wp.static(smooth_receivers):
+                        queries.shading_normal[i] = n
+                    queries.position[i] = beam.x
+                    if wp.static(moves):
+                        speed = wp.length(segments * beam.dxdt)
+                        if not wp.isfinite(speed):
+                            flags = flags | NOT_FINITE
+                        elif speed > FASTEST_QUERY:
+                            flags = flags | TOO_FAST
+                        queries.motion[i] = query_motion(segments * beam.dxdt)
+                    break
+
+                # ---- Reflection or refraction
+                if wp.static(specular):
+                    if bounce == bounces:
+                        break
+                    straight = False
+                    dielectric = wp.static(refraction)
+                    if wp.static(both):
+                        dielectric = interaction == DIELECTRIC
+                    if wp.static(refraction and not nested):
+                        if dielectric:
+                            eta = relative_index(surfaces, hit, beam.w)
+                    sheet = bool(False)
+                    if wp.static(thin_walls):
+                        sheet = dielectric and textures.thin_walls[material] == 1
+                        if sheet:
+                            eta = sheet_index(surfaces, material)
+                    at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
+                    u = float(0.0)
+                    v = float(0.0)
+                    roughness = float(0.0)
+                    if wp.static(rough):
+                        u = wp.randf(stream)
+                        v = wp.randf(stream)
+                        roughness = textures.roughnesses[material]
+                        if wp.static(mapped):
+                            roughness = roughness_at(textures, material, hit, across, down)
+                        if roughness > 0.0:
+                            at = facet(at, hit, beam.w, dielectric, roughness, u, v)
+                    reflected = True
+                    if dielectric:
+                        if wp.static(tinted):
+                            within = at.side < 0.0
+                            if wp.static(nested):
+                                # That of nested media is taken along the way.
+                                within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
+                            if within:
+                                throughput = wp.cw_mul(throughput, absorbed_within(textures, material, hit.distance))
+                        reflectance = float(at.reflectance)
+                        if wp.static(thin_walls):
+                            if sheet:
+                                reflectance = sheet_reflectance(reflectance)
+                        branch = take_branch(mask, decision, first_open, reflectance, throughput, smallest_throughput)
+                        reflected = branch.reflected
+                        throughput = branch.throughput
+                        if reflected and branch.decided != 0:
+                            throughput *= float(samples_served(throughput, samples))
+                        if not reflected:
+                            if not sheet:
+                                throughput = throughput * wp.pow(at.eta, radiance_power)
+                            if wp.static(tinted):
+                                passing = textures.transmittances[material]
+                                if wp.static(mapped):
+                                    passing = transmittance_at(textures, material, hit, across, down)
+                                throughput = wp.cw_mul(throughput, passing)
+                        if branch.reported != 0:
+                            served = samples_served(branch.other, samples)
+                            if follows(films[item], item % samples, mask | branch.reported, served):
+                                reported = reported | branch.reported
+                                # ---- What is reflected goes on from here
+                                other = scatter(beam, hit, at, True, False, wp.static(moves))
+                                of_branch = view_state(
+                                    other, float(served) * branch.other, stream, 0.0, FAR, passed_by, travelled,
+                                    depth_scale, out.first_depth[i], inside, decision + 1, bounce + 1,
+                                    flags & MET_MOTION,
+                                )  # fmt: skip
+                                kept = keep_state(states, tid, kept, of_branch)
+                        if wp.max(branch.culled) > 0.0:
+                            flags = flags | CULLED
+                        decision += branch.decided
+                    else:
+                        tint = surfaces.tint[material]
+                        if wp.static(mapped):
+                            tint = mirror_tint(textures, material, hit, tint, across, down)
+                        throughput = wp.cw_mul(throughput, tint)
+                    if wp.static(nested):
+                        if not reflected:
+                            inside = beyond
+                    start = 0.0
+                    end = FAR
+                    if sheet and not reflected:
+                        beam = passed(beam, hit)
+                        if wp.static(rough):
+                            beam.w = behind_sheet(beam.w, surfaces.ior[material], roughness, u, v)
+                    else:
+                        beam = scatter(beam, hit, at, reflected, False, wp.static(moves))
+                else:
+                    break
+
+            out.reported[i] = reported
+            out.flags[i] = flags
 
     return see
 
@@ -609,7 +613,8 @@ def visible_points(
         lit = [surfaces, lights, area_lights, camera]
         scene = [*lit, textures or TextureArrays(), domes or DomeArrays(), films]
         limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
-        launcher(kernel, len(items), [*scene, *paths, *limits, samples**-0.5, samples, out.queries, out.arrays, kept])
+        inputs = [*scene, *paths, *limits, samples**-0.5, samples, out.queries, out.arrays, kept]
+        launcher(kernel, len(items), inputs, in_turn=True)
         if out.surfaces is not None:
             found = out.queries, out.arrays, device_rows
             find_surfaces(*lit, *found, aovs, launcher, moves, segments, out.surfaces)

@@ -221,9 +221,7 @@ def occluded(surfaces: Surfaces, x: wp.vec3, w: wp.vec3, offset: wp.vec3, distan
     the ray starts anew from farther off. Asking beforehand whether it meets anything costs as much and saves nothing.
     """
     offset_length = wp.length(offset)
-    if offset_length == 0.0:
-        return first_met(surfaces.tree, x, w, distance).triangle >= 0
-    side = offset / offset_length
+    side = wp.normalize(offset)
     farther = float(1.0)
     for _attempt in range(MOST_ATTEMPTS):
         met = first_met(surfaces.tree, x + farther * offset, w, distance)

@@ -1,0 +1,30 @@
+"""Options of kernels that LLVM compiles well only when told how."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+# Loops of more steps are not unrolled before vector instructions are made of them: those over lanes, of which LLVM
+# finds few again once they are sixteen lines.
+MOST_UNROLLED = 4
+# Functions of up to so many instructions, as LLVM weighs them, become part of those that call them. Chosen by
+# measurement: with twenty times as many nothing is faster.
+LARGEST_INLINED = 5000
+
+
+def lanes_in_vectors() -> dict[str, Any]:
+    """Of modules whose kernels work on lanes: it makes up for how Warp writes its vectors as loops."""
+    return _with_flags(f"-unroll-full-max-count={MOST_UNROLLED}")
+
+
+def calls_inlined() -> dict[str, Any]:
+    """Of modules whose functions take large structures: Warp passes them by value, and to copy one takes longer than
+    a ray."""
+    return _with_flags(f"-inline-threshold={LARGEST_INLINED}")
+
+
+def _with_flags(*flags: str) -> dict[str, Any]:
+    given = "-march=native" if wp.config.cpu_compiler_flags is None else wp.config.cpu_compiler_flags
+    return {"cpu_compiler_flags": " ".join([given, *(f"-mllvm={flag}" for flag in flags)])}
