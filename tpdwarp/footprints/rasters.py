@@ -210,13 +210,20 @@ def interpolated(rasters: RasterArrays, plane: int, level: int, place: wp.vec2) 
     first = corner_below(place, side)
     along_u = cubic_weights(place[0] / side - float(first[0] + 1))
     along_v = cubic_weights(place[1] / side - float(first[1] + 1))
+    # Tiles, and places within them, are sums of one number for each column and one for each row.
+    tile_of_column = wp.vec4i()
+    place_of_column = wp.vec4i()
+    for u in range(STENCIL):
+        tile_of_column[u] = tile_of(rasters, plane, level, first[0] + u, 0)
+        place_of_column[u] = within_tile(first[0] + u, 0)
     total = wp.vec3()
-    for corner in range(STENCIL * STENCIL):
-        u = corner % STENCIL
-        v = corner // STENCIL
-        slot = rasters.slots[tile_of(rasters, plane, level, first[0] + u, first[1] + v)]
-        value = rasters.values[slot * TILE_U * TILE_V + within_tile(first[0] + u, first[1] + v)]
-        total += (along_u[u] * along_v[v]) * value
+    for v in range(STENCIL):
+        down = tile_of(rasters, plane, level, 0, first[1] + v) - tile_of(rasters, plane, level, 0, 0)
+        place_of_row = within_tile(0, first[1] + v)
+        for u in range(STENCIL):
+            slot = rasters.slots[tile_of_column[u] + down]
+            value = rasters.values[slot * TILE_U * TILE_V + place_of_column[u] + place_of_row]
+            total += (along_u[u] * along_v[v]) * value
     return wp.max(total, wp.vec3(0.0, 0.0, 0.0))
 
 
