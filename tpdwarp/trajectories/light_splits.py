@@ -103,9 +103,9 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     from_rim_alone = []
     for place in RIM:
         rim, _ = tracer.trace(loaded, plan, clock, tags=tags, place=place)
-        e, same = _missed(middle, rim, place)
+        e, same, part = _missed(middle, rim, place)
         missed += np.where(same, e**2, 0.0) / len(RIM)
-        changed += ~same / len(RIM)
+        changed += np.where(same, np.minimum(np.abs(part - 1.0), 1.0), 1.0) / len(RIM)
         from_rim_alone.append(_with_image(rim.rows(~np.isin(rim.ids, middle.ids))))
     # Where the rim by itself lights more than the middle does, as behind a prism that reflects all that comes straight,
     # what the middle does not light counts, as wrong as what the rim does not.
@@ -153,15 +153,19 @@ def _squares(photons: PhotonMap, side: float) -> np.ndarray:
     return squares / squares.sum()
 
 
-def _missed(middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """How far from where first order has them photons from a place on the light land, and whether on the same path."""
+def _missed(
+    middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How far from where first order has them photons from a place on the light land, whether on the same path, and
+    with which part of the flux: all of it, but for what shapes the light."""
     order = np.argsort(rim.ids)
     at = order[np.searchsorted(rim.ids[order], middle.ids).clip(max=len(order) - 1)] if len(order) else None
     if at is None:
-        return np.zeros(len(middle)), np.zeros(len(middle), bool)
+        return np.zeros(len(middle)), np.zeros(len(middle), bool), np.ones(len(middle))
     same = (rim.ids[at] == middle.ids) & (rim.path[at] == middle.path) & (rim.receiver[at] == middle.receiver)
     expected = middle.position + place[0] * middle.dxda + place[1] * middle.dxdb
-    return lengths(rim.position[at] - expected), same
+    part = rim.flux[at].sum(axis=1, dtype=np.float64) / middle.flux.sum(axis=1, dtype=np.float64)
+    return lengths(rim.position[at] - expected), same, part
 
 
 def _length(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
