@@ -3,8 +3,8 @@
 Light from the place (a, b) on a light lands x(a, b); a footprint takes x + a D_a x + b D_b x for it. What that misses
 goes with the square of (a, b), so that N parts, 1/√N as wide each, miss 1/N of it. Where irradiance changes over a
 length L, a miss e errs by e/L of the light; L is no less than what the light's image itself is across. Light that takes
-another path from the rim of the light than from its middle errs by a part of itself, in a band that is 1/√N as wide; so does
-light of which a cone leaves more or less from the rim than from the middle.
+another path from the rim of the light than from its middle errs by a part of itself, in a band that is 1/√N as wide; so
+does light of which a cone leaves more or less from the rim than from the middle.
 N parts share the photons, so that what footprints h wide blur, h²/(8L²), grows by N; that they interleave makes them
 narrower (:func:`tpdwarp.scene.light_places.narrowing_of`), by N^¼ of that. The pieces of a round light are rectangles,
 which leave the part M(N) of it out and cover as much twice, half a piece aside; that is seen where footprints are finer
@@ -13,8 +13,8 @@ than the light's image, i wide. Together, up to a factor:
     e/(2 L N) + c/√N + h² N^¾/(8 L²) + M i²/(2 √N L²)
 
 as root mean squares over the photons of a coarse trace, weighted by the irradiance where they lie, as errors of
-pictures are. Photons from the rim are traced from the point of the
-first surface at which those from the middle meet it, so that each has its own e.
+pictures are. Photons from the rim are traced from the point of the first surface at which those from the middle meet
+it, so that each has its own e.
 
 Of lights that something specular cuts, some places shine on its other side, which no photon from the middle tells: they
 have as many parts as there may be.
