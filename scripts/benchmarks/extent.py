@@ -308,21 +308,33 @@ def _measured(name: str, case: Case, cost: bool) -> dict[str, object]:
     ratios = [one / other for one, other in zip(seconds["extent"], seconds["bare"], strict=True)]
     of_frame = median(seconds["extent"])
     row |= {"cpu_seconds": of_frame, "cpu_ratio": median(ratios)}
-    best, worst = math.inf, 0.0
-    points = sorted((count * photons, count, photons) for count in POINT_PLACES for photons in POINT_PHOTONS)
-    for _, count, photons in points if cost else ():
-        if worst > MOST_RATIO * of_frame:
-            break
-        start = time.process_time()
-        found = _irradiance(stage, case, places=count, photons=photons)
-        spent = time.process_time() - start
-        worst = max(worst, spent)
-        if error(found) <= row["relative_rmse"]:
-            best = min(best, spent)
-            break
+    best, worst = 0.0, 0.0
+    if cost:
+        best, worst = _seconds_of_points(stage, case, error, row["relative_rmse"], MOST_RATIO * of_frame)
     row["points_at_least"] = not math.isfinite(best)
     row["points_ratio"] = (best if math.isfinite(best) else worst) / of_frame
     return row
+
+
+def _seconds_of_points(
+    stage: tpdwarp.Scene, case: Case, error: Callable[[np.ndarray], float], wanted: float, most: float
+) -> tuple[float, float]:
+    """The least CPU time of points that err by no more than ``wanted``, of all that are tried, and the most tried.
+
+    For each number of places, photons are doubled until that is reached, or takes longer than the best, or ``most``.
+    """
+    best, worst = math.inf, 0.0
+    for count in POINT_PLACES:
+        for photons in POINT_PHOTONS:
+            start = time.process_time()
+            found = _irradiance(stage, case, places=count, photons=photons)
+            spent = time.process_time() - start
+            worst = max(worst, spent)
+            if error(found) <= wanted:
+                best = min(best, spent)
+            if spent >= min(best, most):
+                break
+    return best, worst
 
 
 def _stages(case: Case) -> tuple[Usd.Stage, Usd.Stage]:

@@ -11,6 +11,7 @@ import warp as wp
 
 from tests.footprints.photons import ONE_THREAD, first_channel, grid, irradiance, photon_map, queries, shaped
 from tpdwarp.footprints.footprint_map import FootprintMap, shape_footprints
+from tpdwarp.footprints.light_images import principal_axes, turned_as, variance_root
 from tpdwarp.footprints.plain_gather import plain_gather
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.weights import GatherForm
@@ -196,6 +197,60 @@ def test_narrow_footprints_of_parts_whose_lattices_interleave_sum_to_one(cells, 
     light = first_channel(shaped(*maps), points, EXTENDED)
     assert light.mean() == pytest.approx(1.0, abs=5e-3)
     assert light.std() < 0.02
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.4, 0.6, 0.9, 1.5])
+def test_fine_cells_that_overlap_by_their_image_have_one_footprint_each_and_sum_to_one(radius):
+    """Cells of a third of a pixel, by images from well within a pixel to wider ones."""
+    side, cell = 0.03, 0.01
+    index = np.arange(-16, 17)
+    i, j = (a.ravel() for a in np.meshgrid(index, index))
+    at = np.stack([i * cell, j * cell, 0.0 * i], axis=1)
+    photons = lit(
+        photon_map(at, (cell, 0, 0), (0, cell, 0), flux=cell**2), (radius * side, 0, 0), (0, radius * side, 0)
+    )
+    footprints = shaped(photons, half_pixel=side / math.sqrt(12))
+    assert footprints.count == len(photons)
+    points = np.append(np.random.default_rng(4).uniform(-0.03, 0.03, (300, 2)), np.zeros((300, 1)), axis=1)
+    assert np.abs(first_channel(footprints, points, EXTENDED) - 1).max() < 0.02
+
+
+@wp.kernel
+def principal_parts(
+    base: int,
+    matrices: wp.array(dtype=wp.mat22),
+    values: wp.array(dtype=wp.vec2),
+    firsts: wp.array(dtype=wp.vec2),
+    roots: wp.array(dtype=wp.mat22),
+    turns: wp.array(dtype=wp.mat22),
+):
+    i = base + wp.tid()
+    variance = matrices[i] * wp.transpose(matrices[i])
+    axes = principal_axes(variance)
+    values[i] = wp.vec2(axes.s1, axes.s2)
+    firsts[i] = axes.first
+    roots[i] = variance_root(variance)
+    turns[i] = turned_as(matrices[i])
+
+
+def test_roots_axes_and_turns_of_footprints_are_those_of_their_singular_values():
+    random = np.random.default_rng(3)
+    j = random.normal(size=(200, 2, 2)) @ np.einsum("ni,ij->nij", 10.0 ** random.uniform(-2, 0, (200, 2)), np.eye(2))
+    j[:3] = np.eye(2), np.diag([2.0, 1.0]), np.diag([1.0, -2.0])
+    count = len(j)
+    given = ONE_THREAD.array(j.astype(np.float32), wp.mat22)
+    out = [ONE_THREAD.zeros(count, dtype) for dtype in (wp.vec2, wp.vec2, wp.mat22, wp.mat22)]
+    ONE_THREAD(principal_parts, count, [given, *out])
+    values, firsts, roots, turns = (array.numpy().astype(np.float64) for array in out)
+    left, sizes, right = np.linalg.svd(j)
+    large = sizes[:, :1] ** 2
+    np.testing.assert_allclose(values / large, sizes**2 / large, atol=3e-6)
+    np.testing.assert_allclose(np.linalg.norm(firsts, axis=1), 1, rtol=1e-6)
+    along = np.einsum("ni,nij->nj", firsts, left) ** 2 @ np.array([0.0, 1.0])
+    apart = 1 - (sizes[:, 1] / sizes[:, 0]) ** 2
+    assert (along * apart).max() < 1e-6
+    np.testing.assert_allclose(roots @ roots / large[..., None], j @ j.transpose(0, 2, 1) / large[..., None], atol=3e-6)
+    np.testing.assert_allclose(turns, left @ right, atol=2e-3)
 
 
 def test_light_without_extent_is_looked_up_as_it_is_without_the_columns():

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tpdwarp.photons.aiming import Specular, bounds_of, cube_axes
-from tpdwarp.scene.description import LightAtShutter, LightKind
+from tpdwarp.scene.description import EmissionProfile, Extent, ExtentShape, LightAtShutter, LightKind, Shaping
 from tpdwarp.scene.normalization import Normalization
 
 UNIT = Normalization(np.zeros(3), 1.0, 1.0)
@@ -71,3 +72,44 @@ def test_a_sliver_in_the_plane_of_a_lamp_is_seen_as_a_line():
     sliver = np.array([[[-0.4, 0.0, 1e-20], [1.0, 1e-20, 1e-20], [0.4, 0.0, 1e-20]]])
     found = bounds_of(LAMP, np.eye(3), FACE, specular_of(sliver), UNIT)
     assert found is None or np.isfinite(found).all()
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+@pytest.mark.parametrize("tilt", [0.0, 0.5])
+def test_a_cone_bounds_what_its_light_sees(tilt, radius):
+    """All that any place on a light lights of a floor two below it lies within, and little else does."""
+    angle = math.radians(20.0)
+    cosine, sine = math.cos(tilt), math.sin(tilt)
+    axes = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
+    light = replace(LAMP, position=np.array([0.0, 0.0, 2.0]), axes=axes, shaping=Shaping(angle))
+    if radius:
+        extent = Extent(ExtentShape.DISK, 0.0, radius * axes[:2])
+        light = replace(light, profile=EmissionProfile.COSINE, extent=extent)
+    floor = np.array([[[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [9.0, 9.0, 0.0]], [[-9, -9, 0], [9, 9, 0], [-9, 9, 0]]])
+    down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    whole = bounds_of(replace(light, shaping=None), down, FACE, specular_of(floor), UNIT)
+    found = bounds_of(light, down, FACE, specular_of(floor), UNIT)
+
+    # ---- Points of the floor that are lit from anywhere, seen from the middle
+    random = np.random.default_rng(1)
+    r, turn = radius * np.sqrt(random.uniform(0, 1, 500)), random.uniform(0, 2 * math.pi, 500)
+    places = light.position + np.stack([r * np.cos(turn), r * np.sin(turn)], axis=1) @ axes[:2]
+    points = np.append(random.uniform(-2.0, 2.0, (4000, 2)), np.zeros((4000, 1)), axis=1)
+    ways = points[:, None] - places[None]
+    ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+    lit = points[(ways @ -axes[2] > math.cos(angle)).any(axis=1)] - light.position
+    seen_from_middle = np.arctan((lit @ down.T)[:, :2] / 2.0)
+    seen_from_middle = seen_from_middle[np.abs(seen_from_middle).max(axis=1) <= FACE]
+    low, high = seen_from_middle.min(axis=0), seen_from_middle.max(axis=0)
+    assert found[0] <= low[0] and found[1] >= high[0] and found[2] <= low[1] and found[3] >= high[1]
+    size = np.array([found[1] - found[0], found[3] - found[2]])
+    assert (size < 1.35 * (high - low)).all()
+    assert size.prod() < 0.7 * (whole[1] - whole[0]) * (whole[3] - whole[2])
+
+
+def test_a_cone_that_meets_nothing_specular_emits_nothing():
+    floor = np.array([[[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0]]])
+    turned = np.array([[0.6, 0.0, -0.8], [0.0, 1.0, 0.0], [0.8, 0.0, 0.6]])
+    light = replace(LAMP, position=np.array([0.0, 0.0, 2.0]), axes=turned, shaping=Shaping(math.radians(10.0)))
+    down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    assert bounds_of(light, down, FACE, specular_of(floor), UNIT) is None

@@ -10,7 +10,7 @@ import pytest
 
 from tests.photons.shapes import DIFFUSE, MIRROR, floor, glass, moving
 from tests.photons.traced import axes_along, lamp, sun, turning_sun
-from tpdwarp.scene.description import CameraAtShutter, Shutter
+from tpdwarp.scene.description import CameraAtShutter, EmissionProfile, Extent, ExtentShape, Shaping, Shutter
 
 
 @pytest.mark.parametrize("shutter", [Shutter(3, 3, 4), Shutter(3, 2.75, 3.25), Shutter(3, 2, 3)])
@@ -45,7 +45,12 @@ def test_lights_move_by_what_changes_their_rays():
     assert not sun().moves and not lamp((0, 0, 1)).moves
     assert lamp((0, 0, 1), (0.1, 0, 0)).moves and turning_sun((0, 0.1, -1), (0, 0.2, -1)).moves
     # A point shines alike all around, so that turning it changes nothing.
-    assert not replace(lamp((0, 0, 1)), axes_motion=np.full((3, 3), 0.1)).moves
+    turning = replace(lamp((0, 0, 1)), axes_motion=np.full((3, 3), 0.1))
+    assert not turning.moves
+    # A cone or a flat surface does not, and what grows moves in its place.
+    assert replace(turning, shaping=Shaping(0.5)).moves and replace(turning, profile=EmissionProfile.COSINE).moves
+    panel = Extent(ExtentShape.RECT, 0.0, np.eye(3)[:2], 0.1 * np.eye(3)[:2])
+    assert replace(lamp((0, 0, 1)), extent=panel).moves
 
 
 def test_a_camera_moves_by_its_place_or_its_axes():

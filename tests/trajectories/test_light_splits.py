@@ -20,6 +20,7 @@ from tpdwarp.scene.description import (
     LightKind,
     Material,
     MeshAtShutter,
+    Shaping,
     Shutter,
 )
 from tpdwarp.scene.light_places import pieces_of_disc
@@ -77,6 +78,26 @@ def test_a_light_near_the_water_is_split_and_one_far_off_is_not(height, least):
     context = RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1))
     parts = render_frame(context, Shutter(0, 0, 0), 8, 8).energy.counts.get("parts of each light with extent", 1)
     assert parts == 1 if least == 1 else parts >= least
+
+
+@pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT])
+def test_a_cone_is_seen_from_each_place_on_its_light(shape):
+    """In one part each photon stands for all of the light, of which the cone leaves some at its edge on the water."""
+    shaping = Shaping(np.radians(25.0), 0.2)
+    lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.3, 0.2, 2.0]), shaping=shaping)
+    light = replace(lamp, profile=EmissionProfile.COSINE, extent=Extent(shape, 0.0, 0.3 * np.eye(3)[:2]))
+    source = steady([floor(), bumpy("/water", WATER, 1.0, False)], (light,), looking_down(height=0.3))
+
+    def light_of(**changes):
+        context = RenderContext(source, Settings(samples=2, threads=1, aovs=("irradiance",), **changes))
+        return render_frame(context, Shutter(0, 0, 0), 16, 16).channels["irradiance.R"].astype(np.float64)
+
+    truth = light_of(estimator="accumulation", accumulation_times=64, photons=1 << 12)
+    errors = [
+        np.sqrt(np.mean((light_of(photons=1 << 14, light_splits=n) - truth) ** 2) / np.mean(truth**2))
+        for n in (1, "auto")
+    ]
+    assert errors[0] > 0.1 and errors[1] < 0.04
 
 
 @pytest.mark.parametrize(("height", "is_cut"), [(1.0, True), (3.0, False)])

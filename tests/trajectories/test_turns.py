@@ -9,12 +9,22 @@ import pytest
 
 from tests.photons.shapes import box, glass
 from tests.photons.traced import sun
-from tests.view.scenes import Source, floor, looking_down
+from tests.view.scenes import WATER, Source, bumpy, floor, looking_down
 from tpdwarp.clock import Clock
 from tpdwarp.rendering.context import RenderContext
-from tpdwarp.scene.description import SceneAtShutter, Shutter
+from tpdwarp.rendering.frame import render_frame
+from tpdwarp.scene.description import (
+    EmissionProfile,
+    Extent,
+    ExtentShape,
+    LightAtShutter,
+    LightKind,
+    SceneAtShutter,
+    Shaping,
+    Shutter,
+)
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.turns import turn_between
+from tpdwarp.trajectories.turns import turn_between, turn_of_light
 from usd_scenes.shapes import rotation
 
 BODY = box("/box", (-0.4, -0.3, 0.6), (0.4, 0.5, 1.4), glass())
@@ -47,3 +57,54 @@ def test_bodies_have_a_segment_for_each_fifteen_degrees(degrees, least):
     settings = Settings(photons=16384, segments="auto")
     count = RenderContext(Source(at), settings).segmentation.count(Shutter(0, 0, 1), Clock())
     assert count >= least and (least > 1 or count == 1)
+
+
+def turning_panel(degrees: float) -> Source:
+    """A rectangle over water that tips by so much while the shutter is open."""
+    panel = LightAtShutter("/panel", LightKind.POINT, (4.0,) * 3, np.array([0.3, 0.2, 3.0]))
+    panel = replace(panel, profile=EmissionProfile.COSINE)
+    spans = np.array([[0.4, 0.0, 0.0], [0.0, 0.25, 0.0]])
+
+    def at(shutter: Shutter) -> SceneAtShutter:
+        first, middle, last = (
+            rotation((1.0, 0, 0), degrees * (time - 0.5) + 15.0).T
+            for time in (shutter.open, shutter.middle, shutter.close)
+        )
+        extent = Extent(ExtentShape.RECT, 0.0, spans @ middle, spans @ (last - first))
+        light = replace(panel, axes=middle, axes_motion=last - first, extent=extent)
+        meshes = (floor(), bumpy("/water", WATER, 1.0, False))
+        return SceneAtShutter(shutter, meshes, (light,), looking_down(height=0.6))
+
+    return Source(at)
+
+
+def test_a_panel_that_turns_far_is_traced_in_segments():
+    """The mean of the cosine over a turn is less than that in its middle."""
+
+    def light(**changes) -> np.ndarray:
+        context = RenderContext(
+            turning_panel(57.0), Settings(samples=1, threads=1, aovs=("irradiance",), light_splits=1, **changes)
+        )
+        return render_frame(context, Shutter(0, 0, 1), 16, 16).channels["irradiance.R"].astype(np.float64)
+
+    truth = light(estimator="accumulation", accumulation_times=48, photons=1 << 12)
+    one, chosen = (light(photons=1 << 14, segments=segments) for segments in (1, "auto"))
+    assert one.mean() > 1.03 * truth.mean()
+    assert chosen.mean() == pytest.approx(truth.mean(), rel=0.01)
+
+
+def test_lights_turn_as_far_as_it_is_seen_in_their_light():
+    lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.zeros(3))
+    spot = replace(lamp, shaping=Shaping(0.5))
+    panel = replace(lamp, profile=EmissionProfile.COSINE, extent=Extent(ExtentShape.RECT, 0.0, np.eye(3)[:2]))
+    tube = replace(lamp, profile=EmissionProfile.SINE)
+    about_x, about_z = (rotation(axis, 30.0).T for axis in ((1.0, 0, 0), (0, 0, 1.0)))
+    lights = {"/lamp": lamp, "/spot": spot, "/panel": panel, "/tube": tube, "/sun": sun()}
+    turns = {
+        (path, name): np.degrees(turn_of_light(light, np.eye(3), axes))
+        for name, axes in (("x", about_x), ("z", about_z))
+        for path, light in lights.items()
+    }
+    expected = {"/lamp": (0, 0), "/spot": (30, 0), "/panel": (30, 30), "/tube": (0, 30), "/sun": (0, 0)}
+    for path, (x, z) in expected.items():
+        assert turns[path, "x"] == pytest.approx(x, abs=1e-4) and turns[path, "z"] == pytest.approx(z, abs=1e-4)

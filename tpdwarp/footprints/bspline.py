@@ -39,6 +39,9 @@ NARROWEST = wp.constant(0.1)
 # The radius of a disc in filter space, where a disc of that radius has a variance of one, and its area.
 DISC_RADIUS = wp.constant(2.0)
 DISC_AREA = wp.constant(4.0 * math.pi)
+# Where the rim is taken for a parabola: of the variance along its tangent, and of the mean of that one's square.
+RIM_SAG = wp.constant(1.0 / (12.0 * 2.0 * 2.0))
+RIM_EXCESS = wp.constant(1.0 / (8.0 * 4.0 * 2.0**4))
 
 
 @wp.func
@@ -109,13 +112,12 @@ def averaged_disc(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
     """
     distance = roots(wp.cw_mul(u, u) + wp.cw_mul(v, v))
     far = greater(distance, Lanes(1.0e-6))
-    e_u = wp.cw_div(u, far)
-    e_v = wp.cw_div(v, far)
-    one = wp.abs(pixel[0, 0] * e_u + pixel[1, 0] * e_v)
-    other = wp.abs(pixel[0, 1] * e_u + pixel[1, 1] * e_v)
+    nearness = wp.cw_div(Lanes(1.0), far)
+    one = wp.cw_mul(wp.abs(pixel[0, 0] * u + pixel[1, 0] * v), nearness)
+    other = wp.cw_mul(wp.abs(pixel[0, 1] * u + pixel[1, 1] * v), nearness)
     squares = wp.ddot(pixel, pixel)
     tangent = Lanes(squares) - wp.cw_mul(one, one) - wp.cw_mul(other, other)
-    inside = Lanes(DISC_RADIUS) - distance - (TWELFTH / (2.0 * DISC_RADIUS)) * tangent
+    inside = Lanes(DISC_RADIUS) - distance - RIM_SAG * tangent
     # The half plane in two boxes: second differences of half a square, divided by both of their sides.
     wide = greater(greater(one, other), Lanes(1.0e-3))
     narrow = greater(lesser(one, other), NARROWEST * wide)
@@ -127,8 +129,8 @@ def averaged_disc(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
     inner = greater(inside - apart, Lanes(0.0))
     area = wp.cw_mul(full, full) - wp.cw_mul(outer, outer) - wp.cw_mul(inner, inner)
     variance = TWELFTH * (pixel * wp.transpose(pixel))
-    squared = (2.0 * wp.ddot(variance, variance) + wp.trace(variance) * wp.trace(variance)) / 8.0
-    excess = squared / (4.0 * wp.pow(DISC_RADIUS, 4.0))
+    squared = 2.0 * wp.ddot(variance, variance) + wp.trace(variance) * wp.trace(variance)
+    excess = RIM_EXCESS * squared
     return wp.cw_div(area, wp.cw_mul(wide, narrow)) / (2.0 * DISC_AREA * (1.0 + excess))
 
 

@@ -9,7 +9,9 @@ Cells that are parts of those of the lattice (:mod:`tpdwarp.trajectories.edges`)
 would be, and stand for these as B-splines. Of cells between half a pixel and two pixels they so share more than those
 beside them do, where pixels hide that these do not fit together.
 
-The cell of a light with extent is as much larger as makes up for the variance of the light's image.
+The cell of a light with extent is as much larger as makes up for the variance of the light's image. Where the cells of
+the lattice themselves are no longer than half a pixel, such cells overlap and show no steps, so that each photon has
+one footprint: that of which it has more.
 
 Beyond the paper.
 """
@@ -22,7 +24,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.light_images import cell_in_light, images_of
+from tpdwarp.footprints.light_images import cell_in_light, images_of, is_widened
 from tpdwarp.footprints.shaping import (
     LightImageArrays,
     PixelSize,
@@ -40,6 +42,10 @@ from tpdwarp.photons.photon_map import PhotonMap
 # longer cells show as stripes where light varies little across them.
 LONGEST_CELL, SHORTEST_BSPLINE = wp.constant(1.0), wp.constant(2.0)
 WIDEST_CELL, NARROWEST_BSPLINE = wp.constant(0.5), wp.constant(1.0)
+# Cells of the lattice up to this length, in pixels, overlap once they are widened by the image of their light. Chosen,
+# not derived: the mirror ring under a sun of 5° has a sixth fewer footprints by it, and
+# errs by .0154 in the place of .0151.
+LONGEST_OVERLAPPING = wp.constant(0.5)
 
 
 @wp.kernel(enable_backward=False)
@@ -64,13 +70,21 @@ def measure_cells(
         j = wp.mat22(
             wp.dot(frame.e1, dxdu[i]), wp.dot(frame.e1, dxdv[i]), wp.dot(frame.e2, dxdu[i]), wp.dot(frame.e2, dxdv[i])
         )
+        overlaps = bool(False)
         if images.image.shape[0] > 0:
-            j = cell_in_light(narrowing_at(images, i) * j, on_plane, light_on_plane(images, i, frame))
+            own = in_sides(on_plane, j)
+            light = light_on_plane(images, i, frame)
+            overlaps = is_widened(on_plane, light) and singular_values(
+                own[0, 0], own[0, 1], own[1, 0], own[1, 1]
+            ).s1 <= LONGEST_OVERLAPPING
+            j = cell_in_light(narrowing_at(images, i) * j, on_plane, light)
         inside = in_sides(on_plane, j)
         sigma = singular_values(inside[0, 0], inside[0, 1], inside[1, 0], inside[1, 1])
         by_length = (SHORTEST_BSPLINE - sigma.s1) / (SHORTEST_BSPLINE - LONGEST_CELL)
         by_width = (NARROWEST_BSPLINE - wp.abs(sigma.s2)) / (NARROWEST_BSPLINE - WIDEST_CELL)
         parts[i] = wp.clamp(wp.min(by_length, by_width), 0.0, 1.0)
+        if overlaps:
+            parts[i] = wp.where(parts[i] >= 0.5, 1.0, 0.0)
 
 
 def told_apart(maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher) -> tuple[list[PhotonMap], np.ndarray]:

@@ -38,7 +38,6 @@ from tpdwarp.footprints.shaping import (
     axes_of,
     box_along_axes,
     cell_axes,
-    direction,
     in_sides,
     limited,
     nonorthogonality,
@@ -84,13 +83,44 @@ def _outer(v: wp.vec2) -> wp.mat22:
     return wp.outer(v, v)
 
 
+@wp.struct
+class PrincipalAxes:
+    """A variance along its principal axes: s1 ≥ s2 ≥ 0, and the direction of s1."""
+
+    s1: float
+    s2: float
+    first: wp.vec2
+
+
 @wp.func
-def _root(variance: wp.mat22) -> wp.mat22:
-    """The symmetric square root of a variance: a footprint W with W Wᵀ = variance."""
-    s = singular_values(variance[0, 0], variance[0, 1], variance[1, 0], variance[1, 1])
-    first = direction(s.left)
-    second = wp.vec2(-first[1], first[0])
-    return wp.sqrt(s.s1) * _outer(first) + wp.sqrt(wp.abs(s.s2)) * _outer(second)
+def principal_axes(variance: wp.mat22) -> PrincipalAxes:
+    """Eigenvalues and the first eigenvector of a variance, without the angles that a general matrix takes."""
+    half = 0.5 * (variance[0, 0] - variance[1, 1])
+    off = variance[0, 1]
+    mean = 0.5 * (variance[0, 0] + variance[1, 1])
+    apart = wp.sqrt(half * half + off * off)
+    out = PrincipalAxes()
+    out.s1 = mean + apart
+    out.s2 = wp.abs(mean - apart)
+    # Of the two rows of the matrix less s2, which both lie along it, the one that is not lost to rounding.
+    along = wp.vec2(off, apart - half)
+    if half > 0.0:
+        along = wp.vec2(apart + half, off)
+    length = wp.length(along)
+    out.first = wp.vec2(1.0, 0.0)
+    if length > 0.0:
+        out.first = along / length
+    return out
+
+
+@wp.func
+def variance_root(variance: wp.mat22) -> wp.mat22:
+    """The symmetric square root of a variance, a footprint W with W Wᵀ = variance: (V + √|V| 1)/√(tr V + 2 √|V|)."""
+    determinant = wp.sqrt(wp.max(wp.determinant(variance), 0.0))
+    square = wp.trace(variance) + 2.0 * determinant
+    if square <= 0.0:
+        return wp.mat22(0.0, 0.0, 0.0, 0.0)
+    return (variance + wp.diag(wp.vec2(determinant, determinant))) / wp.sqrt(square)
 
 
 @wp.func
@@ -107,21 +137,26 @@ def light_variance(light: LightOnPlane) -> wp.mat22:
 @wp.func
 def parallelogram_of(variance: wp.mat22) -> PixelOnPlane:
     """The rectangle that has a variance."""
-    s = singular_values(variance[0, 0], variance[0, 1], variance[1, 0], variance[1, 1])
+    s = principal_axes(variance)
     out = PixelOnPlane()
-    first = direction(s.left)
-    out.p = wp.sqrt(12.0 * s.s1) * first
-    out.q = wp.sqrt(12.0 * wp.abs(s.s2)) * wp.vec2(-first[1], first[0])
+    out.p = wp.sqrt(12.0 * s.s1) * s.first
+    out.q = wp.sqrt(12.0 * s.s2) * wp.vec2(-s.first[1], s.first[0])
     return out
 
 
 @wp.func
 def turned_as(j: wp.mat22) -> wp.mat22:
-    """The turn in J, (J Jᵀ)^−½ J: a symmetric footprint times it is the one of that variance that is nearest to J."""
-    s = singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1])
-    left = wp.mat22(wp.cos(s.left), -wp.sin(s.left), wp.sin(s.left), wp.cos(s.left))
-    right = wp.mat22(wp.cos(s.right), -wp.sin(s.right), wp.sin(s.right), wp.cos(s.right))
-    return left * wp.mat22(1.0, 0.0, 0.0, wp.where(s.s2 < 0.0, -1.0, 1.0)) * wp.transpose(right)
+    """The turn in J, (J Jᵀ)^−½ J: a symmetric footprint times it is the one of that variance that is nearest to J.
+
+    It is J and its cofactors, which have the same turn and changed singular values, together; of a J that mirrors their
+    difference.
+    """
+    cofactors = wp.mat22(j[1, 1], -j[1, 0], -j[0, 1], j[0, 0])
+    both = j + wp.where(wp.determinant(j) < 0.0, -1.0, 1.0) * cofactors
+    length = wp.sqrt(0.5 * wp.ddot(both, both))
+    if length <= 0.0:
+        return wp.mat22(1.0, 0.0, 0.0, 1.0)
+    return both / length
 
 
 @wp.func
@@ -131,23 +166,22 @@ def disc_axes(light: wp.mat22, total: wp.mat22, pixel: PixelOnPlane, distance: f
     The disc has no less than a part of ``total`` (``LEAST_DISC``) in any direction, and the rest is no less than
     another (``SHARPEST``). The parallelogram is turned as the pixel is.
     """
-    root = _root(total)
+    root = variance_root(total)
     part = wp.inverse(root) * light * wp.inverse(root)
-    s = singular_values(part[0, 0], part[0, 1], part[1, 0], part[1, 1])
-    first = direction(s.left)
-    along = root * first
-    across = root * wp.vec2(-first[1], first[0])
-    of_disc = wp.vec2(wp.clamp(s.s1, LEAST_DISC, 1.0), wp.clamp(wp.abs(s.s2), LEAST_DISC, 1.0))
+    s = principal_axes(part)
+    along = root * s.first
+    across = root * wp.vec2(-s.first[1], s.first[0])
+    of_disc = wp.vec2(wp.clamp(s.s1, LEAST_DISC, 1.0), wp.clamp(s.s2, LEAST_DISC, 1.0))
     rest = wp.vec2(wp.max(1.0 - of_disc[0], SHARPEST), wp.max(1.0 - of_disc[1], SHARPEST))
     disc = of_disc[0] * _outer(along) + of_disc[1] * _outer(across)
-    around = _root(12.0 * (rest[0] * _outer(along) + rest[1] * _outer(across)))
+    around = variance_root(12.0 * (rest[0] * _outer(along) + rest[1] * _outer(across)))
     sides = around * turned_as(wp.mat22(pixel.p[0], pixel.q[0], pixel.p[1], pixel.q[1]))
-    of = singular_values(disc[0, 0], disc[0, 1], disc[1, 0], disc[1, 1])
+    of = principal_axes(disc)
     out = Axes()
-    out.first = direction(of.left)
+    out.first = of.first
     out.second = wp.vec2(-out.first[1], out.first[0])
     out.t1 = wp.sqrt(of.s1)
-    out.t2 = wp.sqrt(wp.abs(of.s2))
+    out.t2 = wp.sqrt(of.s2)
     out = limited(out, distance)
     out.averaged.p = wp.vec2(sides[0, 0], sides[1, 0])
     out.averaged.q = wp.vec2(sides[0, 1], sides[1, 1])
@@ -171,7 +205,7 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
     if light.image == IMAGE_NONE or wp.trace(by_light) <= NEGLIGIBLE * wp.trace(by_pixel):
         return axes_of(singular, j[0, 0], j[0, 1], j[1, 0], j[1, 1], pixel, distance)
     if light.image == IMAGE_LOBE:
-        wide = 2.0 * _root(0.25 * j * wp.transpose(j) + by_light)
+        wide = 2.0 * variance_root(0.25 * j * wp.transpose(j) + by_light)
         of_lobe = singular_values(wide[0, 0], wide[0, 1], wide[1, 0], wide[1, 1])
         return axes_of(of_lobe, wide[0, 0], wide[0, 1], wide[1, 0], wide[1, 1], pixel, distance)
     both = parallelogram_of(by_light + by_pixel)
@@ -184,13 +218,13 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
         # ---- Smaller than image and pixel
         if sigma.s1 <= limit:
             if not lit:
-                return pixel_axes(pixel, in_sides(pixel, 2.0 * _root(own + by_light)), distance)
+                return pixel_axes(pixel, in_sides(pixel, 2.0 * variance_root(own + by_light)), distance)
             sine = wp.abs(light.a[0] * light.b[1] - light.a[1] * light.b[0])
             if light.image != IMAGE_DISC and sine > SMALLEST_SINE * wp.length(light.a) * wp.length(light.b):
                 box = PixelOnPlane()
                 box.p = 2.0 * light.a
                 box.q = 2.0 * light.b
-                return pixel_axes(box, in_sides(box, 2.0 * _root(own + by_pixel)), distance)
+                return pixel_axes(box, in_sides(box, 2.0 * variance_root(own + by_pixel)), distance)
             return disc_axes(by_light, own + by_light + by_pixel, pixel, distance)
         # ---- The image is a line, and the footprint none
         rounder = wp.abs(singular.s2) * wp.length(both.p) > singular.s1 * wp.length(both.q)
@@ -199,7 +233,7 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
         # ---- A line
         if wp.abs(sigma.s2) < limit:
             if not lit:
-                wide = _root(j * wp.transpose(j) + 4.0 * by_light)
+                wide = variance_root(j * wp.transpose(j) + 4.0 * by_light)
                 return thin_axes(singular_values(wide[0, 0], wide[0, 1], wide[1, 0], wide[1, 1]), pixel, distance)
             across = across_direction(singular)
             side = wp.sqrt(square_along(both, across))
@@ -225,10 +259,17 @@ def cell_in_light(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane) -> wp.m
 
     W = (W Wᵀ)^½ (J Jᵀ)^−½ J, the one nearest to J.
     """
-    by_light = light_variance(light)
-    if light.image == IMAGE_NONE or wp.trace(by_light) <= NEGLIGIBLE * pixel_variance_trace(pixel):
+    if not is_widened(pixel, light):
         return j
-    return _root(j * wp.transpose(j) + 12.0 * by_light) * turned_as(j)
+    return variance_root(j * wp.transpose(j) + 12.0 * light_variance(light)) * turned_as(j)
+
+
+@wp.func
+def is_widened(pixel: PixelOnPlane, light: LightOnPlane) -> bool:
+    """Whether the image of a light counts beside a pixel."""
+    if light.image == IMAGE_NONE:
+        return False
+    return wp.trace(light_variance(light)) > NEGLIGIBLE * pixel_variance_trace(pixel)
 
 
 @wp.func

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tpdwarp.photons.lattice_shape import specular_faces, turned
-from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.description import EmissionProfile, LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.normalization import Normalization
 
 Bounds = tuple[float, float, float, float]
@@ -83,7 +83,8 @@ def bounds_of(
 ) -> Bounds | None:
     """Patch coordinates (u0, u1, v0, v1) that reach ``specular`` at mid shutter; None if none do.
 
-    The patch of a distant light is turned by ``turn`` [rad] from the light's own axes.
+    The patch of a distant light is turned by ``turn`` [rad] from the light's own axes. Of a light with a cone, what
+    lies outside the cones of all its places is left out.
     """
     if light.kind == LightKind.DISTANT:
         uv = specular.points @ turned(light.axes, turn)[:2].T
@@ -93,7 +94,45 @@ def bounds_of(
     if not len(uv):
         return None
     lower, upper = uv.min(axis=0), uv.max(axis=0)
+    if light.kind != LightKind.DISTANT and light.shaping is not None and light.profile != EmissionProfile.SINE:
+        angle = light.shaping.angle + _parallax(light, specular, normalization)
+        least, most = _tangents_of_cone(axes @ -light.axes[2], angle)
+        lower, upper = np.maximum(lower, np.arctan(least)), np.minimum(upper, np.arctan(most))
+        if (lower > upper).any():
+            return None
     return float(lower[0]), float(upper[0]), float(lower[1]), float(upper[1])
+
+
+def _tangents_of_cone(axis: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """The least and largest x/z and y/z within ``angle`` [rad] of a unit ``axis``, shape [2] each; infinite where the
+    cone reaches beyond what lies before a patch.
+
+    A plane x = t z touches the cone where it is ``angle`` off the axis: (a_x − t a_z)² = (1 + t²) sin² angle.
+    """
+    sine = math.sin(angle) if angle < 0.5 * math.pi else 1.0
+    across, z = axis[:2], axis[2]
+    if angle >= 0.5 * math.pi or z <= sine:
+        return np.full(2, -math.inf), np.full(2, math.inf)
+    rest = sine * np.sqrt(across**2 + z**2 - sine**2)
+    return (across * z - rest) / (z**2 - sine**2), (across * z + rest) / (z**2 - sine**2)
+
+
+def _parallax(light: LightAtShutter, specular: Specular, normalization: Normalization) -> float:
+    """By how much [rad], at most, a place on a light sees what is specular in another direction than its middle does.
+
+    No triangle is nearer than its plane, nor than its nearest vertex less its longest side.
+    """
+    if light.extent is None:
+        return 0.0
+    reach = normalization.scale * (light.extent.radius + float(np.linalg.norm(light.extent.spans)))
+    corners = specular.points[specular.triangles] - normalization.points(light.position[None])[0]
+    sides = corners[:, (1, 2, 0)] - corners
+    normals = np.cross(sides[:, 0], sides[:, 1])
+    areas = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+    heights = np.abs(np.einsum("ni,ni->n", normals, corners[:, 0])) / areas
+    around = np.linalg.norm(corners, axis=2).min(axis=1) - np.linalg.norm(sides, axis=2).max(axis=1)
+    nearest = float(np.maximum(heights, around).min())
+    return math.asin(reach / nearest) if reach < nearest else math.pi
 
 
 def _tangents_within(points: np.ndarray, triangles: np.ndarray, slope: float) -> np.ndarray:

@@ -149,7 +149,8 @@ def cell_flux(patch: Patch, coordinates: wp.vec2) -> wp.vec3:
     """Flux [W] of the lattice cell around ``coordinates``.
 
     Of light with extent it is without its shaping, of which each place has its own
-    (:func:`tpdwarp.photons.light_columns.flux_changes`).
+    (:func:`tpdwarp.photons.light_columns.flux_of_places`,
+    :func:`tpdwarp.photons.light_columns.shaping_of_place`).
     """
     cell = patch.step[0] * patch.step[1]
     if patch.domain == 1:
@@ -157,7 +158,7 @@ def cell_flux(patch: Patch, coordinates: wp.vec2) -> wp.vec3:
         tan_v = wp.tan(patch.origin[1] + coordinates[1] * patch.step[1])
         d2 = 1.0 + tan_u * tan_u + tan_v * tan_v
         cell *= (1.0 + tan_u * tan_u) * (1.0 + tan_v * tan_v) / (d2 * wp.sqrt(d2))
-        if patch.is_shaped == 1 and (patch.extent_shape < 0 or patch.is_place == 1):
+        if patch.is_shaped == 1 and patch.extent_shape < 0:
             w = wp.normalize(tan_u * patch.axis_u + tan_v * patch.axis_v + patch.axis_w)
             cell *= shaped(patch.shaping, patch.shaping_axis, w)
     return patch.power * cell

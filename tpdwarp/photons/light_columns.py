@@ -216,6 +216,14 @@ def _flux_from(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3, a: f
     return wp.vec2(wp.max(wp.dot(way, n), 0.0) / (d2 * wp.sqrt(d2)), left)
 
 
+@wp.func
+def shaping_of_place(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3) -> float:
+    """The part of the light of the photons' place on a light that its shaping leaves, where they meet a surface."""
+    if patch.is_shaped == 0:
+        return 1.0
+    return _flux_from(patch, beam, columns, n, patch.light_place[0], patch.light_place[1])[1]
+
+
 @wp.struct
 class FluxOfPlaces:
     """What the places on a light send through a point of the first specular surface, by what its middle sends.

@@ -32,6 +32,7 @@ from tpdwarp.photons.light_columns import (
     from_visible_side,
     mean_reflectance,
     scatter_columns,
+    shaping_of_place,
     transfer_columns,
 )
 from tpdwarp.photons.path_state import KEPT_STATES, PathState, keep_state, kept_rows, path_state
@@ -424,6 +425,14 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         beam = from_visible_side(patch, beam)
                         columns = columns_at(patch, beam, hit.n_g)
                         if patch.is_place == 1:
+                            left_of_place = shaping_of_place(patch, beam, columns, hit.n_g)
+                            flux *= left_of_place
+                            emitted *= left_of_place
+                            entering *= left_of_place
+                            if left_of_place <= 0.0:
+                                # Its cone ends before.
+                                fate = FATE_DIRECT
+                                break
                             off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
                             beam.w = wp.normalize(beam.w + off)
                         elif patch.extent_shape >= 0:

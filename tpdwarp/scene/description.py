@@ -366,7 +366,12 @@ class LightAtShutter:
 
     @property
     def moves(self) -> bool:
-        return bool(np.any(self.position_motion) or (self.kind == LightKind.DISTANT and np.any(self.axes_motion)))
+        """Whether its light moves; what shines alike in all directions may turn in its place."""
+        turns = np.any(self.axes_motion) and (
+            self.kind == LightKind.DISTANT or self.shaping is not None or self.profile != EmissionProfile.UNIFORM
+        )
+        grows = self.extent is not None and np.any(self.extent.spans_motion)
+        return bool(np.any(self.position_motion) or turns or grows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,8 @@
 Light from the place (a, b) on a light lands x(a, b); a footprint takes x + a D_a x + b D_b x for it. What that misses
 goes with the square of (a, b), so that N parts, 1/√N as wide each, miss 1/N of it. Where irradiance changes over a
 length L, a miss e errs by e/L of the light; L is no less than what the light's image itself is across. Light that takes
-another path from the rim of the light than from its middle errs by a part of itself, in a band that is 1/√N as wide.
+another path from the rim of the light than from its middle errs by a part of itself, in a band that is 1/√N as wide; so
+does light of which a cone leaves more or less from the rim than from the middle.
 N parts share the photons, so that what footprints h wide blur, h²/(8L²), grows by N; that they interleave makes them
 narrower (:func:`tpdwarp.scene.light_places.narrowing_of`), by N^¼ of that. The pieces of a round light are rectangles,
 which leave the part M(N) of it out and cover as much twice, half a piece aside; that is seen where footprints are finer
@@ -12,8 +13,8 @@ than the light's image, i wide. Together, up to a factor:
     e/(2 L N) + c/√N + h² N^¾/(8 L²) + M i²/(2 √N L²)
 
 as root mean squares over the photons of a coarse trace, weighted by the irradiance where they lie, as errors of
-pictures are. Photons from the rim are traced from the point of the
-first surface at which those from the middle meet it, so that each has its own e.
+pictures are. Photons from the rim are traced from the point of the first surface at which those from the middle meet
+it, so that each has its own e.
 
 Of lights that something specular cuts, some places shine on its other side, which no photon from the middle tells: they
 have as many parts as there may be.
@@ -103,9 +104,9 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     from_rim_alone = []
     for place in RIM:
         rim, _ = tracer.trace(loaded, plan, clock, tags=tags, place=place)
-        e, same = _missed(middle, rim, place)
+        e, same, part = _missed(middle, rim, place)
         missed += np.where(same, e**2, 0.0) / len(RIM)
-        changed += ~same / len(RIM)
+        changed += np.where(same, np.minimum(np.abs(part - 1.0), 1.0), 1.0) / len(RIM)
         from_rim_alone.append(_with_image(rim.rows(~np.isin(rim.ids, middle.ids))))
     # Where the rim by itself lights more than the middle does, as behind a prism that reflects all that comes straight,
     # what the middle does not light counts, as wrong as what the rim does not.
@@ -153,15 +154,19 @@ def _squares(photons: PhotonMap, side: float) -> np.ndarray:
     return squares / squares.sum()
 
 
-def _missed(middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """How far from where first order has them photons from a place on the light land, and whether on the same path."""
+def _missed(
+    middle: PhotonMap, rim: PhotonMap, place: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How far from where first order has them photons from a place on the light land, whether on the same path, and
+    with which part of the flux: all of it, but for what shapes the light."""
     order = np.argsort(rim.ids)
     at = order[np.searchsorted(rim.ids[order], middle.ids).clip(max=len(order) - 1)] if len(order) else None
     if at is None:
-        return np.zeros(len(middle)), np.zeros(len(middle), bool)
+        return np.zeros(len(middle)), np.zeros(len(middle), bool), np.ones(len(middle))
     same = (rim.ids[at] == middle.ids) & (rim.path[at] == middle.path) & (rim.receiver[at] == middle.receiver)
     expected = middle.position + place[0] * middle.dxda + place[1] * middle.dxdb
-    return lengths(rim.position[at] - expected), same
+    part = rim.flux[at].sum(axis=1, dtype=np.float64) / middle.flux.sum(axis=1, dtype=np.float64)
+    return lengths(rim.position[at] - expected), same, part
 
 
 def _length(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:

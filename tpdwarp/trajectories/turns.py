@@ -1,8 +1,9 @@
-"""How far specular bodies turn within a shutter.
+"""How far specular bodies, and lights that shine differently in different directions, turn within a shutter.
 
 Light that a rigid body sends turns with it, and a photon goes along a curve of third order in time: where it turns far
 neither the curve nor what keyframes tell apart follows. Errors measured in each photon's own light do not show that, so
-that bodies that turn have at least a segment for each ``DEGREES_PER_SEGMENT``.
+that bodies that turn have at least a segment for each ``DEGREES_PER_SEGMENT``. So have lights that turn: what a panel
+or a cone sends in one direction follows no curve of third order either, and its mean is not that of the middle.
 
 Beyond the paper, which traces once a frame.
 """
@@ -15,7 +16,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.description import (
+    EmissionProfile,
+    ExtentShape,
+    LightAtShutter,
+    LightKind,
+    MeshAtShutter,
+    SceneAtShutter,
+)
+from tpdwarp.scene.device.shaping import is_shaped
 
 # Chosen, not derived: a mirror ring that spins by 20 degrees errs by .204 in one segment, .115 in two and .134 in four
 # (16 384 photons); a torus that turns by 45 by .164, .068 and .067; solids that turn by 10 or less by as much in one as
@@ -41,8 +50,26 @@ def least_segments(scenes: Sequence[SceneAtShutter], part: float) -> int:
         if mesh.specular and mesh.moves and len(states) == len(scenes):
             turns = [turn_between(*pair) for pair in itertools.pairwise(states)]
             degrees = max(degrees, math.degrees(sum(turns)))
+    for light in scenes[0].lights:
+        axes = [found.axes for scene in scenes for found in scene.lights if found.path == light.path]
+        if len(axes) == len(scenes):
+            turns = [turn_of_light(light, *pair) for pair in itertools.pairwise(axes)]
+            degrees = max(degrees, math.degrees(sum(turns)))
     # Rounding is no segment more.
     return max(1, math.ceil(degrees / part / DEGREES_PER_SEGMENT - 1e-3))
+
+
+def turn_of_light(light: LightAtShutter, before: np.ndarray, after: np.ndarray) -> float:
+    """The angle [rad], 0 … π, between axes [3, 3] of a light as far as it is seen in its light; 0 of what shines alike
+    in all directions, and of parallel light, whose direction photons follow."""
+    if light.kind == LightKind.DISTANT or not is_shaped(light):
+        return 0.0
+    if light.extent is not None and light.extent.shape == ExtentShape.RECT:
+        cosine = 0.5 * (float(np.sum(before * after)) - 1.0)
+    else:
+        axis = 0 if light.profile == EmissionProfile.SINE else 2
+        cosine = float(before[axis] @ after[axis])
+    return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 def turn_between(before: MeshAtShutter, after: MeshAtShutter) -> float:
