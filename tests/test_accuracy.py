@@ -56,6 +56,16 @@ def test_a_travelling_wave_is_as_exact_as_promised(motion, photons, segments, li
     assert relative_error(irradiance(frame), wave_truth(motion)) <= limit
 
 
+@pytest.mark.parametrize("exposure", [3, 4])
+def test_long_exposures_of_few_photons_have_no_stripes(exposure):
+    """Nor is any pixel far off: sweeps of three or four wavelengths by curves that do not follow would leave marks."""
+    truth = irradiance_average(EDGES, Wave(), 2, 2 + exposure, 96 * exposure)
+    frame = frame_of(wave_source(Wave()), Shutter(2, 2, 2 + exposure), COLUMNS, ROWS, photons=1000, segments="auto")
+    found = irradiance(frame)
+    assert relative_error(found, truth) <= 0.02
+    assert np.abs(found - truth).max() < 0.05 * truth.mean()
+
+
 @pytest.mark.parametrize(("preset", "limit"), [("draft", 0.02), ("standard", 0.01), ("final", 0.004)])
 def test_presets_are_as_exact_as_promised_where_light_folds(preset, limit):
     wave = Wave(wavelength=0.65, speed=0.65 / 8)

@@ -21,7 +21,7 @@ def test_cells_that_an_edge_passes_are_lit_for_as_long_as_it_has_not_passed_them
     along = np.cos(angle) * u + np.sin(angle) * v
     there = along[None] > way * (MIDDLES - 0.5)[:, None, None]
     known = np.abs(along) < 0.5 * way + 4
-    lit = (LENGTHS[:, None, None] * there * _extents(there & known, known, LENGTHS)).sum(axis=0)
+    lit = (LENGTHS[:, None, None] * there * _extents(there & known, known, LENGTHS)[0]).sum(axis=0)
     exact = np.clip(along / way + 0.5, 0, 1)
     # Where the grid cuts edges off, nothing is known of what is beside them.
     inside = np.pad(np.ones(np.subtract(SHAPE, 8), bool), 4) & (np.abs(along) < 0.4 * way)
@@ -38,13 +38,17 @@ def test_cells_that_an_edge_passes_are_lit_for_as_long_as_it_has_not_passed_them
 def test_what_is_there_all_the_time_is_lit_all_the_time_and_what_comes_at_once_from_half_way():
     there = np.zeros((PARTS + 1, *SHAPE), bool)
     there[:, :10] = True
-    there[4:, 20:30] = True
+    # Edges at rest are near, at which light is there all the time, or never.
+    there[4:, 12:30] = True
     known = np.ones(SHAPE, bool)
-    extents = _extents(there, known, LENGTHS)
+    extents, unknown = _extents(there, known, LENGTHS)
     assert (extents[:, :10] == 1.0).all()
     lit = (LENGTHS[:, None, None] * there * extents).sum(axis=0)
     # Nothing says when it came, but that it was between two parts.
-    np.testing.assert_allclose(lit[25], 1.0 - 0.5 * (MIDDLES[3] + MIDDLES[4]), atol=0.5 / PARTS)
+    np.testing.assert_allclose(lit[12:30], 1.0 - 0.5 * (MIDDLES[3] + MIDDLES[4]))
+    came = np.zeros_like(there)
+    came[4, 12:30] = True
+    np.testing.assert_array_equal(unknown, [came, np.zeros_like(came)])
 
 
 def test_distances_lie_on_octagons():

@@ -20,8 +20,8 @@ Beyond the paper, whose photons shine for the whole shutter.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,14 +39,13 @@ from tpdwarp.trajectories.keyframes import (
     ShutterKeyframes,
     disagreement,
 )
-from tpdwarp.trajectories.passing import FARTHEST
 from tpdwarp.trajectories.retraced import (
     LEAST_LIGHT,
     LEAST_SHARE,
+    CellsAtEnds,
     CellsOfLattices,
     RetracedCells,
     Window,
-    distances,
     flux_in,
     grown,
     matters,
@@ -65,17 +64,17 @@ _TINY = np.finfo(np.float64).tiny
 LARGEST_SAGITTA = 0.5
 # So is light that they follow, but not well: it leaves the curve by more than this part of its footprint. Chosen on a
 # ball that rolls by 29 degrees (scripts/benchmarks/solids.py ball-rolling, 16 k photons, one segment): with .25 of a
-# footprint it errs by .114, with .1 by .107, without by .123.
+# footprint it errs by .114, with .1 by .107, without by .123 (where keyframes disagree by .1).
 LARGEST_MISS = 0.1
-# Keyframes disagree by more than this then. Chosen, not derived: with .03 the same ball errs by .095, and a sixth more
-# cells are traced again.
-LEAST_DISAGREEMENT = 0.1
+# Keyframes disagree by more than this then. Chosen on that ball: with .1 it errs by .107 and with .03 by .095, for a
+# sixth more cells; a torus that turns by 45 degrees by .0555 and .0535, a blob by .0989 and .0978, others alike.
+LEAST_DISAGREEMENT = 0.03
 # Cells that would grow by more times their size as they ride keep it: those of a mirror that turns by 85 degrees within
 # a shutter grow by two. Chosen, not derived.
 LARGEST_GROWTH = 4.0
 
-# When keyframes are traced, as parts of the shutter from its middle.
-TIMES = (-END, 0.0, END)
+# When the shutter opens and closes, as parts of it from its middle.
+OPENS, CLOSES = -0.5, 0.5
 
 
 def changing_cells(
@@ -105,7 +104,9 @@ def changing_cells(
         }
     ends: list[PhotonMap] = []
     if suspects:
-        ends = [keyframes.traced(part, plan, chosen=riding(suspects, plan, part), aimed=False) for part in (-END, END)]
+        ends = [
+            keyframes.traced(part, plan, chosen=riding(suspects, plan, part), aimed=False) for part in (OPENS, CLOSES)
+        ]
     with clock.stage("trace"):
         typical = max(map(typical_area, [photons, *ends]))
     with clock.stage("trace"):
@@ -119,7 +120,7 @@ def changing_cells(
             suspected = window.grid(dtype=bool)
             suspected[window.at(cells.cell)] = True
             change = change_in.within(number, window)
-            changing = window.cells(grown(change, 1 + _beyond_ends(change)) & suspected)
+            changing = window.cells(grown(change) & suspected)
             chosen[number] = np.unique(np.concatenate([changing, chosen.get(number, changing)]), axis=0)
         chosen = {number: cells for number, cells in chosen.items() if len(cells)}
         fields = {
@@ -148,7 +149,8 @@ def changing_cells(
                 apart = np.abs(growth[number]).max(axis=(1, 2)) > LARGEST_GROWTH
                 growth[number][apart] = 0.0
                 limited += int(np.sum(apart))
-        return RetracedCells(found, plan, growth, limited)
+        at_ends = CellsAtEnds(RetracedCells(suspects, plan), (ends[0], ends[1])) if suspects else None
+        return RetracedCells(found, plan, growth, limited, at_ends)
 
 
 def _unfollowed(
@@ -205,34 +207,48 @@ def _field(found: CellsOfLattices, lattice: Lattice, number: int, given: ChosenC
 def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> dict[int, ChosenCells]:
     """The cells of ``plan`` around keyframes' cells that change, with their shift as offset."""
     sparse = keyframes.plan
-    maps = [keyframes.photons(part) for part in TIMES]
+    maps = {part: keyframes.photons(part) for part in (-END, 0.0, END)}
+    if not _is_a_sheet_alone(keyframes, maps.values()):
+        maps |= {part: keyframes.traced(part, sparse) for part in (OPENS, CLOSES)}
     with clock.stage("trace"):
         riders: dict[int, ChosenCells] = {}
         windows: dict[int, Window] = {}
         shifts: dict[int, np.ndarray] = {}
-        of_lattices = [CellsOfLattices(photons, sparse) for photons in maps]
-        for number in numbers_of(of_lattices):
-            cells = np.concatenate([found.of(number)[1] for found in of_lattices])
+        of_lattices = {part: CellsOfLattices(photons, sparse) for part, photons in maps.items()}
+        for number in numbers_of(list(of_lattices.values())):
+            cells = np.concatenate([found.of(number)[1] for found in of_lattices.values()])
             windows[number] = window = Window.around(cells, margin=1)
             inside = window.cells(np.ones(window.size, bool))
             inside = inside[sparse.lattices[number].holds(inside)]
-            shifts[number] = _shifts(of_lattices[1], number, window)
+            shifts[number] = _shifts(of_lattices[0.0], number, window)
             riders[number] = ChosenCells(inside, shifts[number][window.at(inside)])
         drift = max((END * np.abs(cells.offset).max() for cells in riders.values()), default=0.0)
     if drift > LARGEST_DRIFT:
-        ends = [
-            keyframes.traced(part, sparse, chosen=riding(riders, sparse, part), aimed=False) for part in (-END, END)
-        ]
-        maps = [ends[0], maps[1], ends[1]]
+        for part in sorted(maps.keys() - {0.0}):
+            maps[part] = keyframes.traced(part, sparse, chosen=riding(riders, sparse, part), aimed=False)
     with clock.stage("trace"):
         found: dict[int, ChosenCells] = {}
-        change = _Change(maps, sparse, max(map(typical_area, maps)))
+        in_order = [maps[part] for part in sorted(maps)]
+        change = _Change(in_order, sparse, max(map(typical_area, in_order)))
         for number, window in windows.items():
             changing = change.within(number, window)
             if changing.any():
                 lattices = plan.lattices[number], sparse.lattices[number]
                 found[number] = _finer(*lattices, window, changing, shifts[number])
     return found
+
+
+def _is_a_sheet_alone(keyframes: ShutterKeyframes, maps: Iterable[PhotonMap]) -> bool:
+    """Whether nothing moves but one refracting surface, whose light takes one path at all times of ``maps``.
+
+    Then it is taken to do so in between and at the ends, too.
+    """
+    needs, meshes = keyframes.middle.requirements, keyframes.middle.scene.meshes
+    if needs.reflection or needs.moving_lights or len(needs.moving_meshes) != 1:
+        return False
+    paths = {tuple(np.unique(photons.path)) for photons in maps}
+    (path,) = needs.moving_meshes
+    return any(mesh.path == path and mesh.specular for mesh in meshes) and len(paths) == 1 and len(paths.pop()) == 1
 
 
 def _finer(fine: Lattice, coarse: Lattice, window: Window, changing: np.ndarray, shifts: np.ndarray) -> ChosenCells:
@@ -250,10 +266,10 @@ def _finer(fine: Lattice, coarse: Lattice, window: Window, changing: np.ndarray,
 
 
 class _Change:
-    """Cells in which a photon that matters takes a path that none takes in the middle, or at either end of the shutter.
+    """Cells in which a photon that matters takes a path at one time that none takes at the next or at that before.
 
     Args:
-        maps: Photons at the opening, in the middle and at the closing.
+        maps: Photons at some times, in their order.
         plan: Their lattices.
         typical: Area of a footprint that counts as its flux does.
     """
@@ -273,21 +289,11 @@ class _Change:
             keys.append((u * window.size[1] + v).astype(np.uint64) << np.uint64(32) | path)
             matter.append(important[rows])
         grid = window.grid(dtype=bool)
-        for one, other in ((0, 1), (1, 0), (1, 2), (2, 1)):
-            alone = keys[one][matter[one] & ~np.isin(keys[one], keys[other])]
-            grid.ravel()[(alone >> np.uint64(32)).astype(np.int64)] = True
+        for early, late in itertools.pairwise(range(len(keys))):
+            for one, other in ((early, late), (late, early)):
+                alone = keys[one][matter[one] & ~np.isin(keys[one], keys[other])]
+                grid.ravel()[(alone >> np.uint64(32)).astype(np.int64)] = True
         return grid
-
-
-def _beyond_ends(change: np.ndarray) -> int:
-    """How many cells further edges go before the first keyframe and after the last one than between these.
-
-    Half of the cells that an edge passes over lie within half of the way from their border to their middle.
-    """
-    if not change.any():
-        return 0
-    middle = 2.0 * float(np.median(distances(~change, FARTHEST)[change]))
-    return math.ceil(middle * (0.5 - END) / END)
 
 
 def _shifts(found: CellsOfLattices, number: int, window: Window, given: ChosenCells | None = None) -> np.ndarray:

@@ -35,6 +35,8 @@ from tpdwarp.trajectories.retraced import LEAST_SHARE, CellsOfLattices, riding
 KEYFRAME_DURATION = 0.125
 # Middles of these parts, from that of the shutter.
 END = 0.5 * (1.0 - KEYFRAME_DURATION)
+# Part of the shutter that its first and its last instant are: long enough to tell vertices apart in single precision.
+INSTANT = 2.0**-10
 # Photons of a keyframe: a sixteenth of those traced (a quarter of the cells along either axis), no fewer than these.
 # Chosen, not derived: three keyframes then cost a fifth of the trace.
 FEWEST_KEYFRAME_PHOTONS = 1024
@@ -51,8 +53,13 @@ MOST_LATTICES = 1 << 24
 
 
 def keyframe_shutters(shutter: Shutter) -> tuple[Shutter, Shutter, Shutter]:
-    """Short shutters at the opening, middle and closing of ``shutter``."""
-    duration = KEYFRAME_DURATION * shutter.exposure
+    """The shutters of keyframes at the opening, middle and closing of ``shutter``."""
+    return short_shutters(shutter, KEYFRAME_DURATION)
+
+
+def short_shutters(shutter: Shutter, part: float) -> tuple[Shutter, Shutter, Shutter]:
+    """Short shutters at the opening, middle and closing of ``shutter``, each a ``part`` of it."""
+    duration = part * shutter.exposure
     middle = shutter.middle
     return (
         Shutter(shutter.frame, shutter.open, shutter.open + duration),
@@ -115,6 +122,8 @@ class ShutterKeyframes:
         self.middle, self.opening, self.closing = middle, opening, closing
         self._clock, self._lights_change = clock, lights_change
         self._grids: dict[float, _KeyframeGrids] = {}
+        # The scenes of the first and of the last instant, once they are wanted.
+        self._instants: dict[float, LoadedScene] = {}
         # Of the lattices that were last asked for, photons that were traced at either end themselves.
         self._ends: tuple[EmissionPlan, list[PhotonMap]] | None = None
         self._curves: dict[tuple[str, ...], tuple[PowerCurve | None, ...]] = {}
@@ -189,12 +198,32 @@ class ShutterKeyframes:
         return self._curves[lights]
 
     def traced(self, part: float, plan: EmissionPlan, **options: Any) -> PhotonMap:
-        """Photons of ``plan`` at ``-END``, 0 or ``END`` of the shutter; ``options`` are those of the tracer."""
-        loaded = self.middle if part == 0.0 else self.opening if part < 0.0 else self.closing
+        """Photons of ``plan`` at a part of the shutter: −½, ``-END``, 0, ``END`` or ½.
+
+        D_t x is that over ``KEYFRAME_DURATION`` at ``-END`` and ``END``, and over ``INSTANT`` at −½ and ½.
+
+        Args:
+            part: When.
+            plan: The lattices.
+            options: Of the tracer.
+        """
+        loaded = self._loaded(part)
         tags = self.tags.of(loaded.scene)
         photons, account = self.tracer.trace(loaded, plan, self._clock, jittered=False, tags=tags, **options)
         self.emitted += account.counts.get("emitted", 0)
         return photons
+
+    def _loaded(self, part: float) -> LoadedScene:
+        """The scene at a part of the shutter, as of :meth:`traced`."""
+        if abs(part) < 0.5:
+            return self.middle if part == 0.0 else self.opening if part < 0.0 else self.closing
+        if part not in self._instants:
+            scene = self.middle.scene
+            first, _, last = short_shutters(scene.shutter, INSTANT)
+            loaded = self.tracer.load(first if part < 0.0 else last, self._clock)
+            (loaded,), _ = steadily_lit(self.tracer, [loaded], [part], scene.lights, INSTANT)
+            self._instants[part] = loaded
+        return self._instants[part]
 
     def _at(self, part: float) -> _KeyframeGrids:
         if part not in self._grids:
@@ -212,7 +241,11 @@ class ShutterKeyframes:
 
 
 def steadily_lit(
-    tracer: PhotonTracer, scenes: Sequence[LoadedScene], parts: Sequence[float], lights: Sequence[LightAtShutter]
+    tracer: PhotonTracer,
+    scenes: Sequence[LoadedScene],
+    parts: Sequence[float],
+    lights: Sequence[LightAtShutter],
+    duration: float = KEYFRAME_DURATION,
 ) -> tuple[list[LoadedScene], bool]:
     """Scenes of keyframes in light of the power that it has over the whole shutter, and whether it has another then.
 
@@ -220,14 +253,15 @@ def steadily_lit(
 
     Args:
         tracer: Loaded them.
-        scenes: Over ``KEYFRAME_DURATION`` of the shutter.
+        scenes: Each over a part of the shutter.
         parts: Where in the shutter they lie, −½ … ½.
         lights: Over the whole shutter.
+        duration: Part of the shutter that each scene is of.
     """
     if not any(lights_change(loaded.scene.lights, lights) for loaded in scenes):
         return list(scenes), False
     lit = [
-        tracer.loader.lit_by(loaded, steady_lights(loaded.scene.lights, lights, part, KEYFRAME_DURATION))
+        tracer.loader.lit_by(loaded, steady_lights(loaded.scene.lights, lights, part, duration))
         for loaded, part in zip(scenes, parts, strict=True)
     ]
     return lit, True

@@ -1,8 +1,5 @@
-"""Photons of changing cells, part by part of the shutter; parts in which light begins or ends in a rush are cut again.
-
-As total reflection ends, light leaves along the face and turns away from it as the root of the time: in an eighth of
-the shutter it may pass a large part of the picture, and carries least where it is fastest. So where a path begins or
-ends between two parts, and is fast beside the size of its cell, both are traced again in parts of their own.
+"""Photons of changing cells, part by part of the shutter; parts in which it is not clear what their light does
+(:mod:`.unclear`) are cut again.
 
 Beyond the paper, whose photons shine for the whole shutter.
 """
@@ -20,15 +17,12 @@ from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
-from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.instants import joined_in_time
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.passing import parts_of_existence
 from tpdwarp.trajectories.retraced import (
-    LEAST_LIGHT,
-    LEAST_SHARE,
     PARTS,
     RetracedCells,
     cell_of,
@@ -36,10 +30,8 @@ from tpdwarp.trajectories.retraced import (
     place_in_cell,
 )
 from tpdwarp.trajectories.rifts import stretched
+from tpdwarp.trajectories.unclear import unclear_cells
 
-# A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
-# within what its cell blurs. Chosen, not derived.
-LONGEST_WAY = 4.0
 # Instants at which cells are traced, and where the numbers of parts of these, and of parts of parts, end.
 INSTANTS = PARTS + 1
 LAST_PART = INSTANTS * (1 + PARTS)
@@ -88,9 +80,10 @@ def traced_in_parts(
         account.add(energy)
         maps.append(replace(photons, part=part + 1))
     with clock.stage("trace"):
-        rushing = cells_that_rush(maps, changing, light)
-        extents = parts_of_existence(maps, changing)
-    for part, (piece, cells) in enumerate(zip(pieces, rushing, strict=True)):
+        existence = parts_of_existence(maps, changing)
+        unclear = unclear_cells(maps, existence, changing, weight, light)
+        extents = [found.extent for found in existence]
+    for part, (piece, cells) in enumerate(zip(pieces, unclear, strict=True)):
         if not len(cells):
             continue
         middle, share = float(middles[part]), float(shares[part])
@@ -131,31 +124,3 @@ def _count_gained(flux: float, plan: EmissionPlan, energy: EnergyAccount) -> Non
     watts = plan.normalization.power * flux
     energy.sent += watts
     energy.deposited += watts
-
-
-def cells_that_rush(maps: list[PhotonMap], changing: RetracedCells, light: float) -> list[RetracedCells]:
-    """For each part, the cells that light rushes through on a path that begins or ends between it and one beside it.
-
-    None where they have hardly any of all ``light``.
-    """
-    keys = [np.stack([photons.ids, photons.path.astype(np.int64)], axis=1) for photons in maps]
-    names = np.unique(np.concatenate(keys), axis=0, return_inverse=True)[1].reshape(-1)
-    names = np.split(names, np.cumsum([len(photons) for photons in maps])[:-1])
-    rushing = [_rushes(photons) for photons in maps]
-    found: list[list[PhotonMap]] = [[] for _ in maps]
-    flux = 0.0
-    for part in range(len(maps) - 1):
-        for one, other in ((part, part + 1), (part + 1, part)):
-            alone = maps[one].rows(rushing[one] & ~np.isin(names[one], names[other]))
-            found[one].append(alone)
-            found[other].append(alone)
-            flux += float(alone.flux.sum(dtype=np.float64))
-    if flux <= LEAST_LIGHT * light:
-        return [RetracedCells({}, changing.plan)] * len(maps)
-    return [changing.of_photons(photons) for photons in found]
-
-
-def _rushes(photons: PhotonMap) -> np.ndarray:
-    """Which photons that matter go far in their part of the shutter, shape [n]."""
-    way = lengths(photons.dxdt - photons.receiver_motion)
-    return (photons.share > LEAST_SHARE) & (way > LONGEST_WAY * photons.size)

@@ -79,12 +79,14 @@ class RetracedCells:
         growth: ∇S of the field that cells ride along (:mod:`.rifts`), for each of those of a lattice, shape [n, 2, 2];
             none where they keep their size.
         limited: How many of them keep their size although they ride apart.
+        ends: What some of them are like as the shutter opens and as it closes; None where that is not known.
     """
 
     cells: dict[int, ChosenCells]
     plan: EmissionPlan
     growth: dict[int, np.ndarray] = field(default_factory=dict)
     limited: int = 0
+    ends: CellsAtEnds | None = None
 
     def __len__(self) -> int:
         return sum(map(len, self.cells.values()))
@@ -132,7 +134,8 @@ class RetracedCells:
         found, growth = {}, {}
         of_lattices = [CellsOfLattices(photons, self.plan) for photons in maps]
         for number, mine in self.cells.items():
-            theirs = np.concatenate([cells.of(number)[1] for cells in of_lattices])
+            theirs = [cells.of(number)[1] for cells in of_lattices]
+            theirs = np.concatenate(theirs) if theirs else mine.cell[:0]
             if len(theirs):
                 rows = _among(mine.cell, theirs)
                 if rows.any():
@@ -148,6 +151,19 @@ class RetracedCells:
             for lattice, mine in self.cells.items()
         }
         return riding(moved, self.plan, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class CellsAtEnds:
+    """What cells are like as the shutter opens and as it closes.
+
+    Attributes:
+        cells: Those that were traced then, from where they ride to.
+        photons: Theirs at the opening and at the closing, with the flux of the whole exposure.
+    """
+
+    cells: RetracedCells
+    photons: tuple[PhotonMap, PhotonMap]
 
 
 def _among(cells: np.ndarray, chosen: np.ndarray) -> np.ndarray:

@@ -1,0 +1,133 @@
+"""Cells of which instants do not tell enough: what their light does between these is not clear.
+
+As total reflection ends, light leaves along the face and turns away from it as the root of the time: in an eighth of
+the shutter it may pass a large part of the picture, and carries least where it is fastest. So where a path begins or
+ends between two parts, and is fast beside the size of its cell, both are traced again in parts of their own. So they
+are where a gap opens, or a body comes into the light, of which no edge is near in one of them; and so is the first
+part, or the last, where a path begins or ends between its instant and the end of the shutter.
+
+Beyond the paper, whose photons shine for the whole shutter.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.vectors import lengths
+from tpdwarp.trajectories.passing import Existence
+from tpdwarp.trajectories.retraced import LEAST_LIGHT, LEAST_SHARE, RetracedCells
+
+# A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
+# within what its cell blurs. Chosen, not derived.
+LONGEST_WAY = 4.0
+
+
+def unclear_cells(
+    maps: list[PhotonMap], existence: list[Existence], changing: RetracedCells, weight: float, light: float
+) -> list[RetracedCells]:
+    """For each part, the cells of which it is not clear from the instants what their light does meanwhile.
+
+    It rushes on a path that begins or ends between the part and one beside it; nothing tells when its path does so; or,
+    in the first part and the last, that begins or ends between their instant and the end of the shutter. None where
+    each of these is hardly any of all ``light``.
+
+    Args:
+        maps: Photons of each part.
+        existence: In how much of it their paths exist.
+        changing: The cells that were traced.
+        weight: Part of the exposure that the shutter is.
+        light: Flux of all photons of the shutter.
+    """
+    light = max(light, sum(map(_flux, maps)))
+    found: list[list[PhotonMap]] = [[] for _ in maps]
+    for several in (_rushing(maps, light), _at_times_unknown(maps, existence, light)):
+        for photons, more in zip(found, several, strict=True):
+            photons += more
+    if changing.ends is not None:
+        for part, there in zip((0, len(maps) - 1), changing.ends.photons, strict=True):
+            found[part] += _beyond(maps[part], there, changing.ends.cells, weight, light)
+    if any(found):
+        _go_on_along_paths(found, maps, changing)
+    return [changing.of_photons(photons) for photons in found]
+
+
+def _go_on_along_paths(found: list[list[PhotonMap]], maps: list[PhotonMap], changing: RetracedCells) -> None:
+    """Adds, to what was ``found`` in each part, the photons of the same cells whose path begins or ends between that
+    part and one beside it: for how long was told of both together."""
+    names = _names(maps)
+
+    def alone(one: int, other: int) -> PhotonMap:
+        return maps[one].rows((maps[one].share > LEAST_SHARE) & ~np.isin(names[one], names[other]))
+
+    between = [[alone(part, part + 1), alone(part + 1, part)] for part in range(len(maps) - 1)]
+    forth = [(part, part + 1) for part in range(len(maps) - 1)]
+    for here, there in [*forth, *((late, early) for early, late in reversed(forth))]:
+        cells = changing.of_photons(found[here])
+        if len(cells):
+            found[there] += [photons.rows(cells.holds(photons)) for photons in between[min(here, there)]]
+
+
+def _rushing(maps: list[PhotonMap], light: float) -> list[list[PhotonMap]]:
+    """For each part, photons that rush where their path begins or ends between it and one beside it."""
+    names = _names(maps)
+    rushing = [_rushes(photons) for photons in maps]
+    found: list[list[PhotonMap]] = [[] for _ in maps]
+    flux = 0.0
+    for part in range(len(maps) - 1):
+        for one, other in ((part, part + 1), (part + 1, part)):
+            alone = maps[one].rows(rushing[one] & ~np.isin(names[one], names[other]))
+            found[one].append(alone)
+            found[other].append(alone)
+            flux += _flux(alone)
+    return found if flux > LEAST_LIGHT * light else [[] for _ in maps]
+
+
+def _at_times_unknown(maps: list[PhotonMap], existence: list[Existence], light: float) -> list[list[PhotonMap]]:
+    """For each part, photons whose path begins or ends between it and one beside it where nothing tells when."""
+    found: list[list[PhotonMap]] = [[] for _ in maps]
+    flux = 0.0
+    for part, (photons, exists) in enumerate(zip(maps, existence, strict=True)):
+        for beside, unknown in ((part - 1, exists.before), (part + 1, exists.after)):
+            alone = photons.rows(unknown & (photons.share > LEAST_SHARE))
+            if len(alone):
+                found[part].append(alone)
+                found[beside].append(alone)
+                flux += _flux(alone)
+    return found if flux > LEAST_LIGHT * light else [[] for _ in maps]
+
+
+def _beyond(here: PhotonMap, there: PhotonMap, asked: RetracedCells, weight: float, light: float) -> list[PhotonMap]:
+    """Photons of the first or last part whose path begins or ends between its instant and the end of the shutter.
+
+    Args:
+        here: Photons of the part.
+        there: Photons at the end of the shutter, with the flux of the whole exposure.
+        asked: The cells that were traced there.
+        weight, light: As of :func:`unclear_cells`.
+    """
+    name_here, name_there = _names([here, there])
+    alone = [
+        there.rows((there.share > LEAST_SHARE) & ~np.isin(name_there, name_here)),
+        here.rows((here.share > LEAST_SHARE) & ~np.isin(name_here, name_there) & asked.holds(here)),
+    ]
+    # Half of the part lies beyond its instant.
+    flux = 0.5 * (weight * here.duration * _flux(alone[0]) + _flux(alone[1]))
+    return alone if flux > LEAST_LIGHT * light else []
+
+
+def _flux(photons: PhotonMap) -> float:
+    return float(photons.flux.sum(dtype=np.float64))
+
+
+def _names(maps: list[PhotonMap]) -> list[np.ndarray]:
+    """A number for the cell and path of each photon, one for the same in all of ``maps``, each [n]."""
+    keys = [np.stack([photons.ids, photons.path.astype(np.int64)], axis=1) for photons in maps]
+    names = np.unique(np.concatenate(keys), axis=0, return_inverse=True)[1].reshape(-1)
+    return np.split(names, np.cumsum([len(photons) for photons in maps])[:-1])
+
+
+def _rushes(photons: PhotonMap) -> np.ndarray:
+    """Which photons that matter go far in their part of the shutter, shape [n]."""
+    way = lengths(photons.dxdt - photons.receiver_motion)
+    return (photons.share > LEAST_SHARE) & (way > LONGEST_WAY * photons.size)
