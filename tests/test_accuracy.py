@@ -58,7 +58,7 @@ def test_a_travelling_wave_is_as_exact_as_promised(motion, photons, segments, li
 
 @pytest.mark.parametrize("exposure", [3, 4])
 def test_long_exposures_of_few_photons_have_no_stripes(exposure):
-    """Nor is any pixel far off: sweeps of three or four wavelengths by curves that do not follow would leave marks."""
+    """Nor is any pixel far off: bands that go by three or four eighths of a wavelength would leave marks."""
     truth = irradiance_average(EDGES, Wave(), 2, 2 + exposure, 96 * exposure)
     frame = frame_of(wave_source(Wave()), Shutter(2, 2, 2 + exposure), COLUMNS, ROWS, photons=1000, segments="auto")
     found = irradiance(frame)

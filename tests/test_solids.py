@@ -50,17 +50,6 @@ def test_moving_solids_are_as_brute_force_has_them(name, wanted, tmp_path: Path)
     assert frame.energy.deposited / frame.energy.sent == pytest.approx(true_share, abs=0.003 + given_up)
 
 
-def test_one_segment_follows_a_ball_that_rolls_by_half_a_radius(tmp_path: Path):
-    """Its light leaves curves of third order by little, and often: without parts of the shutter it errs by .12."""
-    truth = kept_truth(SCENES["ball-rolling"]())
-    height, width = truth.irradiance.shape
-    settings = Settings.of(SETTINGS, image_width=width, segments=1)
-    context = RenderContext(StageScene.open(write("ball-rolling", tmp_path), settings), settings)
-    frame = render_frame(context, Shutter(FRAME, FRAME, FRAME + 1), width, height)
-    error = (frame.channels["irradiance.R"] - truth.irradiance)[truth.mask]
-    assert np.sqrt(np.mean(error**2)) / truth.irradiance[truth.mask].mean() < 0.1
-
-
 def test_what_folds_is_right_with_one_sample(tmp_path: Path):
     """A pixel's mean is exact, so that the error of a still falls with photons, and not with samples."""
     truth = kept_truth(SCENES["folded-wave"]())
