@@ -52,19 +52,30 @@ class Geometry:
     """Device-side scene over one shutter.
 
     Attributes:
-        surfaces: The kernel's view of it.
-        mesh: The BVH (kept alive with ``surfaces``).
+        packed: All but the BVH, which may be fitted to another scene.
+        mesh: The BVH, which scenes of one frame may share.
         moves: Whether any vertex moves over the shutter.
         paths: Prim path of each object, indexed by ``surfaces.object_of``.
         materials: The materials, indexed by ``surfaces.material_of``.
     """
 
-    surfaces: Surfaces
+    packed: Surfaces
     mesh: wp.Mesh
     moves: bool
     paths: tuple[str, ...]
     materials: tuple[Material, ...] = ()
     _moved: wp.Mesh | None = None
+
+    @property
+    def shared(self) -> bool:
+        """Whether scenes beside it may use its BVH, which is then fitted to the one that is looked at."""
+        return len(self.packed.triangles) >= SHARED_FROM
+
+    @property
+    def surfaces(self) -> Surfaces:
+        """The kernel's view of it, good until a scene that shares the BVH is looked at."""
+        _fit(self.mesh, self.packed.points)
+        return self.packed
 
     def at(self, time: float, launcher: Launcher) -> Surfaces:
         """The same surfaces with their points moved to ``time`` in the shutter (−½ … ½).
@@ -73,13 +84,14 @@ class Geometry:
         """
         if not self.moves:
             return replace_time(self.surfaces, time)
+        of = self.packed
         if self._moved is None:
-            self._moved = _mesh(self.surfaces.points.numpy(), self.surfaces.triangles.numpy(), launcher)
-        points = self.surfaces.points.numpy() + np.float32(time) * self.surfaces.motions.numpy()
-        self._moved.points.assign(points)
-        self._moved.refit()
-        surfaces = replace_time(self.surfaces, time)
-        surfaces.mesh, surfaces.points = self._moved.id, self._moved.points
+            # Built where the shutter is open half way, so that it does not matter which time is looked at first.
+            self._moved = self.mesh if self.shared else _mesh(of.points, of.triangles.numpy(), launcher)
+        surfaces = replace_time(of, time)
+        points = of.points.numpy() + np.float32(time) * of.motions.numpy()
+        surfaces.mesh, surfaces.points = self._moved.id, launcher.array(points, wp.vec3)
+        _fit(self._moved, surfaces.points)
         return surfaces
 
 
@@ -92,20 +104,22 @@ def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
     return copy
 
 
-def _mesh(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> wp.Mesh:
-    return wp.Mesh(
-        points=wp.array(points, dtype=wp.vec3, device=launcher.device),
-        indices=wp.array(triangles.ravel(), dtype=wp.int32, device=launcher.device),
-    )
+def _mesh(points: wp.array, triangles: np.ndarray, launcher: Launcher) -> wp.Mesh:
+    return wp.Mesh(points=points, indices=wp.array(triangles.ravel(), dtype=wp.int32, device=launcher.device))
 
 
-def _refitted(geometry: Geometry | None, points: np.ndarray, triangles: np.ndarray) -> wp.Mesh | None:
-    """The mesh of ``geometry`` moved to ``points``; None where it has other triangles."""
-    if geometry is None or not np.array_equal(geometry.surfaces.triangles.numpy(), triangles):
+def _fit(mesh: wp.Mesh, points: wp.array) -> None:
+    """Moves a BVH to ``points`` unless it stands there."""
+    if mesh.points is not points:
+        mesh.points = points
+
+
+def _fitted(before: Geometry | None, points: wp.array, triangles: np.ndarray) -> wp.Mesh | None:
+    """The BVH of another scene fitted to ``points``; None where that has other triangles."""
+    if before is None or not np.array_equal(before.packed.triangles.numpy(), triangles):
         return None
-    geometry.mesh.points.assign(points)
-    geometry.mesh.refit()
-    return geometry.mesh
+    _fit(before.mesh, points)
+    return before.mesh
 
 
 def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
@@ -118,6 +132,9 @@ def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
 # Beyond the box of solids so far there is no medium, in the tracer's units: more than by what solids in contact are
 # separated (tpdwarp.scene.device.contact), and than rounding.
 MEDIA_MARGIN = 1e-4
+# From so many triangles on the scenes of a frame share a BVH. Chosen, not derived: to build one for fewer takes less
+# than 50 ms.
+SHARED_FROM = 100_000
 # A triangle without area, which no ray hits, for scenes that have none at all.
 NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
 
@@ -129,6 +146,7 @@ def geometry_of(
     *,
     with_motions: bool,
     instead_of: Geometry | None = None,
+    beside: Geometry | None = None,
 ) -> Geometry:
     """Packs the meshes of ``scene`` into one geometry on the launcher's device.
 
@@ -136,6 +154,7 @@ def geometry_of(
         with_motions: Whether kernels will read motions (also where only a light or the camera moves).
         instead_of: The same scene a little earlier, which is good no longer then: its BVH is refitted where it has the
             same triangles, which takes a tenth of the time that building one does.
+        beside: The same scene at another time of the frame, which stays good: they share a BVH where it is large.
     """
     moves = with_motions
     points, motions, triangles = [], [], []
@@ -171,7 +190,10 @@ def geometry_of(
         object_count += copies
 
     corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
-    mesh = _refitted(instead_of, vertices, corners) or _mesh(vertices, corners, launcher)
+    if instead_of is None and beside is not None and beside.shared:
+        instead_of = beside
+    device_points = launcher.array(vertices, wp.vec3)
+    mesh = _fitted(instead_of, device_points, corners) or _mesh(device_points, corners, launcher)
     owners, materials_of = np.concatenate(object_of), np.concatenate(material_of)
     table = list(materials)
     diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
