@@ -9,8 +9,9 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.description import Material, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.device.contact import separate_coincident
+from tpdwarp.scene.device.faces import Faces, faces_of, stacked
 from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.normalization import Normalization
 
@@ -56,15 +57,20 @@ class Geometry:
         mesh: The BVH, which scenes of one frame may share.
         moves: Whether any vertex moves over the shutter.
         paths: Prim path of each object, indexed by ``surfaces.object_of``.
-        materials: The materials, indexed by ``surfaces.material_of``.
+        faces: Its faces, which scenes of one frame may share too.
     """
 
     packed: Surfaces
     mesh: wp.Mesh
     moves: bool
     paths: tuple[str, ...]
-    materials: tuple[Material, ...] = ()
+    faces: Faces
     _moved: wp.Mesh | None = None
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The materials, indexed by ``surfaces.material_of``."""
+        return self.faces.materials
 
     @property
     def shared(self) -> bool:
@@ -87,7 +93,7 @@ class Geometry:
         of = self.packed
         if self._moved is None:
             # Built where the shutter is open half way, so that it does not matter which time is looked at first.
-            self._moved = self.mesh if self.shared else _mesh(of.points, of.triangles.numpy(), launcher)
+            self._moved = self.mesh if self.shared else _mesh(of.points, self.faces, launcher)
         surfaces = replace_time(of, time)
         points = of.points.numpy() + np.float32(time) * of.motions.numpy()
         surfaces.mesh, surfaces.points = self._moved.id, launcher.array(points, wp.vec3)
@@ -104,8 +110,9 @@ def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
     return copy
 
 
-def _mesh(points: wp.array, triangles: np.ndarray, launcher: Launcher) -> wp.Mesh:
-    return wp.Mesh(points=points, indices=wp.array(triangles.ravel(), dtype=wp.int32, device=launcher.device))
+def _mesh(points: wp.array, faces: Faces, launcher: Launcher) -> wp.Mesh:
+    corners = faces.triangles.numpy().ravel()
+    return wp.Mesh(points=points, indices=wp.array(corners, dtype=wp.int32, device=launcher.device))
 
 
 def _fit(mesh: wp.Mesh, points: wp.array) -> None:
@@ -114,19 +121,14 @@ def _fit(mesh: wp.Mesh, points: wp.array) -> None:
         mesh.points = points
 
 
-def _fitted(before: Geometry | None, points: wp.array, triangles: np.ndarray) -> wp.Mesh | None:
+def _fitted(before: Geometry | None, points: wp.array, faces: Faces) -> wp.Mesh | None:
     """The BVH of another scene fitted to ``points``; None where that has other triangles."""
-    if before is None or not np.array_equal(before.packed.triangles.numpy(), triangles):
+    if before is None:
+        return None
+    if faces is not before.faces and not np.array_equal(before.faces.triangles.numpy(), faces.triangles.numpy()):
         return None
     _fit(before.mesh, points)
     return before.mesh
-
-
-def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
-    filled = [a for a in arrays if len(a)]
-    if not filled:
-        return np.zeros((0, width), dtype)
-    return np.concatenate(filled).astype(dtype)
 
 
 # Beyond the box of solids so far there is no medium, in the tracer's units: more than by what solids in contact are
@@ -156,68 +158,40 @@ def geometry_of(
             same triangles, which takes a tenth of the time that building one does.
         beside: The same scene at another time of the frame, which stays good: they share a BVH where it is large.
     """
-    moves = with_motions
-    points, motions, triangles = [], [], []
-    normals, normal_motions, normal_indices = [], [], []
-    colors, color_indices, material_of, object_of = [], [], [], []
-    materials: dict[Material, int] = {}
-    vertex_count = normal_count = color_count = object_count = 0
-    boxes = []
     # A frame may show nothing at all; a tree of triangles wants at least one.
-    for mesh in scene.meshes or (NOTHING,):
-        copies = len(mesh.objects)
-        points.append(normalization.points(mesh.points))
-        boxes.append(_boxes(points[-1], copies))
-        if moves:
-            motions.append(_or_zeros(mesh.motions, mesh.points) * normalization.scale)
-        triangles.append(mesh.triangles + vertex_count)
-        vertex_count += len(mesh.points)
-        normal_indices.append(_indices(mesh, mesh.normal_indices, normal_count))
-        if mesh.normals is not None:
-            normals.append(mesh.normals)
-            if moves:
-                normal_motions.append(_or_zeros(mesh.normal_motions, mesh.normals))
-            normal_count += len(mesh.normals)
-        color_indices.append(_indices(mesh, mesh.color_indices, color_count))
-        if mesh.colors is not None:
-            colors.append(mesh.colors)
-            color_count += len(mesh.colors)
-        slots = np.array([materials.setdefault(m, len(materials)) for m in mesh.materials], np.int32)
-        chosen = mesh.triangle_materials
-        material_of.append(slots[chosen] if chosen is not None else np.full(len(mesh.triangles), slots[0], np.int32))
-        numbers = np.arange(object_count, object_count + copies, dtype=np.int32)
-        object_of.append(np.repeat(numbers, len(mesh.triangles) // copies))
-        object_count += copies
-
-    corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
-    if instead_of is None and beside is not None and beside.shared:
-        instead_of = beside
+    meshes = scene.meshes or (NOTHING,)
+    known = beside if instead_of is None else instead_of
+    faces = known.faces if known is not None and known.faces.of(meshes) else faces_of(meshes, launcher)
+    points = [normalization.points(mesh.points) for mesh in meshes]
+    boxes = np.concatenate([_boxes(of, len(mesh.objects)) for of, mesh in zip(points, meshes, strict=True)])
+    vertices = np.concatenate(points) if len(points) > 1 else points[0]
+    del points
+    extent = np.abs(vertices).max(axis=0).astype(float)
     device_points = launcher.array(vertices, wp.vec3)
-    mesh = _fitted(instead_of, device_points, corners) or _mesh(device_points, corners, launcher)
-    owners, materials_of = np.concatenate(object_of), np.concatenate(material_of)
-    table = list(materials)
-    diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
+    tree_of = known if instead_of is not None or (known is not None and known.shared) else None
+    mesh = _fitted(tree_of, device_points, faces) or _mesh(device_points, faces, launcher)
     nesting = nesting_of(scene)
-    media = np.full(object_count, -1, np.int32)
+    media = np.full(faces.object_count, -1, np.int32)
     if nesting is not None:
         media = np.repeat(nesting.media, [len(mesh.objects) for mesh in scene.meshes])
-    separated = separate_coincident(mesh, corners, owners, diffuse, np.concatenate(boxes), media, launcher)
+    separated = separate_coincident(
+        mesh, faces.triangles.numpy(), faces.object_of.numpy(), faces.diffuse, boxes, media, launcher
+    )
     if separated is not None:
         mesh.points.assign(separated)
         mesh.refit()
     surfaces = Surfaces()
-    extent = np.abs(vertices).max(axis=0).astype(float)
     surfaces.magnitude = wp.vec3(*(extent + 1e-3 * extent.max()))
     surfaces.mesh, surfaces.time, surfaces.points = mesh.id, 0.0, mesh.points
-    surfaces.triangles = launcher.array(corners, wp.vec3i)
-    surfaces.motions = launcher.array(_stack(motions, 3, np.float32), wp.vec3)
-    surfaces.normals = launcher.array(_stack(normals, 3, np.float32), wp.vec3)
-    surfaces.normal_motions = launcher.array(_stack(normal_motions, 3, np.float32), wp.vec3)
-    surfaces.normal_indices = launcher.array(np.concatenate(normal_indices), wp.vec3i)
-    surfaces.colors = launcher.array(_stack(colors, 3, np.float32), wp.vec3)
-    surfaces.color_indices = launcher.array(np.concatenate(color_indices), wp.vec3i)
-    surfaces.material_of = launcher.array(materials_of, wp.int32)
-    surfaces.object_of = launcher.array(owners, wp.int32)
+    for name in ("triangles", "normal_indices", "colors", "color_indices", "material_of", "object_of"):
+        setattr(surfaces, name, getattr(faces, name))
+    shaded = [mesh for mesh in meshes if mesh.normals is not None]
+    motions = [_or_zeros(mesh.motions, mesh.points) * normalization.scale for mesh in meshes if with_motions]
+    turns = [_or_zeros(mesh.normal_motions, mesh.normals) for mesh in shaded if with_motions]
+    surfaces.motions = launcher.array(stacked(motions, 3), wp.vec3)
+    surfaces.normals = launcher.array(stacked([mesh.normals for mesh in shaded], 3), wp.vec3)
+    surfaces.normal_motions = launcher.array(stacked(turns, 3), wp.vec3)
+    table = faces.materials
     surfaces.interaction = launcher.array(np.array([int(m.interaction) for m in table], np.int32), wp.int32)
     surfaces.tint = launcher.array(np.array([m.color for m in table], np.float32), wp.vec3)
     surfaces.ior = launcher.array(np.array([m.ior for m in table], np.float32), wp.float32)
@@ -228,7 +202,7 @@ def geometry_of(
         box = normalization.points(nesting.box)
         surfaces.media_low, surfaces.media_high = wp.vec3(*(box[0] - MEDIA_MARGIN)), wp.vec3(*(box[1] + MEDIA_MARGIN))
     paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
-    return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, tuple(table))
+    return Geometry(surfaces, mesh, any(m.moves for m in scene.meshes), paths, faces)
 
 
 def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
@@ -240,9 +214,3 @@ def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
 
 def _or_zeros(values: np.ndarray | None, like: np.ndarray) -> np.ndarray:
     return np.zeros_like(like) if values is None else values
-
-
-def _indices(mesh: MeshAtShutter, indices: np.ndarray | None, offset: int) -> np.ndarray:
-    if indices is None:
-        return np.full((len(mesh.triangles), 3), -1, np.int32)
-    return np.where(indices >= 0, indices + offset, -1).astype(np.int32)
