@@ -59,7 +59,7 @@ SOFT = tuple(
             r"a lens that zooms",
             r"no depth of field",
             r"makes no caustics",
-            r"portals of a dome",
+            r"portals of a dome|where light of domes comes in",
             r"knows no '|holds no window|holds planes that are none",
             r"does not fit its interpolation",
             r"has no .*: projected along",

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import tpdwarp
+from tests.jobs.test_products import wave_from_two_sides
 from tests.small_stage import write_stage
 from tpdwarp.cli.options import EXPOSURE, MACHINE, METHOD, PICTURE
 from tpdwarp.errors import InputError
@@ -130,3 +131,16 @@ def test_what_cannot_be_a_job_is_refused(tmp_path, monkeypatch, options, message
     with pytest.raises(InputError, match=message):
         tpdwarp.open_job_template("stage.usda", given.pop("out"), given.pop("template"), **given)
     assert os.listdir(tmp_path) == ["stage.usda"]
+
+
+def test_a_task_traces_once_for_all_products(tmp_path):
+    stage = wave_from_two_sides(tmp_path)
+    options = {"frames": "1:2", "chunk": 2, "photons": 256, "samples": 1}
+    tpdwarp.open_job_template(stage, tmp_path / "out" / "<product>.####.exr", tmp_path / "t.json", **options)
+    done = openjd("run", tmp_path / "t.json", "--step", "Render")
+    assert done.returncode == 0, done.stdout + done.stderr
+    for name in ("above", "aside"):
+        for frame in (1, 2):
+            _, metadata = read_image(tmp_path / "out" / f"{name}.000{frame}.exr")
+            seconds = json.loads(metadata["tpdwarp:statistics"])["seconds"]
+            assert ("trace" in seconds) == (name == "above") and "view" in seconds

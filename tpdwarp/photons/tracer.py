@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -74,9 +74,22 @@ class PhotonTracer:
         """Whether photons ride on the surface that they hit first (beyond the paper)."""
         return self.settings.anchor == "surface"
 
-    def load(self, shutter: Shutter, clock: Clock | None = None, instead_of: LoadedScene | None = None) -> LoadedScene:
-        """The scene over ``shutter``, on the device; ``instead_of`` one that is good no longer then."""
-        return self.loader.load(shutter, clock, instead_of)
+    def load(
+        self,
+        shutter: Shutter,
+        clock: Clock | None = None,
+        instead_of: LoadedScene | None = None,
+        beside: LoadedScene | None = None,
+    ) -> LoadedScene:
+        """The scene over ``shutter``, on the device; see :meth:`SceneLoader.load`."""
+        return self.loader.load(shutter, clock, instead_of, beside)
+
+    def load_each(self, shutters: Iterable[Shutter], clock: Clock) -> list[LoadedScene]:
+        """The scenes over several shutters of one frame; they share what is large."""
+        scenes: list[LoadedScene] = []
+        for shutter in shutters:
+            scenes.append(self.load(shutter, clock, beside=scenes[0] if scenes else None))
+        return scenes
 
     def plan(self, photons: int, clock: Clock | None = None, *, shared: bool = True) -> EmissionPlan:
         """Emission lattices for ``photons`` photons a shutter; made once for the whole animation.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import partial
 from typing import Protocol
@@ -15,7 +15,7 @@ from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.rendering.light_groups import LightGroups
 from tpdwarp.rendering.shared_trace import SharedTrace
-from tpdwarp.scene.description import CameraAtShutter, SceneSource, Shutter
+from tpdwarp.scene.description import CameraAtShutter, MeshAtShutter, SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene, SceneLoader
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.light_splits import best_split_count
@@ -25,8 +25,8 @@ from tpdwarp.trajectories.segments import Segmentation, as_few_as_move
 class ViewSource(Protocol):
     """Where a camera comes from."""
 
-    def camera_over(self, shutter: Shutter) -> CameraAtShutter:
-        """The camera over ``shutter``."""
+    def camera_over(self, shutter: Shutter, meshes: Sequence[MeshAtShutter] = ()) -> CameraAtShutter:
+        """The camera over ``shutter``, which sees ``meshes``."""
         ...
 
 
@@ -72,7 +72,7 @@ class RenderContext:
         if self._shared is None or self._view_source is None:
             return self.segmentation.load(shutter, clock)
         found = self._shared.scenes(shutter, lambda: self.segmentation.load_each(shutter, clock))
-        cameras = [self._view_source.camera_over(loaded.scene.shutter) for loaded in found]
+        cameras = [self._view_source.camera_over(loaded.scene.shutter, loaded.scene.meshes) for loaded in found]
         seen = [self.loader.seen_by(loaded, camera) for loaded, camera in zip(found, cameras, strict=True)]
         return as_few_as_move(seen)
 

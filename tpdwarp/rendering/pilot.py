@@ -108,11 +108,15 @@ class _KeepingLoader(SceneLoader):
         self._kept: OrderedDict[Shutter, LoadedScene] = OrderedDict()
 
     def load(
-        self, shutter: Shutter, clock: Clock | None = None, instead_of: LoadedScene | None = None
+        self,
+        shutter: Shutter,
+        clock: Clock | None = None,
+        instead_of: LoadedScene | None = None,
+        beside: LoadedScene | None = None,
     ) -> LoadedScene:
         """The scene over ``shutter``, kept from before where it is; it is in the place of none, for all are kept."""
         if shutter not in self._kept:
-            self._kept[shutter] = super().load(shutter, clock)
+            self._kept[shutter] = super().load(shutter, clock, beside=beside)
         self._kept.move_to_end(shutter)
         loaded = self._kept[shutter]
         while sum(map(_triangle_count, self._kept.values())) > KEPT_TRIANGLES:

@@ -136,7 +136,8 @@ class ShutterKeyframes:
             clock,
             shared=False,
         ).foreseeing(loaded.scene)
-        opening, _, closing = (tracer.load(end, clock) for end in keyframe_shutters(loaded.scene.shutter))
+        ends = keyframe_shutters(loaded.scene.shutter)[::2]
+        opening, closing = (tracer.load(end, clock, beside=loaded) for end in ends)
         (opening, closing), changes = steadily_lit(tracer, [opening, closing], [-END, END], loaded.scene.lights)
         with clock.stage("plan"):
             tags = PathTags(loaded.scene, plan.photons)

@@ -63,7 +63,7 @@ def traced_in_parts(
         cells: RetracedCells, piece: Shutter, middle: float, share: float, number: int
     ) -> tuple[PhotonMap, EnergyAccount]:
         nonlocal last
-        last = tracer.load(piece, clock, instead_of=last)
+        last = tracer.load(piece, clock, instead_of=last, beside=keyframes.middle)
         given = {"chosen": cells.at(middle, number), "aimed": False, "tags": keyframes.tags.of(last.scene), **options}
         photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
         with clock.stage("trace"):

@@ -123,7 +123,7 @@ class Segmentation:
 
     def load_each(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
         """The scenes of all segments of ``shutter``, whatever moves."""
-        return [self._tracer.load(part, clock) for part in shutter.segments(self.count(shutter, clock))]
+        return self._tracer.load_each(shutter.segments(self.count(shutter, clock)), clock)
 
 
 def as_few_as_move(scenes: list[LoadedScene]) -> list[LoadedScene]:
@@ -233,7 +233,7 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
 
 def _keyframe_scenes(tracer: PhotonTracer, shutter: Shutter) -> list[LoadedScene]:
     """The scenes at the keyframes of a shutter, in the order of time, lit as over all of it."""
-    scenes = [tracer.load(keyframe, Clock()) for keyframe in keyframe_shutters(shutter)]
+    scenes = tracer.load_each(keyframe_shutters(shutter), Clock())
     if not any(lights_change(one.scene.lights, other.scene.lights) for one, other in itertools.pairwise(scenes)):
         return scenes
     return steadily_lit(tracer, scenes, (-END, 0.0, END), tracer.source.at(shutter).lights)[0]

@@ -95,6 +95,31 @@ def test_what_stands_instead_of_an_earlier_scene_is_met_as_if_it_were_built_anew
     assert geometry_of(scene, NORM, launcher, with_motions=False, instead_of=packed(water)).trees is not before.trees
 
 
+def test_scenes_of_a_frame_that_share_a_tree_are_each_met_as_if_they_had_their_own(monkeypatch):
+    monkeypatch.setattr("tpdwarp.scene.device.geometry.SHARED_FROM", 1)
+    earlier, water = (ripples(GRID, GRID, height, 0.05, DIFFUSE, True) for height in (0.5, 1.0))
+    launcher = Launcher("cpu", 1)
+    options = {"with_motions": True, "beside": (before := packed(earlier, floor(-1.0), with_motions=True))}
+    after = geometry_of(scene_of([water, floor(-1.0)]), NORM, launcher, **options)
+    assert after.trees is before.trees
+    monkeypatch.setattr("tpdwarp.scene.device.geometry.SHARED_FROM", 1 << 30)
+    own_before, own_after = (packed(of, floor(-1.0), with_motions=True) for of in (earlier, water))
+    for pair in ((after, own_after), (before, own_before), (after, own_after)):
+        found, expected = (looked(one, *rays()) for one in pair)
+        np.testing.assert_array_equal(found[1], expected[1])
+        for name, values in expected[0].items():
+            np.testing.assert_array_equal(found[0][name], values)
+    # One that moves within the shutter is looked at by the same tree, and does not stay there.
+    monkeypatch.setattr("tpdwarp.scene.device.geometry.SHARED_FROM", 1)
+    assert after.at(0.5, launcher).mesh == before.trees.mesh.id
+    found, expected = (looked(one, *rays()) for one in (before, own_before))
+    np.testing.assert_array_equal(found[0]["position"], expected[0]["position"])
+    # Those of other triangles, and small ones, have a tree of their own.
+    assert geometry_of(scene_of([water]), NORM, launcher, **options).trees is not before.trees
+    monkeypatch.setattr("tpdwarp.scene.device.geometry.SHARED_FROM", 1 << 30)
+    assert geometry_of(scene_of([water, floor(-1.0)]), NORM, launcher, **options).trees is not before.trees
+
+
 def test_a_ray_meets_nothing_where_nothing_is():
     origins, directions = rays()
     _, triangles, blocked = looked(packed(floor(0.0)), origins, -directions)
@@ -146,7 +171,7 @@ def test_normals_move_with_the_time_of_the_view():
     water = ripples(GRID, GRID, 1.0, 0.05, DIFFUSE, True)
     origins, directions = rays()
     geometry = packed(water, with_motions=True)
-    later = replace(geometry, surfaces=geometry.at(0.5, Launcher("cpu", 1)))
+    later = replace(geometry, packed=geometry.at(0.5, Launcher("cpu", 1)))
     hits, triangles, _ = looked(later, origins, directions, moves=True)
     (surface,) = surfaces_of(scene_of([water]))
     path = trace([surface], origins, directions, 5.0)

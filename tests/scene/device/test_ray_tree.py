@@ -150,7 +150,7 @@ def test_trees_follow_their_mesh() -> None:
     launcher = Launcher("cpu", 1)
     tree = tree_of(points, triangles, launcher)
     moved = points @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 2.0]]) + [0.1, 0.2, 0.3]
-    tree.move(moved.astype(np.float32), launcher)
+    tree.move(launcher.array(moved.astype(np.float32), wp.vec3))
     wide, warps = answers(tree, *rays(3), launcher)
     np.testing.assert_array_equal(wide, warps)
     anew, _ = answers(tree_of(moved, triangles, launcher), *rays(3), launcher)

@@ -59,6 +59,31 @@ def test_what_cannot_be_read_has_one_colour_and_is_said(small):
     assert np.ptp(only(small, words=1).radiance) == 0
 
 
+def test_a_picture_in_another_layout_is_brought_to_latitude_and_longitude(small):
+    # An angular map whose middle fifth, 18° around +z, is bright.
+    x, y = np.meshgrid(np.arange(50) - 24.5, 24.5 - np.arange(50))
+    pixels = np.where(np.hypot(x, y)[..., None] < 5, (4.0, 2.0, 1.0), (0.0, 0.0, 0.0)).astype(np.float32)
+    assert oiio.ImageBuf(pixels).write(str(Path(small.file).parent / "probe.exr"))
+    light = UsdLux.DomeLight.Define(small.stage, "/Dome")
+    light.CreateTextureFileAttr("./probe.exr")
+    light.CreateTextureFormatAttr("angular")
+    radiance = only(small).radiance.astype(float)
+    rows = len(radiance)
+    assert radiance.shape == (25, 50, 3)
+    solid = np.cos(np.pi * (0.5 - (np.arange(rows) + 0.5) / rows))[:, None, None] * (np.pi / rows) ** 2
+    cap = 2 * math.pi * (1 - math.cos(math.pi / 5))
+    np.testing.assert_allclose((radiance * solid).sum(axis=(0, 1)), cap * np.array([4.0, 2.0, 1.0]), rtol=0.03)
+    np.testing.assert_allclose(radiance[rows // 2, rows], (4.0, 2.0, 1.0), rtol=1e-5)
+
+
+def test_a_layout_that_does_not_exist_is_said(small):
+    assert oiio.ImageBuf(np.ones((4, 8, 3), np.float32)).write(str(Path(small.file).parent / "sky.exr"))
+    light = UsdLux.DomeLight.Define(small.stage, "/Dome")
+    light.CreateTextureFileAttr("./sky.exr")
+    light.CreateTextureFormatAttr("folded")
+    assert np.ptp(only(small, words=1).radiance) == 0
+
+
 @pytest.mark.parametrize(
     ("up", "pole", "expected"), [("Y", "scene", 1), ("Z", "scene", 2), ("Z", "Y", 1), ("Y", "Z", 2)]
 )

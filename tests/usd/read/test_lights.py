@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from pxr import Gf, Sdf, UsdGeom, UsdLux
+from pxr import Gf, Sdf, UsdGeom, UsdLux, UsdShade
 
 from tests.usd.stages import SmallStage
 from tpdwarp.scene.description import PROFILE_COUNT, EmissionProfile, ExtentShape, LightKind, Shaping, Shutter
@@ -225,6 +225,24 @@ def test_other_lights_are_said_and_left_out(small, kind):
     light, warnings = read(small)
     assert light.path == "/Sun"
     assert len(warnings) == 1 and f"/Other: a {kind}" in warnings[0]
+
+
+def test_what_only_guides_or_displaces_is_said_once_with_its_first_prim_and_a_count(small):
+    distant(small)
+    for number in range(3):
+        UsdLux.PortalLight.Define(small.stage, f"/Portal{number}")
+        small.preview(f"/Cloth{number}")
+        material = UsdShade.Material(small.stage.GetPrimAtPath(f"/Cloth{number}"))
+        waves = UsdShade.Shader.Define(small.stage, f"/Cloth{number}/Waves")
+        waves.CreateIdAttr("ND_displacement_float")
+        output = material.CreateDisplacementOutput("mtlx" if number else "")
+        output.ConnectToSource(waves.ConnectableAPI(), "out")
+        mesh = UsdGeom.Mesh(small.stage.GetPrimAtPath("/Mesh")) if number == 0 else small.mesh(f"/Mesh{number}")
+        small.bind(mesh, f"/Cloth{number}")
+    _, warnings = read(small)
+    assert len(warnings) == 2, warnings
+    assert "/Portal0 and 2 more: a PortalLight only" in warnings[0]
+    assert "/Cloth0 and 2 more: displacement is not rendered" in warnings[1]
 
 
 def with_profile(small, tmp_path, **ies):

@@ -7,7 +7,6 @@ import pytest
 from pxr import Gf, Sdf, UsdGeom
 
 from tests.usd.stages import SQUARE, SmallStage, face_normals, mesh_named
-from tpdwarp.errors import InputError
 from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.read.appearances import PRIORITY
 
@@ -336,37 +335,38 @@ def test_normals_that_do_not_fit_are_said_and_ignored(small):
         ("faceVertexCounts", {"counts": (5, -1)}),
     ],
 )
-def test_broken_geometry_is_refused_by_file_prim_and_attribute(small, attribute, change):
+def test_broken_geometry_is_left_out_and_said_by_file_prim_and_attribute(small, attribute, change):
     small.mesh("/World/Broken", **change)
-    scene = small.open()
-    with pytest.raises(InputError) as caught:
-        scene.at(Shutter.still(1))
-    assert str(caught.value).startswith(f"{small.file}: /World/Broken.{attribute}: ")
+    assert left_out(small.open(), 1).startswith(f"{small.file}: /World/Broken.{attribute}: ")
 
 
-def test_broken_points_are_refused_only_by_the_frames_that_need_them(small):
+def left_out(scene, time):
+    """What is said of the only mesh, which is left out at a time."""
+    assert scene.at(Shutter.still(time)).meshes == ()
+    (line,) = scene.warnings.messages
+    assert line.endswith("until then the mesh is left out")
+    return line
+
+
+def test_broken_points_are_left_out_only_by_the_frames_that_need_them(small):
     bad = CORNERS.copy()
     bad[0, 0] = math.nan
     small.moving("/Mesh", {1: CORNERS, 2: CORNERS, 5: bad})
     scene = small.open()
-    scene.at(Shutter.still(1.5))
-    with pytest.raises(InputError, match="at time code 5"):
-        scene.at(Shutter.still(4))
+    assert len(scene.at(Shutter.still(1.5)).meshes) == 1 and scene.warnings.messages == []
+    assert "at time code 5" in left_out(scene, 4)
 
 
-def test_too_few_points_at_one_time_are_refused(small):
+def test_too_few_points_at_one_time_are_left_out_then(small):
     small.moving("/Mesh", {1: CORNERS, 2: CORNERS[:3]})
     scene = small.open()
-    scene.at(Shutter.still(1))
-    with pytest.raises(InputError, match=r"/Mesh\.faceVertexIndices"):
-        scene.at(Shutter.still(2))
+    assert len(scene.at(Shutter.still(1)).meshes) == 1
+    assert "/Mesh.faceVertexIndices" in left_out(scene, 2)
 
 
-def test_an_infinite_transform_is_refused(small):
+def test_a_mesh_of_an_infinite_transform_is_left_out(small):
     small.mesh().AddTranslateOp().Set((math.inf, 0, 0))
-    scene = small.open()
-    with pytest.raises(InputError, match="/Mesh: its transform"):
-        scene.at(Shutter.still(1))
+    assert "/Mesh: its transform" in left_out(small.open(), 1)
 
 
 @pytest.mark.parametrize("change", [{"points": ()}, {"points": None}, {"counts": (), "indices": ()}])

@@ -246,10 +246,12 @@ def test_a_broken_mesh_is_left_out_unless_it_alone_may_carry_a_caustic(small, br
     assert "/A" in line and "and 1 more" in line and "left out" in line
 
 
-def test_a_stage_of_which_nothing_is_left_is_refused(small):
+def test_a_stage_of_which_nothing_is_left_is_empty_and_says_why(small):
     small.mesh(indices=(0, 1, 2, 9))
-    with pytest.raises(InputError, match=r"/Mesh\.faceVertexIndices"):
-        small.open().at(Shutter.still(1))
+    scene = small.open()
+    assert scene.at(Shutter.still(1)).meshes == ()
+    (line,) = scene.warnings.messages
+    assert "/Mesh.faceVertexIndices" in line and line.endswith("until then the mesh is left out")
 
 
 def test_a_bad_prim_is_left_out_where_the_camera_is_free_and_in_a_description(small):

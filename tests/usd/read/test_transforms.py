@@ -5,7 +5,7 @@ import pytest
 from pxr import Gf, Ts, Usd, UsdGeom
 
 from tpdwarp.errors import InputError
-from tpdwarp.usd.read.transforms import Transforms, union
+from tpdwarp.usd.read.transforms import Transforms, transform_points, union
 
 ROTATIONS = ("X", "Y", "Z", "XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 
@@ -120,3 +120,13 @@ def test_transforms_that_no_geometry_survives_are_refused_in_the_same_words(cubi
         Transforms(cubic).world(stage.GetPrimAtPath("/Parent/Child"), 3.0)
     assert caught.value.prim in ("/Parent", "/Parent/Child")
     assert caught.value.message == f"its transform holds {what} at time code 3 (author finite xformOps)"
+
+
+def test_points_are_carried_by_each_matrix_in_turn_as_usd_carries_them():
+    points = np.random.default_rng(3).uniform(-1, 1, (5, 3))
+    turned = Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(1, 2, 3), 40)) * Gf.Matrix4d().SetTranslate((4, 5, 6))
+    matrices = np.array([np.array(turned), np.eye(4), 2 * np.eye(4)])
+    matrices[2, 3, 3] = 1
+    expected = [[turned.Transform(Gf.Vec3d(*point)) for point in points], points, 2 * points]
+    np.testing.assert_allclose(transform_points(points, matrices), np.concatenate(expected), atol=1e-14)
+    assert transform_points(points, matrices[1:2]) is points

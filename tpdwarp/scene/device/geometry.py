@@ -9,8 +9,9 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.description import Material, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.device.contact import separate_coincident
+from tpdwarp.scene.device.faces import Faces, faces_of, stacked
 from tpdwarp.scene.device.ray_tree import RayTree
 from tpdwarp.scene.device.wide_tree import WideTree
 from tpdwarp.scene.nesting import nesting_of
@@ -55,19 +56,35 @@ class Geometry:
     """Device-side scene over one shutter.
 
     Attributes:
-        surfaces: The kernel's view of it.
-        trees: The BVH (kept alive with ``surfaces``).
+        packed: All but the BVH, which may be fitted to another scene.
+        trees: The BVH, which scenes of one frame may share.
         moves: Whether any vertex moves over the shutter.
         paths: Prim path of each object, indexed by ``surfaces.object_of``.
-        materials: The materials, indexed by ``surfaces.material_of``.
+        faces: Its faces, which scenes of one frame may share too.
     """
 
-    surfaces: Surfaces
+    packed: Surfaces
     trees: WideTree
     moves: bool
     paths: tuple[str, ...]
-    materials: tuple[Material, ...] = ()
+    faces: Faces
     _moved: WideTree | None = None
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The materials, indexed by ``surfaces.material_of``."""
+        return self.faces.materials
+
+    @property
+    def shared(self) -> bool:
+        """Whether scenes beside it may use its BVH, which is then fitted to the one that is looked at."""
+        return len(self.packed.triangles) >= SHARED_FROM
+
+    @property
+    def surfaces(self) -> Surfaces:
+        """The kernel's view of it, good until a scene that shares the BVH is looked at."""
+        _fit(self.trees, self.packed.points)
+        return self.packed
 
     def at(self, time: float, launcher: Launcher) -> Surfaces:
         """The same surfaces with their points moved to ``time`` in the shutter (−½ … ½).
@@ -76,11 +93,13 @@ class Geometry:
         """
         if not self.moves:
             return replace_time(self.surfaces, time)
+        of = self.packed
         if self._moved is None:
-            self._moved = _trees(self.surfaces.points.numpy(), self.surfaces.triangles.numpy(), launcher)
-        points = self.surfaces.points.numpy() + np.float32(time) * self.surfaces.motions.numpy()
-        self._moved.move(points, launcher)
-        surfaces = replace_time(self.surfaces, time)
+            # Built where the shutter is open half way, so that it does not matter which time is looked at first.
+            self._moved = self.trees if self.shared else _trees(of.points, self.faces, launcher)
+        surfaces = replace_time(of, time)
+        points = of.points.numpy() + np.float32(time) * of.motions.numpy()
+        _fit(self._moved, launcher.array(points, wp.vec3))
         _stand(surfaces, self._moved)
         return surfaces
 
@@ -99,34 +118,34 @@ def _stand(surfaces: Surfaces, trees: WideTree) -> None:
     surfaces.mesh, surfaces.tree, surfaces.points = trees.mesh.id, trees.tree, trees.mesh.points
 
 
-def _trees(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> WideTree:
-    mesh = wp.Mesh(
-        points=wp.array(points, dtype=wp.vec3, device=launcher.device),
-        indices=wp.array(triangles.ravel(), dtype=wp.int32, device=launcher.device),
-    )
+def _trees(points: wp.array, faces: Faces, launcher: Launcher) -> WideTree:
+    corners = faces.triangles.numpy().ravel()
+    mesh = wp.Mesh(points=points, indices=wp.array(corners, dtype=wp.int32, device=launcher.device))
     return WideTree.of(mesh, launcher)
 
 
-def _refitted(
-    geometry: Geometry | None, points: np.ndarray, triangles: np.ndarray, launcher: Launcher
-) -> WideTree | None:
-    """The trees of ``geometry`` moved to ``points``; None where it has other triangles."""
-    if geometry is None or not np.array_equal(geometry.surfaces.triangles.numpy(), triangles):
+def _fit(trees: WideTree, points: wp.array) -> None:
+    """Moves a BVH to ``points`` unless it stands there."""
+    if trees.mesh.points is not points:
+        trees.move(points)
+
+
+def _fitted(before: Geometry | None, points: wp.array, faces: Faces) -> WideTree | None:
+    """The BVH of another scene fitted to ``points``; None where that has other triangles."""
+    if before is None:
         return None
-    geometry.trees.move(points, launcher)
-    return geometry.trees
-
-
-def _stack(arrays: list[np.ndarray], width: int, dtype: type) -> np.ndarray:
-    filled = [a for a in arrays if len(a)]
-    if not filled:
-        return np.zeros((0, width), dtype)
-    return np.concatenate(filled).astype(dtype)
+    if faces is not before.faces and not np.array_equal(before.faces.triangles.numpy(), faces.triangles.numpy()):
+        return None
+    _fit(before.trees, points)
+    return before.trees
 
 
 # Beyond the box of solids so far there is no medium, in the tracer's units: more than by what solids in contact are
 # separated (tpdwarp.scene.device.contact), and than rounding.
 MEDIA_MARGIN = 1e-4
+# From so many triangles on the scenes of a frame share a BVH. Chosen, not derived: to build one for fewer takes less
+# than 50 ms.
+SHARED_FROM = 100_000
 # A triangle without area, which no ray hits, for scenes that have none at all.
 NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
 
@@ -138,6 +157,7 @@ def geometry_of(
     *,
     with_motions: bool,
     instead_of: Geometry | None = None,
+    beside: Geometry | None = None,
 ) -> Geometry:
     """Packs the meshes of ``scene`` into one geometry on the launcher's device.
 
@@ -145,66 +165,43 @@ def geometry_of(
         with_motions: Whether kernels will read motions (also where only a light or the camera moves).
         instead_of: The same scene a little earlier, which is good no longer then: its BVH is refitted where it has the
             same triangles, which takes a tenth of the time that building one does.
+        beside: The same scene at another time of the frame, which stays good: they share a BVH where it is large.
     """
-    moves = with_motions
-    points, motions, triangles = [], [], []
-    normals, normal_motions, normal_indices = [], [], []
-    colors, color_indices, material_of, object_of = [], [], [], []
-    materials: dict[Material, int] = {}
-    vertex_count = normal_count = color_count = object_count = 0
-    boxes = []
     # A frame may show nothing at all; a tree of triangles wants at least one.
-    for mesh in scene.meshes or (NOTHING,):
-        copies = len(mesh.objects)
-        points.append(normalization.points(mesh.points))
-        boxes.append(_boxes(points[-1], copies))
-        if moves:
-            motions.append(_or_zeros(mesh.motions, mesh.points) * normalization.scale)
-        triangles.append(mesh.triangles + vertex_count)
-        vertex_count += len(mesh.points)
-        normal_indices.append(_indices(mesh, mesh.normal_indices, normal_count))
-        if mesh.normals is not None:
-            normals.append(mesh.normals)
-            if moves:
-                normal_motions.append(_or_zeros(mesh.normal_motions, mesh.normals))
-            normal_count += len(mesh.normals)
-        color_indices.append(_indices(mesh, mesh.color_indices, color_count))
-        if mesh.colors is not None:
-            colors.append(mesh.colors)
-            color_count += len(mesh.colors)
-        slots = np.array([materials.setdefault(m, len(materials)) for m in mesh.materials], np.int32)
-        chosen = mesh.triangle_materials
-        material_of.append(slots[chosen] if chosen is not None else np.full(len(mesh.triangles), slots[0], np.int32))
-        numbers = np.arange(object_count, object_count + copies, dtype=np.int32)
-        object_of.append(np.repeat(numbers, len(mesh.triangles) // copies))
-        object_count += copies
-
-    corners, vertices = np.concatenate(triangles).astype(np.int32), np.concatenate(points)
-    trees = _refitted(instead_of, vertices, corners, launcher) or _trees(vertices, corners, launcher)
-    owners, materials_of = np.concatenate(object_of), np.concatenate(material_of)
-    table = list(materials)
-    diffuse = np.array([material.interaction == Interaction.DIFFUSE for material in table], np.int32)[materials_of]
+    meshes = scene.meshes or (NOTHING,)
+    known = beside if instead_of is None else instead_of
+    faces = known.faces if known is not None and known.faces.of(meshes) else faces_of(meshes, launcher)
+    points = [normalization.points(mesh.points) for mesh in meshes]
+    boxes = np.concatenate([_boxes(of, len(mesh.objects)) for of, mesh in zip(points, meshes, strict=True)])
+    vertices = np.concatenate(points) if len(points) > 1 else points[0]
+    del points
+    extent = np.abs(vertices).max(axis=0).astype(float)
+    device_points = launcher.array(vertices, wp.vec3)
+    tree_of = known if instead_of is not None or (known is not None and known.shared) else None
+    trees = _fitted(tree_of, device_points, faces) or _trees(device_points, faces, launcher)
     nesting = nesting_of(scene)
-    media = np.full(object_count, -1, np.int32)
+    media = np.full(faces.object_count, -1, np.int32)
     if nesting is not None:
         media = np.repeat(nesting.media, [len(mesh.objects) for mesh in scene.meshes])
-    separated = separate_coincident(trees.mesh, corners, owners, diffuse, np.concatenate(boxes), media, launcher)
+    separated = separate_coincident(
+        trees.mesh, faces.triangles.numpy(), faces.object_of.numpy(), faces.diffuse, boxes, media, launcher
+    )
     if separated is not None:
-        trees.move(separated, launcher)
+        trees.mesh.points.assign(separated)
+        trees.refit()
     surfaces = Surfaces()
-    extent = np.abs(vertices).max(axis=0).astype(float)
     surfaces.magnitude = wp.vec3(*(extent + 1e-3 * extent.max()))
     _stand(surfaces, trees)
     surfaces.time = 0.0
-    surfaces.triangles = launcher.array(corners, wp.vec3i)
-    surfaces.motions = launcher.array(_stack(motions, 3, np.float32), wp.vec3)
-    surfaces.normals = launcher.array(_stack(normals, 3, np.float32), wp.vec3)
-    surfaces.normal_motions = launcher.array(_stack(normal_motions, 3, np.float32), wp.vec3)
-    surfaces.normal_indices = launcher.array(np.concatenate(normal_indices), wp.vec3i)
-    surfaces.colors = launcher.array(_stack(colors, 3, np.float32), wp.vec3)
-    surfaces.color_indices = launcher.array(np.concatenate(color_indices), wp.vec3i)
-    surfaces.material_of = launcher.array(materials_of, wp.int32)
-    surfaces.object_of = launcher.array(owners, wp.int32)
+    for name in ("triangles", "normal_indices", "colors", "color_indices", "material_of", "object_of"):
+        setattr(surfaces, name, getattr(faces, name))
+    shaded = [mesh for mesh in meshes if mesh.normals is not None]
+    motions = [_or_zeros(mesh.motions, mesh.points) * normalization.scale for mesh in meshes if with_motions]
+    turns = [_or_zeros(mesh.normal_motions, mesh.normals) for mesh in shaded if with_motions]
+    surfaces.motions = launcher.array(stacked(motions, 3), wp.vec3)
+    surfaces.normals = launcher.array(stacked([mesh.normals for mesh in shaded], 3), wp.vec3)
+    surfaces.normal_motions = launcher.array(stacked(turns, 3), wp.vec3)
+    table = faces.materials
     surfaces.interaction = launcher.array(np.array([int(m.interaction) for m in table], np.int32), wp.int32)
     surfaces.tint = launcher.array(np.array([m.color for m in table], np.float32), wp.vec3)
     surfaces.ior = launcher.array(np.array([m.ior for m in table], np.float32), wp.float32)
@@ -215,7 +212,7 @@ def geometry_of(
         box = normalization.points(nesting.box)
         surfaces.media_low, surfaces.media_high = wp.vec3(*(box[0] - MEDIA_MARGIN)), wp.vec3(*(box[1] + MEDIA_MARGIN))
     paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
-    return Geometry(surfaces, trees, any(m.moves for m in scene.meshes), paths, tuple(table))
+    return Geometry(surfaces, trees, any(m.moves for m in scene.meshes), paths, faces)
 
 
 def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
@@ -227,9 +224,3 @@ def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
 
 def _or_zeros(values: np.ndarray | None, like: np.ndarray) -> np.ndarray:
     return np.zeros_like(like) if values is None else values
-
-
-def _indices(mesh: MeshAtShutter, indices: np.ndarray | None, offset: int) -> np.ndarray:
-    if indices is None:
-        return np.full((len(mesh.triangles), 3), -1, np.int32)
-    return np.where(indices >= 0, indices + offset, -1).astype(np.int32)

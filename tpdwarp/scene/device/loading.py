@@ -73,7 +73,11 @@ class SceneLoader:
         return stills
 
     def load(
-        self, shutter: Shutter, clock: Clock | None = None, instead_of: LoadedScene | None = None
+        self,
+        shutter: Shutter,
+        clock: Clock | None = None,
+        instead_of: LoadedScene | None = None,
+        beside: LoadedScene | None = None,
     ) -> LoadedScene:
         """The scene over ``shutter``, at its middle with motions over the whole of it.
 
@@ -81,6 +85,7 @@ class SceneLoader:
             shutter: The shutter.
             clock: Measures the stages.
             instead_of: The scene a little earlier, which is good no longer then: what was built for it is used again.
+            beside: The scene at another time of the same frame, which stays good: a large BVH is built once for both.
 
         Raises:
             InputError: The stage cannot be used there.
@@ -88,7 +93,7 @@ class SceneLoader:
         clock = clock or Clock()
         with clock.stage("read"):
             scene = self.source.at(shutter)
-        return self._packed(scene, clock, instead_of)
+        return self._packed(scene, clock, instead_of, beside)
 
     def load_opening(self, shutter: Shutter, clock: Clock) -> LoadedScene:
         """The scene as it stands when ``shutter`` opens, with its forward difference; without a camera."""
@@ -121,14 +126,24 @@ class SceneLoader:
             geometry = geometry_of(scene, self.normalization, self.launcher, with_motions=True)
         return LoadedScene(scene, geometry, needs, loaded.textures)
 
-    def _packed(self, scene: SceneAtShutter, clock: Clock, instead_of: LoadedScene | None = None) -> LoadedScene:
+    def _packed(
+        self,
+        scene: SceneAtShutter,
+        clock: Clock,
+        instead_of: LoadedScene | None = None,
+        beside: LoadedScene | None = None,
+    ) -> LoadedScene:
         with clock.stage("build"):
             require_within_range(scene, self.normalization, self.source.file)
             needs = requirements_of(scene, self._bounces)
             with_motions = needs.photon_motion or needs.view_motion
-            before = None if instead_of is None else instead_of.geometry
             geometry = geometry_of(
-                scene, self.normalization, self.launcher, with_motions=with_motions, instead_of=before
+                scene,
+                self.normalization,
+                self.launcher,
+                with_motions=with_motions,
+                instead_of=None if instead_of is None else instead_of.geometry,
+                beside=None if beside is None else beside.geometry,
             )
             textures = TextureArrays()
             if needs.material_arrays:

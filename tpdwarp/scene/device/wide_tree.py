@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
@@ -151,6 +150,7 @@ class WideTree:
     mesh: wp.Mesh
     tree: RayTree
     _sources: wp.array = field(repr=False)
+    _launcher: Launcher = field(repr=False)
 
     @classmethod
     def of(cls, mesh: wp.Mesh, launcher: Launcher) -> WideTree:
@@ -161,7 +161,7 @@ class WideTree:
         tree.boxes = tree.corners = launcher.zeros(0, wp.float32)
         tree.links = tree.faces = nothing
         if launcher.device.is_cuda:
-            return cls(mesh, tree, nothing)
+            return cls(mesh, tree, nothing, launcher)
         # Room for the worst, of which memory is taken up only as it is written.
         most = len(mesh.indices) // 3 + 1
         opened, counts = (wp.empty(n, dtype=wp.int32, device=launcher.device) for n in (most, 3))
@@ -171,25 +171,25 @@ class WideTree:
         launcher(make_wide_tree, 1, [mesh.id, opened, sources, links, faces, counts])
         nodes, blocks, levels = map(int, counts.numpy())
         if levels > MOST_LEVELS:
-            return cls(mesh, tree, nothing)
+            return cls(mesh, tree, nothing, launcher)
         tree.links, tree.faces = links[: WIDTH * nodes], faces[: WIDTH * blocks]
         tree.boxes = wp.empty(NODE_FLOATS * nodes, dtype=wp.float32, device=launcher.device)
         tree.corners = wp.empty(BLOCK_FLOATS * blocks, dtype=wp.float32, device=launcher.device)
-        made = cls(mesh, tree, sources[: WIDTH * nodes])
-        made._fit(launcher)
+        made = cls(mesh, tree, sources[: WIDTH * nodes], launcher)
+        made._fit()
         return made
 
-    def move(self, points: np.ndarray, launcher: Launcher) -> None:
-        """Moves the mesh and its trees.
+    def move(self, points: wp.array) -> None:
+        """Moves the mesh and its trees to ``points`` on the device, shape [n] of vec3, which become its own."""
+        self.mesh.points = points
+        self._fit()
 
-        Args:
-            points: Where its vertices stand now, shape [n, 3].
-        """
-        self.mesh.points.assign(points)
+    def refit(self) -> None:
+        """Has the trees follow what has become of the mesh's own points."""
         self.mesh.refit()
-        self._fit(launcher)
+        self._fit()
 
-    def _fit(self, launcher: Launcher) -> None:
+    def _fit(self) -> None:
         tree, mesh = self.tree, self.mesh
-        launcher(copy_boxes, len(tree.links), [mesh.id, self._sources, tree.boxes])
-        launcher(copy_corners, len(tree.faces), [mesh.points, mesh.indices, tree.faces, tree.corners])
+        self._launcher(copy_boxes, len(tree.links), [mesh.id, self._sources, tree.boxes])
+        self._launcher(copy_corners, len(tree.faces), [mesh.points, mesh.indices, tree.faces, tree.corners])

@@ -145,6 +145,9 @@ class Walker:
         if is_drawn(prim) and prim.HasAPI(UsdLux.LightAPI):
             self._warnings(path, f"the {kind} is rendered, but the light it emits is not")
             return
+        if prim.IsA(UsdLux.PortalLight):
+            self._warnings(path, "a PortalLight only says where light of domes comes in: domes are sampled as a whole")
+            return
         drawn = is_drawn(prim) or any(map(prim.IsA, DRAWN_OTHERWISE))
         if prim.HasAPI(UsdLux.LightAPI) or (prim.IsA(UsdGeom.Boundable) and not drawn):
             self._warnings(path, f"a {kind} is not rendered")

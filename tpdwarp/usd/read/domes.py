@@ -8,6 +8,7 @@ from pxr import Usd, UsdGeom, UsdLux
 from tpdwarp.errors import InputError
 from tpdwarp.scene.description import DomeAtShutter, Shutter
 from tpdwarp.usd.read.coordinate_frames import frame_over
+from tpdwarp.usd.read.dome_layouts import as_latlong, layout_of
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials.textures import picture_of
 from tpdwarp.usd.read.numbered_files import file_at
@@ -36,6 +37,7 @@ class Dome(Light):
     def __init__(self, *arguments: object) -> None:
         super().__init__(*arguments)
         self._last: DomeAtShutter | None = None
+        self._laid_out: dict[tuple[str, str], np.ndarray | None] = {}
         self._last_of: tuple[object, ...] = ()
         if self.links.limited:
             self._warnings(self.path, "light linking of a dome is ignored: it shines on everything")
@@ -85,12 +87,22 @@ class Dome(Light):
         path = file_at(attribute, frame)
         if not path:
             return None
-        layout = text_at(self._input("texture:format"), frame)
-        if layout not in ("", "automatic", "latlong"):
-            self._warnings(self.path, f"a picture laid out as {layout} is not read: the dome has one colour")
+        named = text_at(self._input("texture:format"), frame) or ""
+        if (path, named) not in self._laid_out:
+            self._laid_out = {(path, named): self._read(path, named)}
+        return self._laid_out[path, named]
+
+    def _read(self, path: str, named: str) -> np.ndarray | None:
+        """A picture by latitude and longitude; None where it cannot be read, which is said."""
+        picture = picture_of(path, MOST_ROWS)
+        if picture is None:
+            self._warnings(f"{self.path}.inputs:texture:file", "cannot be read: the dome has one colour")
             return None
-        if path not in self._pictures:
-            self._pictures = {path: picture_of(path, MOST_ROWS)}
-        if self._pictures[path] is None:
-            self._warnings(str(attribute.GetPath()), "cannot be read: the dome has one colour")
-        return self._pictures[path]
+        layout = layout_of(named, picture)
+        if layout == "latlong":
+            return picture
+        # Half as many rows are left of it.
+        found = as_latlong(picture_of(path, 2 * MOST_ROWS), layout)
+        if found is None:
+            self._warnings(self.path, f"a picture laid out as {layout} is not read: the dome has one colour")
+        return found

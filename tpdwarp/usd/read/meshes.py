@@ -18,7 +18,7 @@ from tpdwarp.usd.read.normals import transform_normals, unit
 from tpdwarp.usd.read.primitives import Primitive
 from tpdwarp.usd.read.shapes import Shape
 from tpdwarp.usd.read.topology import Topology
-from tpdwarp.usd.read.transforms import Transforms, union, usable
+from tpdwarp.usd.read.transforms import Transforms, transform_points, union, usable
 from tpdwarp.usd.read.uv import CornerCoordinates, authored_points, corner_coordinates, planar_coordinates
 
 
@@ -198,7 +198,7 @@ class PlacedMesh:
 
         def state(time: float) -> tuple[np.ndarray, ...]:
             matrices = self._worlds(time, frame)
-            points = (shape.points(time) @ matrices[:, :3, :3] + matrices[:, 3:, :3]).reshape(-1, 3)
+            points = transform_points(shape.points(time), matrices)
             return (points,) if shape.normals is None else (points, transform_normals(shape.normals(time), matrices))
 
         with np.errstate(over="ignore", invalid="ignore"):

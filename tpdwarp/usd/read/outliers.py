@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.coordinate_range import LARGEST_COORDINATE, LARGEST_LIGHT_COORDINATE
-from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter
+from tpdwarp.scene.description import CameraAtShutter, LightAtShutter, LightKind, MeshAtShutter
+
+# In sizes of the scene: where a camera of parallel rays is brought. Chosen, not derived: it need only lie outside.
+PARALLEL_DISTANCE = 10.0
 
 
 class Outliers:
@@ -68,6 +73,37 @@ class Outliers:
                 "lies too far",
             )
         return tuple(kept)
+
+    def seen_from(self, camera: CameraAtShutter, meshes: Sequence[MeshAtShutter]) -> CameraAtShutter:
+        """The camera; brought nearer where it lies 10⁹ times the size of what is there away.
+
+        It looks the same way. What it sees in perspective stays less than a hundred millionth of its distance wide, and
+        parallel rays do not care where along them it stands.
+        """
+        middle, size = np.zeros(3), 1.0
+        if meshes:
+            low, high = (np.array(corners) for corners in zip(*map(self._of, meshes), strict=True))
+            low, high = low.min(axis=0), high.max(axis=0)
+            middle, size = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0
+        offset = camera.position - middle
+        reach = np.linalg.norm(offset) + 0.5 * np.linalg.norm(camera.position_motion)
+        # Specular meshes, where the tracer's origin may lie, and other frames leave some of it to spare.
+        nearest = 0.25 * LARGEST_COORDINATE * size
+        if reach <= nearest:
+            return camera
+        self._warnings(
+            camera.path,
+            f"lies {reach:.3g} scene units from the middle of the scene, whose size is {size:.3g}: "
+            "it is brought nearer (correct its place)",
+            "camera too far",
+        )
+        if camera.orthographic:
+            back = camera.axes[2]
+            along = float(offset @ back)
+            # What is across first: beside the whole distance it would be lost to rounding.
+            offset = (offset - along * back) + math.copysign(min(abs(along), PARALLEL_DISTANCE * size), along) * back
+        factor = min(1.0, nearest / (np.linalg.norm(offset) + 0.5 * np.linalg.norm(camera.position_motion)))
+        return replace(camera, position=middle + factor * offset, position_motion=factor * camera.position_motion)
 
     def _of(self, mesh: MeshAtShutter) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest corner of a mesh, shapes [3] and [3]."""

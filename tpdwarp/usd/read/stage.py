@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -81,7 +81,7 @@ class StageScene:
 
     Numbers stay in the stage's own world space and units; ``up_axis`` and ``meters_per_unit`` are reported only.
     Meshes of points that are not finite or of faces that do not fit are left out when a frame that needs them is asked
-    for; the frame is refused where nothing else carries a caustic, or is there at all.
+    for, also where nothing is left; the frame is refused where they may carry a caustic and nothing else does.
 
     Attributes:
         file: The stage's file.
@@ -229,8 +229,12 @@ class StageScene:
         """Whether a light at the camera stands in for the stage's own."""
         return self._camera_light
 
-    def camera_over(self, shutter: Shutter) -> CameraAtShutter:
+    def camera_over(self, shutter: Shutter, meshes: Sequence[MeshAtShutter] = ()) -> CameraAtShutter:
         """The camera of :meth:`at`; a free one where its transform cannot be used, which is said.
+
+        Args:
+            shutter: The shutter.
+            meshes: What it sees: a camera beyond all measure is brought nearer.
 
         Raises:
             InputError: Nothing is there that a free camera could frame.
@@ -239,13 +243,14 @@ class StageScene:
             width, height = self._resolution()
             image = width * self._request.pixel_aspect / height, self._request.policy
             try:
-                return self._camera.over(shutter, *image)
+                found = self._camera.over(shutter, *image)
             except InputError as error:
                 if self.camera_path is None:
                     raise
                 message = f"{error.message}; until then a free camera frames the stage"
                 self.warnings(error.prim, message, "camera nowhere")
                 return self._free_camera.over(shutter, *image)
+            return self._outliers.seen_from(found, meshes)
 
     def at(self, shutter: Shutter) -> SceneAtShutter:
         """The scene over ``shutter``; what does not move is the same object on every call.
@@ -257,7 +262,7 @@ class StageScene:
             self._warn_outside(shutter)
             meshes = self._meshes_over(shutter)
             lights = tuple(found for light in self._lights_at(shutter.frame) for found in light.all_over(shutter))
-            camera = self.camera_over(shutter)
+            camera = self.camera_over(shutter, meshes)
             if self._mesh_lights_at(shutter.frame):
                 meshes, more = self._shining(meshes, shutter)
                 lights += more
@@ -307,15 +312,13 @@ class StageScene:
         """The meshes over ``shutter``, without those that cannot be used.
 
         Raises:
-            InputError: None of those there are can be used, or none of those that may carry a caustic.
+            InputError: None of those that may carry a caustic can be used.
         """
         refused: list[_Refused] = []
         meshes = [mesh for placed in self._placed(shutter.frame) for mesh in self._usable(placed, shutter, refused)]
         carriers = [found.error for found in refused if found.specular]
         if carriers and not any(mesh.specular for mesh in meshes):
             raise carriers[0]
-        if refused and not meshes:
-            raise refused[0].error
         self._say(refused)
         return tuple(self._outliers.without(meshes))
 

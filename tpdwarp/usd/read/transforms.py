@@ -229,3 +229,15 @@ def _op_matrix(op: UsdGeom.XformOp, value: np.ndarray) -> np.ndarray:
             angle = float(value) if value.ndim == 0 else float(value["XYZ".index(axis)])
             matrix = matrix @ np.array(Gf.Matrix4d().SetRotate(Gf.Rotation(AXES[axis], angle)))
     return np.linalg.inv(matrix) if op.IsInverseOp() else matrix
+
+
+def transform_points(points: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """Points [k, 3] carried by row-vector matrices [n, 4, 4], those of one after those of the other, [n k, 3].
+
+    What one matrix leaves where it is, is not copied: large meshes often stand in the world's own space.
+    """
+    if len(matrices) == 1 and np.array_equal(matrices[0], np.eye(4)):
+        return points
+    carried = points @ matrices[:, :3, :3]
+    carried += matrices[:, 3:, :3]
+    return carried.reshape(-1, 3)

@@ -131,8 +131,7 @@ class Materials:
         inputs = Inputs(shader, frame, self._textures, self.warnings)
         physical = reader(inputs)
         found = interaction_of(physical, path, self.warnings)
-        displacement = material.ComputeDisplacementSource()[0]
-        if displacement and displacement.GetPrim() != shader.GetPrim():
+        if any(source.GetPrim() != shader.GetPrim() for source in _displacements(material)):
             self.warnings(path, "displacement is not rendered")
         images = [] if found is None else [
             physical.base_image if found.texture else None,
@@ -161,6 +160,13 @@ def _is_elsewhere(stage: Usd.Stage, path: Sdf.Path) -> bool:
         path = path.GetParentPath()
     prim = stage.GetPrimAtPath(path)
     return bool(prim) and (prim.HasAuthoredReferences() or prim.HasAuthoredPayloads())
+
+
+def _displacements(material: UsdShade.Material) -> list[UsdShade.Shader]:
+    """The shaders that displace a material's surfaces, in any renderer."""
+    contexts = {output.GetBaseName().rpartition(":")[0] for output in material.GetDisplacementOutputs()}
+    found = (material.ComputeDisplacementSource(context)[0] for context in contexts)
+    return [shader for shader in found if shader]
 
 
 def _surface_shaders(material: UsdShade.Material) -> list[UsdShade.Shader]:
