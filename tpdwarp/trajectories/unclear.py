@@ -48,13 +48,19 @@ def unclear_cells(
         for part, there in zip((0, len(maps) - 1), changing.ends.photons, strict=True):
             found[part] += _beyond(maps[part], there, changing.ends.cells, weight, light)
     if any(found):
-        _go_on_along_paths(found, maps, changing)
+        _go_on_along_paths(found, maps, changing, LEAST_LIGHT * light)
     return [changing.of_photons(photons) for photons in found]
 
 
-def _go_on_along_paths(found: list[list[PhotonMap]], maps: list[PhotonMap], changing: RetracedCells) -> None:
+def _go_on_along_paths(
+    found: list[list[PhotonMap]], maps: list[PhotonMap], changing: RetracedCells, least: float
+) -> None:
     """Adds, to what was ``found`` in each part, the photons of the same cells whose path begins or ends between that
-    part and one beside it: for how long was told of both together."""
+    part and one beside it: for how long was told of both together.
+
+    Args:
+        least: Flux that these have at least; for less a part is not cut, which is a scene to load for each of its parts.
+    """
     names = _names(maps)
 
     def alone(one: int, other: int) -> PhotonMap:
@@ -65,7 +71,9 @@ def _go_on_along_paths(found: list[list[PhotonMap]], maps: list[PhotonMap], chan
     for here, there in [*forth, *((late, early) for early, late in reversed(forth))]:
         cells = changing.of_photons(found[here])
         if len(cells):
-            found[there] += [photons.rows(cells.holds(photons)) for photons in between[min(here, there)]]
+            going_on = [photons.rows(cells.holds(photons)) for photons in between[min(here, there)]]
+            if sum(map(_flux, going_on)) > least:
+                found[there] += going_on
 
 
 def _rushing(maps: list[PhotonMap], light: float) -> list[list[PhotonMap]]:
