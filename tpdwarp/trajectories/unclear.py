@@ -59,7 +59,7 @@ def _go_on_along_paths(
     part and one beside it: for how long was told of both together.
 
     Args:
-        least: Flux that these have at least; for less a part is not cut, which is a scene to load for each of its parts.
+        least: Flux that these have at least; for less a part is not cut, each of whose parts is a scene to load.
     """
     names = _names(maps)
 
