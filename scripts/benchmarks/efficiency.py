@@ -103,11 +103,11 @@ def bare_photons(
         ),
     )
     x = beam.x + patch.start * beam.w
-    first = wp.mesh_query_ray(surfaces.mesh, x, beam.w, 1.0e6)
+    first = wp.mesh_query_ray(surfaces.tree.mesh, x, beam.w, 1.0e6)
     if first.result:
         surface = x + first.t * beam.w
         w = wp.normalize(landed[cell] - surface)
-        second = wp.mesh_query_ray(surfaces.mesh, surface + OFFSET * w, w, 1.0e6)
+        second = wp.mesh_query_ray(surfaces.tree.mesh, surface + OFFSET * w, w, 1.0e6)
         out[cell] = second.t
 
 
@@ -123,11 +123,11 @@ def bare_view(
     """First hits of camera rays, and whether the light is seen from there, with nothing but ray queries."""
     i = base + wp.tid()
     beam = camera_ray(camera, films[i], 0.0)
-    hit = wp.mesh_query_ray(surfaces.mesh, beam.x, beam.w, 1.0e6)
+    hit = wp.mesh_query_ray(surfaces.tree.mesh, beam.x, beam.w, 1.0e6)
     if hit.result:
         x = beam.x + hit.t * beam.w
         light = lit_from(surfaces, lights, 0, x)
-        if not wp.mesh_query_ray_anyhit(surfaces.mesh, x + OFFSET * light.w, light.w, light.distance):
+        if not wp.mesh_query_ray_anyhit(surfaces.tree.mesh, x + OFFSET * light.w, light.w, light.distance):
             out[i] = hit.t
 
 

@@ -127,13 +127,13 @@ def _find(
 ):
     i = base + wp.tid()
     triangles[i] = -1
-    found = wp.mesh_query_point_no_sign(surfaces.mesh, points[i], farthest)
+    found = wp.mesh_query_point_no_sign(surfaces.tree.mesh, points[i], farthest)
     if found.result:
         material = surfaces.material_of[found.face]
         if surfaces.interaction[material] == DIFFUSE:
             triangles[i] = found.face
             weights[i] = wp.vec2(found.u, found.v)
-            n_g = wp.mesh_eval_face_normal(surfaces.mesh, found.face)
+            n_g = wp.mesh_eval_face_normal(surfaces.tree.mesh, found.face)
             sides[i] = wp.where(wp.dot(n_g, normals[i]) < 0.0, -1.0, 1.0)
 
 

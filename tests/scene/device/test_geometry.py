@@ -109,7 +109,7 @@ def test_geometry_at_another_time_of_the_shutter_has_moved_linearly():
 def test_a_still_geometry_keeps_its_points_and_its_bvh_at_every_time():
     geometry = packed(floor())
     later = geometry.at(0.5, Launcher("cpu", 1))
-    assert later.mesh == geometry.surfaces.mesh and later.points is geometry.surfaces.points
+    assert later.tree.mesh == geometry.surfaces.tree.mesh and later.points is geometry.surfaces.points
     assert later.time == 0.5 and geometry.surfaces.time == 0
 
 

@@ -111,7 +111,7 @@ def test_scenes_of_a_frame_that_share_a_tree_are_each_met_as_if_they_had_their_o
             np.testing.assert_array_equal(found[0][name], values)
     # One that moves within the shutter is looked at by the same tree, and does not stay there.
     monkeypatch.setattr("tpdwarp.scene.device.geometry.SHARED_FROM", 1)
-    assert after.at(0.5, launcher).mesh == before.trees.mesh.id
+    assert after.at(0.5, launcher).tree.mesh == before.trees.mesh.id
     found, expected = (looked(one, *rays()) for one in (before, own_before))
     np.testing.assert_array_equal(found[0]["position"], expected[0]["position"])
     # Those of other triangles, and small ones, have a tree of their own.

@@ -28,7 +28,6 @@ class Surfaces:
     ``media_low`` to ``media_high`` there is none at any time of the shutter.
     """
 
-    mesh: wp.uint64
     tree: RayTree
     time: float
     magnitude: wp.vec3
@@ -115,7 +114,7 @@ def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
 
 def _stand(surfaces: Surfaces, trees: WideTree) -> None:
     """Has the surfaces stand where the trees do."""
-    surfaces.mesh, surfaces.tree, surfaces.points = trees.mesh.id, trees.tree, trees.mesh.points
+    surfaces.tree, surfaces.points = trees.tree, trees.mesh.points
 
 
 def _trees(points: wp.array, faces: Faces, launcher: Launcher) -> WideTree:
