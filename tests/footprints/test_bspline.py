@@ -10,10 +10,12 @@ import warp as wp
 
 from tests.footprints.test_kernels import gauss_error
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
-from tpdwarp.footprints.lanes import LANES, Lanes
+from tpdwarp.footprints.lanes import CPU_LANES
+from tpdwarp.footprints.lanes import Lanes as AnyLanes
 from usd_scenes.oracle import static_kernel
 
-curved_bspline = bspline_weight(True, True)
+LANES, Lanes = wp.constant(CPU_LANES), AnyLanes.of(CPU_LANES)
+curved_bspline = bspline_weight(CPU_LANES, True, True)
 
 
 @wp.kernel(module="unique", enable_backward=False)

@@ -10,9 +10,10 @@ import warp as wp
 
 from tests.footprints.photons import first_channel, photon_map, shaped
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
-from tpdwarp.footprints.lanes import Lanes
+from tpdwarp.footprints.lanes import Lanes as AnyLanes
 
-still_weight, moving_weight = bspline_weight(False, False), bspline_weight(True, True)
+Lanes = AnyLanes.of(1)
+still_weight, moving_weight = bspline_weight(1, False, False), bspline_weight(1, True, True)
 
 
 @wp.kernel(module="unique", enable_backward=False)

@@ -12,7 +12,7 @@ import warp as wp
 
 from tpdwarp.footprints.bspline import SUPPORT, Trajectory, bspline_weight
 from tpdwarp.footprints.kernels import RADIAL, moving_weight, static_weight
-from tpdwarp.footprints.lanes import Lanes
+from tpdwarp.footprints.lanes import Lanes as AnyLanes
 from usd_scenes.oracle import shutter_kernel, static_kernel, swept_kernel
 from usd_scenes.oracle.quadrature import integrate
 
@@ -55,7 +55,8 @@ def evaluator(functions: Sequence[wp.Function], moving: bool) -> Weights:
     return weights
 
 
-static_bspline, straight_bspline = bspline_weight(False, False), bspline_weight(True, False)
+Lanes = AnyLanes.of(1)
+static_bspline, straight_bspline = bspline_weight(1, False, False), bspline_weight(1, True, False)
 
 
 @wp.func

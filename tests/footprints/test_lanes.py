@@ -6,16 +6,23 @@ import numpy as np
 import pytest
 import warp as wp
 
+from tests.footprints.photons import irradiance, photon_map, queries, shaped
 from tpdwarp.compiler_flags import lanes_in_vectors
-from tpdwarp.footprints.lanes import (
-    LANE_COUNT,
-    Lanes,
-    greater,
-    greatest,
-    least,
-    lesser,
-    not_negative,
-    roots,
+from tpdwarp.footprints import gather, lanes
+from tpdwarp.footprints.lanes import CPU_LANES as LANE_COUNT
+from tpdwarp.footprints.lanes import GPU_LANES
+
+Lanes, lesser, greater, not_negative, roots, least, greatest = (
+    one.of(LANE_COUNT)
+    for one in (
+        lanes.Lanes,
+        lanes.lesser,
+        lanes.greater,
+        lanes.not_negative,
+        lanes.roots,
+        lanes.least,
+        lanes.greatest,
+    )
 )
 
 
@@ -34,8 +41,8 @@ def test_lanes_are_what_numpy_says():
     rng = np.random.default_rng(5)
     a, b = rng.normal(size=(2, 64, LANE_COUNT)).astype(np.float32)
     # The least and the greatest value stand in each lane once; zeros count as not negative, whatever their sign.
-    lanes = np.arange(LANE_COUNT)
-    a[lanes, lanes], a[lanes + LANE_COUNT, lanes] = -9.0, 9.0
+    each = np.arange(LANE_COUNT)
+    a[each, each], a[each + LANE_COUNT, each] = -9.0, 9.0
     a[50, ::2], a[51, ::2], b[52] = 0.0, -0.0, a[52]
     out = wp.zeros((6, len(a)), dtype=Lanes, device="cpu")
     wp.launch(evaluate, len(a), [wp.array(a, dtype=Lanes), wp.array(b, dtype=Lanes), out], device="cpu")
@@ -55,3 +62,29 @@ def test_lanes_are_what_numpy_says():
 def test_flags_that_are_set_for_all_kernels_hold_for_those_of_lanes(monkeypatch, flags, begin):
     monkeypatch.setattr(wp.config, "cpu_compiler_flags", flags)
     assert lanes_in_vectors()["cpu_compiler_flags"].startswith(f"{begin}-mllvm=-unroll-full-max-count=")
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_as_much_light_falls_on_a_query_alone_as_on_one_of_many(monkeypatch, moves):
+    """Threads of a GPU work on one query each, those of a CPU on sixteen."""
+    rng = np.random.default_rng(3)
+    at = np.append(rng.uniform(-0.5, 0.5, (500, 2)), np.zeros((500, 1)), axis=1)
+    velocity = np.append(rng.normal(scale=0.1, size=(500, 2)), np.zeros((500, 1)), axis=1) if moves else (0, 0, 0)
+    footprints = shaped(photon_map(at, (0.05, 0.02, 0), (0, 0.04, 0), velocity, flux=0.01), moves=moves)
+    points = np.append(rng.uniform(-0.6, 0.6, (1000, 2)), np.zeros((1000, 1)), axis=1)
+    many = irradiance(footprints, queries(points), with_motion=True)
+    monkeypatch.setattr(gather, "lanes_of", lambda launcher: GPU_LANES)
+    alone = irradiance(footprints, queries(points), with_motion=True)
+    assert many.irradiance.any()
+    # At rest sums of a hundred terms, in another order. What moves is culled where none of its queries is in its reach,
+    # and the end of a line is a box that goes a little beyond it.
+    apart = (3e-4 if moves else 1e-5) * many.irradiance.max()
+    np.testing.assert_allclose(alone.irradiance, many.irradiance, rtol=1e-5, atol=apart)
+    assert np.mean(alone.photons == many.photons) >= (0.99 if moves else 1.0)
+
+
+def test_what_is_made_for_a_number_of_lanes_is_made_once_and_says_so_in_its_name():
+    assert lanes.between.of(4) is lanes.between.of(4)
+    assert lanes.between.of(4) is not lanes.between.of(LANE_COUNT)
+    assert lanes.between.of(4).key == "between_4"
+    assert lanes.LaneVectors.of(4).vars["x"].type is lanes.Lanes.of(4)

@@ -8,8 +8,10 @@ import warp as wp
 
 from tests.footprints.photons import ONE_THREAD
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
-from tpdwarp.footprints.lanes import LANE_COUNT, Lanes
-from tpdwarp.footprints.lines import is_line, line_weight
+from tpdwarp.footprints.lanes import CPU_LANES as LANE_COUNT
+from tpdwarp.footprints.lanes import Lanes as AnyLanes
+from tpdwarp.footprints.lines import is_line
+from tpdwarp.footprints.lines import line_weight as any_line_weight
 
 # In parts of the light: what nodes err by at the edges of pixels, and a hundredth at the ends of a line, where its
 # profile along itself is taken for a box.
@@ -17,7 +19,9 @@ LARGEST_ERROR = 0.015
 # Two B-splines at right angles are, across a line that is slanted to both, one of the same variance but for .03 of it.
 SLANTED = 0.035
 
-along_nodes = bspline_weight(True, True)
+Lanes = AnyLanes.of(LANE_COUNT)
+line_weight = any_line_weight.of(LANE_COUNT)
+along_nodes = bspline_weight(LANE_COUNT, True, True)
 
 
 @wp.kernel(enable_backward=False)

@@ -21,6 +21,7 @@ from functools import cache
 import warp as wp
 
 from tpdwarp.footprints.cells import cell_weights, pixel_extent
+from tpdwarp.footprints.lane_counts import func_of_lanes, lane_func
 from tpdwarp.footprints.lanes import Lanes, between, greater, greatest, least, lesser, not_negative, roots
 
 # Half the width of the B-spline of degree two, in cells: (degree + 1)/2.
@@ -44,7 +45,7 @@ RIM_SAG = wp.constant(1.0 / (12.0 * 2.0 * 2.0))
 RIM_EXCESS = wp.constant(1.0 / (8.0 * 4.0 * 2.0**4))
 
 
-@wp.func
+@lane_func
 def quadratic_bspline(x: Lanes) -> Lanes:
     """b(x), centred, with support (−3/2, 3/2) and ∫ b = 1: beyond the paper, beside the kernels of Table 1."""
     distance = wp.abs(x)
@@ -53,7 +54,7 @@ def quadratic_bspline(x: Lanes) -> Lanes:
     return 0.5 * wp.cw_mul(outer, outer) - 1.5 * wp.cw_mul(inner, inner)
 
 
-@wp.func
+@lane_func
 def bspline_tail(x: Lanes) -> Lanes:
     """∫ b from x ≥ 0 to the end of its support, for averages over a box (beyond the paper)."""
     outer = greater(Lanes(1.5) - x, Lanes(0.0))
@@ -61,7 +62,7 @@ def bspline_tail(x: Lanes) -> Lanes:
     return SIXTH * wp.cw_mul(wp.cw_mul(outer, outer), outer) - 0.5 * wp.cw_mul(wp.cw_mul(inner, inner), inner)
 
 
-@wp.func
+@lane_func
 def averaged_bspline(x: Lanes, width: float) -> Lanes:
     """Mean of b over an interval of ``width`` around x: a pixel's average along one axis (beyond the paper).
 
@@ -74,7 +75,7 @@ def averaged_bspline(x: Lanes, width: float) -> Lanes:
     return (near + wp.cw_mul(inside, Lanes(1.0) - 2.0 * near) - bspline_tail(distance + half)) / width
 
 
-@wp.func
+@lane_func
 def double_tail(x: Lanes) -> Lanes:
     """∫ of the tail from |x| on, plus |x|/2, which second differences do not see: even, convex (beyond the paper)."""
     distance = wp.abs(x)
@@ -85,7 +86,7 @@ def double_tail(x: Lanes) -> Lanes:
     return wp.cw_mul(outer, outer) / 24.0 - 0.125 * wp.cw_mul(inner, inner) + 0.5 * distance
 
 
-@wp.func
+@lane_func
 def twice_averaged_bspline(x: Lanes, width: float, second: float) -> Lanes:
     """Mean of b over an interval of ``width``, and of that over one of ``second`` (beyond the paper).
 
@@ -98,7 +99,7 @@ def twice_averaged_bspline(x: Lanes, width: float, second: float) -> Lanes:
     return greater(outer - inner, Lanes(0.0)) / (width * second)
 
 
-@wp.func
+@lane_func
 def averaged_disc(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
     """A disc of radius 2 averaged over a parallelogram around (u, v), with ∫ = 1 (beyond the paper).
 
@@ -172,7 +173,7 @@ class Trajectory:
     passes: bool
 
 
-@wp.func
+@lane_func
 def _time_within(u: Lanes, v: Lanes, velocity: wp.vec2, extent: wp.vec2) -> wp.vec2:
     """From when to when, in −½ … ½, any of the points (u, v) lies within ``extent`` of what moves by ``velocity``.
 
@@ -208,7 +209,7 @@ def _relative_cell(square: float) -> float:
     return wp.where(square > 0.0, 1.6, 1.0) / wp.sqrt(1.0 + TWELFTH * square)
 
 
-@wp.func
+@lane_func
 def panels_to(
     u: Lanes, v: Lanes, middle: float, step: float, speeds: wp.vec2, reach: wp.vec2, trajectory: Trajectory
 ) -> int:
@@ -263,7 +264,7 @@ def bend_extent(trajectory: Trajectory, axis: int) -> float:
     return 0.125 * wp.abs(trajectory.acceleration[axis]) + wp.abs(trajectory.jerk[axis]) / 48.0
 
 
-@wp.func
+@lane_func
 def _along_axis(x: Lanes, width: float) -> Lanes:
     """b, averaged over a box (beyond the paper) where it has any, which costs twice as much."""
     if width > 0.0:
@@ -294,8 +295,8 @@ def _squared_width(axis: int, trajectory: Trajectory) -> float:
 
 
 @cache
-def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Function:
-    """w(u, v, trajectory) of a B-spline footprint, or of a cell, (beyond the paper) at queries, by lanes.
+def bspline_weight(lanes: int, moves: bool, curved: bool, extended: bool = False) -> wp.Function:
+    """w(u, v, trajectory) of a B-spline footprint, or of a cell, (beyond the paper) at queries, by so many lanes.
 
     It is ∫ b(y − x(s)) ds over s ∈ [−½, ½], by two Gauss nodes for each cell that the footprint moves, of which only
     those are visited that lie inside the support of any query. The nodes do not depend on the queries (u, v), which are
@@ -304,7 +305,7 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
     ``extended`` says whether there may be discs, the images of lights with extent.
     """
 
-    @wp.func
+    @func_of_lanes(lanes)
     def tensor(u: Lanes, v: Lanes, width: wp.vec3, pixel: wp.mat22, is_cell: int) -> Lanes:
         """b(y_u) b(y_v), each averaged over its boxes where it has any; a disc, or a cell."""
         if is_cell == 1:
@@ -316,14 +317,14 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
             return wp.cw_mul(_along_axis(u, width[0]), twice_averaged_bspline(v, width[1], width[2]))
         return wp.cw_mul(_along_axis(u, width[0]), _along_axis(v, width[1]))
 
-    @wp.func
+    @func_of_lanes(lanes)
     def still(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
         return tensor(u, v, trajectory.filter_width, trajectory.pixel, trajectory.is_cell)
 
     if not moves:
         return still
 
-    @wp.func
+    @func_of_lanes(lanes)
     def at_time(s: float, u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
         """The weight at the part s of the shutter, with axes and flux as they are then."""
         rate = trajectory.jacobian_rate
@@ -343,7 +344,7 @@ def bspline_weight(moves: bool, curved: bool, extended: bool = False) -> wp.Func
             pixel = scale * (wp.mat22(grown_v, -s * rate[0, 1], -s * rate[1, 0], grown_u) * pixel)
         return ((1.0 + s * trajectory.gain) * scale) * tensor(z_u, z_v, boxes, pixel, trajectory.is_cell)
 
-    @wp.func
+    @func_of_lanes(lanes)
     def moving(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
         growth = float(0.0)
         if wp.static(curved):

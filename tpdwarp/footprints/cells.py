@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import warp as wp
 
+from tpdwarp.footprints.lane_counts import lane_func
 from tpdwarp.footprints.lanes import Lanes, between, equal, greater, lesser, not_negative
 
 # Areas are sums of parts of the unit square, of which rounding is a few 1e-8: what is less than this is none.
@@ -21,20 +22,20 @@ LEAST_AREA = wp.constant(1.0e-6)
 HALF = wp.constant(0.5)
 
 
-@wp.func
+@lane_func
 def _bounded(x: Lanes) -> Lanes:
     """x within the square: −½ … ½ (beyond the paper)."""
     return between(x, Lanes(-HALF), Lanes(HALF))
 
 
-@wp.func
+@lane_func
 def _integral(x: Lanes) -> Lanes:
     """∫ of the bounded coordinate from 0 to x (beyond the paper)."""
     bounded = _bounded(x)
     return wp.cw_mul(bounded, x - 0.5 * bounded)
 
 
-@wp.func
+@lane_func
 def _along_edge(a_x: Lanes, a_y: Lanes, b_y: Lanes, slope: float) -> Lanes:
     """∫ of the bounded x dy from a to b, where −½ < y < ½ (beyond the paper): by Green, what an edge adds to an area.
 
@@ -53,7 +54,7 @@ def _along_edge(a_x: Lanes, a_y: Lanes, b_y: Lanes, slope: float) -> Lanes:
     return wp.cw_mul(between(mean, lesser(first, last), greater(first, last)), high - low)
 
 
-@wp.func
+@lane_func
 def cell_weights(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
     """The means over pixels around (u, v) of the unit square in filter space, a cell of the lattice (beyond the paper).
 

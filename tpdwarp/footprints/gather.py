@@ -21,7 +21,9 @@ from tpdwarp.footprints.bounds import Piece
 from tpdwarp.footprints.courses import Course, passes_by
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
+from tpdwarp.footprints.lane_counts import for_lanes, func_of_lanes, lane_func, lane_struct
 from tpdwarp.footprints.lanes import (
+    CPU_LANES,
     LANE_NUMBERS,
     Lanes,
     LaneVectors,
@@ -29,6 +31,7 @@ from tpdwarp.footprints.lanes import (
     equal,
     greatest,
     in_lane,
+    lanes_of,
     not_negative,
     products,
 )
@@ -43,10 +46,9 @@ from tpdwarp.footprints.weights import GatherForm, footprint_weight
 # A footprint lies on planes within 60° of its own; how far off its plane it reaches is up to its tolerance. Chosen, not
 # derived: it keeps light from the next face of a cube, and lets it follow coarse meshes.
 SMALLEST_COSINE = wp.constant(0.5)
-# Queries of one thread: enough to fill runs, few enough to keep all cores busy. Chosen, not derived.
+# Queries of one thread of a CPU: enough to fill runs, few enough to keep all cores busy. Chosen, not derived. One of a
+# GPU has as many as it has lanes.
 GROUP = 128
-# On a GPU, which has tens of thousands of threads to fill, a leaf each.
-GPU_GROUP = int(LEAF)
 # Boxes of runs are grown by the rounding of positions in a scene of unit size, as in PLANE_ROUNDING.
 BOX_MARGIN = wp.constant(1.0e-5)
 # A footprint is a parabola on runs that reach no further than this from their middle, in cells: it errs by less than
@@ -94,11 +96,11 @@ def is_parabola(run: Run, start: int, placed: PlacedFootprint, radius: float, ru
 
 
 @cache
-def _add_parabola(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
+def _add_parabola(form: GatherForm, lanes: int, moves: bool, curved: bool) -> wp.Function:
     """Adds a term of Eq. 8 to the parabola of a run, by differences of its weight around the run's middle."""
-    weight = footprint_weight(form, moves, curved)
+    weight = footprint_weight(form, lanes, moves, curved)
 
-    @wp.func
+    @func_of_lanes(lanes)
     def add(parabola: Parabola, placed: PlacedFootprint, offset: wp.vec3, radius: float) -> Parabola:
         out = parabola
         row_u = placed.row_u
@@ -137,14 +139,14 @@ def _add_parabola(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
     return add
 
 
-@wp.struct
+@lane_struct
 class LeafSums:
     """Sums of Eq. 8 at the queries of leaves, one row each, as in ``IrradianceArrays``."""
 
     irradiance: wp.array(dtype=LaneVectors)
 
 
-@wp.func
+@lane_func
 def lanes_between(leaf: int, first: int, last: int) -> Lanes:
     """One in the lanes of a leaf that hold queries ``first`` … ``last`` − 1 of Eq. 8, nothing in others."""
     begun = LANE_NUMBERS - Lanes(float(first - leaf * LEAF))
@@ -154,12 +156,12 @@ def lanes_between(leaf: int, first: int, last: int) -> Lanes:
 
 @cache
 def _add_to_leaf(
-    form: GatherForm, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
+    form: GatherForm, lanes: int, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
 ) -> wp.Function:
     """Adds a term of Eq. 8, Φ |det M| w(y), to each of the queries of a leaf that belong to a run."""
-    weight = footprint_weight(form, moves, curved)
+    weight = footprint_weight(form, lanes, moves, curved)
 
-    @wp.func
+    @func_of_lanes(lanes)
     def add(
         leaves: LeafArrays,
         leaf: int,
@@ -210,7 +212,7 @@ def _add_to_leaf(
     return add
 
 
-@wp.func
+@lane_func
 def take_out(sums: LeafSums, first: int, last: int, out: IrradianceArrays):
     """Adds the sums of Eq. 8 of queries ``first`` … ``last`` − 1, where a leaf begins, to what they have already."""
     leaf = first // LEAF
@@ -223,7 +225,7 @@ def take_out(sums: LeafSums, first: int, last: int, out: IrradianceArrays):
 
 @cache
 def gather_kernel(
-    form: GatherForm, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
+    form: GatherForm, lanes: int, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
 ) -> wp.Kernel:
     """The kernel that sums Eq. 8 for one form of footprint, specialised by what moves and what is wanted.
 
@@ -231,15 +233,14 @@ def gather_kernel(
     that it finds fall on all of the run.
     """
     smooth = form.smooth
-    # Shading normals change within a run, which parabolas do not see.
-    parabolas = smooth and not shaded
+    # Shading normals change within a run, which parabolas do not see; six lanes make one.
+    parabolas = smooth and not shaded and lanes == CPU_LANES
     collect = next_run(query_moves)
     place = place_footprint(smooth, moves, curved, shaded)
     reach_of_form = reach_of(form)
-    add_parabola = _add_parabola(form, moves, curved)
-    add_to_leaf = _add_to_leaf(form, moves, curved, shaded, query_moves, with_motion)
+    add_parabola = _add_parabola(form, lanes, moves, curved) if parabolas else None
+    add_to_leaf = _add_to_leaf(form, lanes, moves, curved, shaded, query_moves, with_motion)
 
-    @wp.kernel(module="unique", module_options=lanes_in_vectors(), enable_backward=False)
     def gather(
         base: int,
         # In
@@ -330,7 +331,8 @@ def gather_kernel(
             start = run.stop
         take_out(sums, group * group_size, end, out)
 
-    return gather
+    options = {"module_options": lanes_in_vectors(), "enable_backward": False}
+    return wp.kernel(module="unique", **options)(for_lanes(gather, lanes))
 
 
 def gather(
@@ -363,16 +365,17 @@ def gathered(
     maps = [footprints for footprints in maps if footprints.count]
     if not maps:
         return out
-    leaves = leaves_of(queries, count, lookup.query_moves, launcher)
-    group_size = GPU_GROUP if launcher.device.is_cuda else GROUP
+    lanes = lanes_of(launcher)
+    leaves = leaves_of(queries, count, lanes, lookup.query_moves, launcher)
+    group_size = lanes if launcher.device.is_cuda else GROUP
     looks = time_windows(lookup.windows() if windows is None else windows, launcher)
     for footprints in maps:
         moves = footprints.moves or lookup.query_moves
         shaded = footprints.shaded and has_shading_normals(queries)
-        kernel = gather_kernel(form, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
+        kernel = gather_kernel(form, lanes, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
         photons = [footprints.bvh.id, footprints.arrays, footprints.pieces.rows]
         photons += [footprints.courses if lookup.query_moves else launcher.zeros(0, Course), footprints.durations]
-        sums = launcher.rows(LeafSums, leaves.middle.shape[0])
+        sums = launcher.rows(LeafSums.of(lanes), leaves.middle.shape[0])
         inputs = [*photons, footprints.run_size, looks, group_size, count, queries, leaves, sums, out]
         launcher(kernel, -(-count // group_size), inputs, smallest_chunk=1)
     return out

@@ -5,18 +5,21 @@ A run holds as many queries as one walk through the BVH pays for, and most footp
 
 from __future__ import annotations
 
+from typing import Any
+
 import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
-from tpdwarp.footprints.lanes import LANE_COUNT, Lanes, LaneVectors
+from tpdwarp.footprints.lane_counts import lane_func, lane_kernel, lane_struct
+from tpdwarp.footprints.lanes import LANES, Lanes, LaneVectors
 from tpdwarp.footprints.runs import FAR_AWAY
 
 # Queries of a leaf: they are worked on at once.
-LEAF = wp.constant(LANE_COUNT)
+LEAF = LANES
 
 
-@wp.struct
+@lane_struct
 class LeafArrays:
     """Leaves, one row each: the middle and half the sides of their boxes, and their queries by lanes.
 
@@ -33,7 +36,7 @@ class LeafArrays:
     receiver: wp.array(dtype=Lanes)
 
 
-@wp.func
+@lane_func
 def vectors_of(values: wp.array(dtype=wp.vec3), first: int, last: int, other: wp.vec3) -> LaneVectors:
     """Rows ``first`` … ``last`` − 1 by lanes, ``other`` in those that are left: queries of Eq. 8."""
     out = LaneVectors()
@@ -49,7 +52,7 @@ def vectors_of(values: wp.array(dtype=wp.vec3), first: int, last: int, other: wp
     return out
 
 
-@wp.kernel(enable_backward=False)
+@lane_kernel
 def fill_leaves(base: int, queries: QueryArrays, count: int, out: LeafArrays):
     """Boxes of the queries of each leaf (of one without any, of no size and far away), and the queries by lanes."""
     leaf = base + wp.tid()
@@ -83,12 +86,12 @@ def fill_leaves(base: int, queries: QueryArrays, count: int, out: LeafArrays):
     out.position[leaf] = positions
 
 
-def leaves_of(queries: QueryArrays, count: int, query_moves: bool, launcher: Launcher) -> LeafArrays:
-    """The leaves of ``count`` queries."""
-    leaf_count = -(-count // LANE_COUNT)
+def leaves_of(queries: QueryArrays, count: int, lanes: int, query_moves: bool, launcher: Launcher) -> Any:
+    """The leaves of ``count`` queries, ``LeafArrays`` of so many lanes."""
+    leaf_count = -(-count // lanes)
     left_out = [*(() if query_moves else ("motion",)), *(() if has_shading_normals(queries) else ("shading_normal",))]
-    out = launcher.rows(LeafArrays, leaf_count, but=left_out)
+    out = launcher.rows(LeafArrays.of(lanes), leaf_count, but=left_out)
     for name in left_out:
-        setattr(out, name, launcher.zeros(0, LaneVectors))
-    launcher(fill_leaves, leaf_count, [queries, count, out])
+        setattr(out, name, launcher.zeros(0, LaneVectors.of(lanes)))
+    launcher(fill_leaves.of(lanes), leaf_count, [queries, count, out])
     return out

@@ -19,6 +19,7 @@ import math
 import warp as wp
 
 from tpdwarp.footprints.bspline import HALF_WIDTH, Trajectory, box_extent, bspline_tail, double_tail
+from tpdwarp.footprints.lane_counts import lane_func
 from tpdwarp.footprints.lanes import Lanes, between, greater, lesser, not_negative, roots
 
 # A line goes at least so many pixels, or halves of what a B-spline reaches over. Chosen, not derived: at the ends of a
@@ -67,21 +68,21 @@ def is_line(trajectory: Trajectory) -> bool:
     return far and turning < LARGEST_TURN * slowest and turning < LARGEST_CURVATURE * slowest * slowest
 
 
-@wp.func
+@lane_func
 def _place(s: Lanes, velocity: float, acceleration: float, jerk: float) -> Lanes:
     """Where the footprint stands along an axis at the parts s of the shutter (beyond the paper)."""
     third = Lanes(0.5 * acceleration) + (jerk / 6.0) * s
     return wp.cw_mul(s, Lanes(velocity) + wp.cw_mul(s, third))
 
 
-@wp.func
+@lane_func
 def _speed(s: Lanes, velocity: float, acceleration: float, jerk: float) -> Lanes:
     """How fast it goes along an axis then (beyond the paper)."""
     change = Lanes(acceleration) + (0.5 * jerk) * s
     return Lanes(velocity) + wp.cw_mul(s, change)
 
 
-@wp.func
+@lane_func
 def _time_of_passing(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     """When the footprint passes the points (u, v): when it is next to them by what it covers (beyond the paper)."""
     measure = _measure(trajectory)
@@ -108,13 +109,13 @@ def _time_of_passing(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     return s
 
 
-@wp.func
+@lane_func
 def _length(x: Lanes, y: Lanes) -> Lanes:
     """√(x² + y²), for profiles across lines (beyond the paper)."""
     return roots(wp.cw_mul(x, x) + wp.cw_mul(y, y))
 
 
-@wp.func
+@lane_func
 def four_boxes(x: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes) -> Lanes:
     """Mean of a box over three others, with ∫ = 1 (beyond the paper); the narrowest two count as one.
 
@@ -139,7 +140,7 @@ def four_boxes(x: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes) -> Lanes:
     return wp.cw_div(wp.cw_mul(within, greater(total, Lanes(0.0))), area)
 
 
-@wp.func
+@lane_func
 def bspline_and_boxes(x: Lanes, cell: Lanes, first: Lanes, second: Lanes) -> Lanes:
     """Mean of a B-spline with cells of a width over two boxes, with ∫ = 1 (beyond the paper)."""
     one = greater(wp.cw_div(first, cell), Lanes(NARROWEST_BOX))
@@ -151,7 +152,7 @@ def bspline_and_boxes(x: Lanes, cell: Lanes, first: Lanes, second: Lanes) -> Lan
     return wp.cw_div(greater(total, Lanes(0.0)), wp.cw_mul(wp.cw_mul(one, other), cell))
 
 
-@wp.func
+@lane_func
 def line_weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
     """w(u, v, trajectory) of Eq. 8 of a footprint that :func:`is_line` (beyond the paper)."""
     s = _time_of_passing(u, v, trajectory)

@@ -23,7 +23,8 @@ from tpdwarp.footprints.weights import GatherForm, footprint_weight
 @cache
 def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool, shaded: bool) -> wp.Kernel:
     """The sum of Eq. 8 by one thread a query, without groups, tree or parabolas."""
-    weight = footprint_weight(form, moves, curved)
+    weight = footprint_weight(form, 1, moves, curved)
+    lane = Lanes.of(1)
     place = place_footprint(form.smooth, moves, curved, shaded)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -42,7 +43,7 @@ def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool, shaded: boo
             same = placed.receiver == queries.receiver[i] and placed.overlap
             facing = wp.dot(queries.normal[i], placed.normal) > SMALLEST_COSINE
             if same and facing and wp.abs(wp.dot(placed.normal, d)) <= placed.plane_tolerance:
-                weights = weight(Lanes(wp.dot(placed.row_u, d)), Lanes(wp.dot(placed.row_v, d)), placed.trajectory)
+                weights = weight(lane(wp.dot(placed.row_u, d)), lane(wp.dot(placed.row_v, d)), placed.trajectory)
                 w = weights[0]
                 if wp.static(shaded):
                     w *= shading_ratio(placed.incidence, queries.shading_normal[i])

@@ -15,7 +15,6 @@ from tpdwarp.footprints.background import COARSEST_SQUARE
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, time_windows
 from tpdwarp.footprints.irradiance import Lookup, QueryArrays, has_shading_normals
-from tpdwarp.footprints.leaves import LEAF
 from tpdwarp.footprints.placing import PLANE_ROUNDING, TimeWindow
 from tpdwarp.footprints.planes import SAME_NORMAL, Plane
 from tpdwarp.footprints.shaping import tangent_frame
@@ -25,7 +24,9 @@ from tpdwarp.footprints.weights import GatherForm
 # Corners of a tile along u and v: together the queries of one thread of the gather.
 TILE_U = wp.constant(16)
 TILE_V = wp.constant(8)
+# Squares of corners that follow each other: queries that a thread of a CPU works on at once.
 LEAF_SIDE = wp.constant(4)
+LEAF = wp.constant(int(LEAF_SIDE) ** 2)
 TILE_CORNERS = int(TILE_U) * int(TILE_V)
 # Rasters reach so far from the foot of the origin along either axis: the scene has unit radius.
 REACH = wp.constant(2.0)

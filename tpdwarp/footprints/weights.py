@@ -10,6 +10,7 @@ import warp as wp
 from tpdwarp.footprints import bspline
 from tpdwarp.footprints.bspline import Trajectory, bspline_weight
 from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
+from tpdwarp.footprints.lane_counts import func_of_lanes
 from tpdwarp.footprints.lanes import LANES, Lanes
 from tpdwarp.footprints.lines import line_weight
 
@@ -38,15 +39,15 @@ class GatherForm:
 
 
 @cache
-def footprint_weight(form: GatherForm, moves: bool, curved: bool) -> wp.Function:
-    """w(u, v, trajectory) of Eq. 8 at queries, by lanes.
+def footprint_weight(form: GatherForm, lanes: int, moves: bool, curved: bool) -> wp.Function:
+    """w(u, v, trajectory) of Eq. 8 at queries, by so many lanes.
 
     Queries (u, v) are relative to where the footprint stands in the middle of its trajectory.
     """
     if form.smooth:
-        along = bspline_weight(moves, curved, form.extended)
+        along = bspline_weight(lanes, moves, curved, form.extended)
 
-        @wp.func
+        @func_of_lanes(lanes)
         def smooth(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
             if trajectory.passes:
                 return line_weight(u, v, trajectory)
@@ -68,7 +69,7 @@ def footprint_weight(form: GatherForm, moves: bool, curved: bool) -> wp.Function
             return still(y)
         return moving(y + 0.5 * v, v)
 
-    @wp.func
+    @func_of_lanes(lanes)
     def weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
         out = Lanes(0.0)
         lane = int(0)
