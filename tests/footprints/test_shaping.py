@@ -41,12 +41,12 @@ def tangent_photons(count: int = 200, size: float = 0.05, seed: int = 2) -> dict
 
 def metric(footprints) -> np.ndarray:
     """MᵀM: what a radial footprint measures distances with, shape [n, 3, 3]."""
-    u, v = footprints.arrays.row_u.numpy().astype(float), footprints.arrays.row_v.numpy().astype(float)
+    u, v = footprints.footprints.arrays.row_u.numpy().astype(float), footprints.footprints.arrays.row_v.numpy().astype(float)
     return np.einsum("ni,nj->nij", u, u) + np.einsum("ni,nj->nij", v, v)
 
 
 def density(footprints) -> np.ndarray:
-    return footprints.arrays.density.numpy()[:, 0].astype(float)
+    return footprints.footprints.arrays.density.numpy()[:, 0].astype(float)
 
 
 def bounds(footprints) -> np.ndarray:

@@ -31,16 +31,18 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """The pieces of all footprints, neighbours side by side, as walks through a tree find them together.
+    """The pieces of footprints, neighbours side by side, as walks through a tree find them together.
 
     Attributes:
         rows: One for each.
         lower, upper: Their boxes.
+        size: The typical diagonal of a box.
     """
 
     rows: wp.array
     lower: wp.array
     upper: wp.array
+    size: float
 
 
 @wp.kernel(enable_backward=False)
@@ -50,43 +52,80 @@ def bound_pieces(
     footprints: FootprintArrays,
     counts: wp.array(dtype=wp.int32),
     owners: wp.array(dtype=wp.int32),
-    numbers: wp.array(dtype=wp.int32),
+    first: wp.array(dtype=wp.int32),
+    chosen: wp.array(dtype=wp.int32),
     # Out
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
 ):
     """Bounds of the pieces of what a footprint sweeps over in the photon's own part of the shutter."""
     i = base + wp.tid()
-    j = owners[i]
-    count = counts[j]
+    owner = owners[i]
+    j = chosen[owner]
+    count = counts[owner]
     extent = footprints.half_extent[j]
     n = footprints.normal[j]
     axis = footprints.long_axis[j]
     other = wp.cross(n, axis)
     half = extent[0] / float(count)
-    center = footprints.center[j] + ((2.0 * float(numbers[i]) + 1.0) * half - extent[0]) * axis
+    center = footprints.center[j] + ((2.0 * float(i - first[owner]) + 1.0) * half - extent[0]) * axis
     for k in range(3):
         size = half * wp.abs(axis[k]) + extent[1] * wp.abs(other[k]) + extent[2] * wp.abs(n[k])
         lower[i][k] = center[k] - size
         upper[i][k] = center[k] + size
 
 
-def pieces_of(footprints: FootprintArrays, launcher: Launcher) -> Pieces:
-    """The pieces of all ``footprints``: as many as a footprint is longer than wide, or than others are wide."""
-    along, across = footprints.half_extent.numpy().T[:2]
+@wp.kernel(enable_backward=False)
+def order_pieces(
+    base: int,
+    # In
+    order: wp.array(dtype=wp.int32),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    owners: wp.array(dtype=wp.int32),
+    first: wp.array(dtype=wp.int32),
+    chosen: wp.array(dtype=wp.int32),
+    # Out
+    rows: wp.array(dtype=Piece),
+    low: wp.array(dtype=wp.vec3),
+    high: wp.array(dtype=wp.vec3),
+    sizes: wp.array(dtype=wp.float32),
+):
+    """Pieces in their order in space."""
+    i = base + wp.tid()
+    k = order[i]
+    owner = owners[k]
+    piece = Piece()
+    piece.footprint = chosen[owner]
+    piece.number = k - first[owner]
+    if piece.number > 0:
+        piece.low_before = lower[k - 1]
+        piece.high_before = upper[k - 1]
+    rows[i] = piece
+    low[i] = lower[k]
+    high[i] = upper[k]
+    sizes[i] = wp.length(upper[k] - lower[k])
+
+
+def pieces_of(footprints: FootprintArrays, rows: np.ndarray, launcher: Launcher) -> Pieces:
+    """The pieces of some ``footprints``: as many as a footprint is longer than wide, or than others are wide.
+
+    Args:
+        rows: Which of them, shape [n].
+    """
+    along, across = footprints.half_extent.numpy()[rows, :2].T
     counts = np.ceil(along / np.maximum(across, np.median(across))).clip(1, MOST_PIECES).astype(np.int32)
-    owners = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
-    numbers = np.arange(len(owners), dtype=np.int32) - np.repeat(np.cumsum(counts, dtype=np.int32) - counts, counts)
-    lower, upper = (launcher.zeros(len(owners), wp.vec3) for _ in range(2))
-    inputs = [launcher.array(values, wp.int32) for values in (counts, owners, numbers)]
-    launcher(bound_pieces, len(owners), [footprints, *inputs, lower, upper])
-    low, high = lower.numpy(), upper.numpy()
-    rows = np.zeros(len(owners), Piece.numpy_dtype())
-    rows["footprint"], rows["number"] = owners, numbers
-    rows["low_before"][1:], rows["high_before"][1:] = low[:-1], high[:-1]
-    order = np.argsort(morton_codes(0.5 * (low + high)), kind="stable")
-    return Pieces(
-        wp.array(rows[order], dtype=Piece, device=launcher.device),
-        launcher.array(low[order], wp.vec3),
-        launcher.array(high[order], wp.vec3),
+    ends = np.cumsum(counts, dtype=np.int32)
+    count = int(ends[-1])
+    owners, first, chosen = (
+        launcher.array(values, wp.int32)
+        for values in (np.repeat(np.arange(len(rows), dtype=np.int32), counts), ends - counts, rows.astype(np.int32))
     )
+    lower, upper = (launcher.zeros(count, wp.vec3) for _ in range(2))
+    launcher(bound_pieces, count, [footprints, launcher.array(counts, wp.int32), owners, first, chosen, lower, upper])
+    codes = morton_codes(0.5 * (lower.numpy() + upper.numpy()))
+    order = launcher.array(np.argsort(codes, kind="stable").astype(np.int32), wp.int32)
+    out = wp.empty(count, dtype=Piece, device=launcher.device)
+    low, high, sizes = (launcher.zeros(count, dtype) for dtype in (wp.vec3, wp.vec3, wp.float32))
+    launcher(order_pieces, count, [order, lower, upper, owners, first, chosen, out, low, high, sizes])
+    return Pieces(out, low, high, float(np.median(sizes.numpy())))

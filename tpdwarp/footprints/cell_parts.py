@@ -101,8 +101,9 @@ def told_apart(maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher) -> t
             if part.min() == 1.0:
                 taken.append(shaped)
             elif part.any():
-                rows = shaped.rows(part > 0.0)
-                taken.append(replace(rows, flux=rows.flux * part[part > 0.0, None]))
+                index = np.flatnonzero(part > 0.0)
+                rows = shaped.rows(index)
+                taken.append(replace(rows, flux=rows.flux * part[index, None]))
     splines, cells = found
     return [*splines, *cells], np.repeat(np.int32([0, 1]), [len(splines), len(cells)])
 

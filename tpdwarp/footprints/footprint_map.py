@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +29,7 @@ class Footprints:
         shaded: Whether receivers are shaded by normals that are not those of their triangles.
         clamped: Footprints whose length or aspect was limited.
         growth_limited: Footprints whose axes grow too fast to be followed.
+        launcher: The device.
     """
 
     arrays: FootprintArrays
@@ -38,54 +39,53 @@ class Footprints:
     shaded: bool
     clamped: int
     growth_limited: int
+    launcher: Launcher
 
     @property
     def count(self) -> int:
         """Number of footprints."""
         return self.durations.shape[0]
 
-    def rows(self, chosen: np.ndarray, launcher: Launcher) -> Footprints:
-        """Some of them, by index or mask; what was limited is counted in all."""
-        arrays = FootprintArrays()
-        for name, variable in FootprintArrays.vars.items():
-            column = getattr(self.arrays, name).numpy()
-            # Columns that nothing needs have no rows.
-            setattr(arrays, name, launcher.array(column[chosen] if len(column) else column, variable.type.dtype))
-        return replace(self, arrays=arrays, durations=launcher.array(self.durations.numpy()[chosen], wp.float32))
-
-
-@dataclass
-class FootprintMap(Footprints):
-    """Footprints with the BVH over their swept bounds.
-
-    Attributes:
-        pieces: The parts that ``bvh`` is built over; None where there are none.
-        bvh: Bounds of the pieces, swept over their own part of the shutter; None where there are none.
-        run_size: Half the typical size of a piece: queries this close together are gathered together.
-        launcher: The device.
-    """
-
-    pieces: Pieces | None
-    bvh: wp.Bvh | None
-    run_size: float
-    launcher: Launcher
-
     @cached_property
     def courses(self) -> wp.array:
         """The course of each, which only queries that move ask for."""
         return courses_of(self.arrays, self.durations, self.launcher)
 
+
+@dataclass(frozen=True, eq=False)
+class FootprintMap:
+    """Some footprints with the BVH over their swept bounds.
+
+    Attributes:
+        footprints: All of them, which maps share.
+        count: How many of them are in this map.
+        pieces: The parts that ``bvh`` is built over; None where there are none.
+        bvh: Bounds of the pieces, swept over their own part of the shutter; None where there are none.
+        run_size: Half the typical size of a piece: queries this close together are gathered together.
+    """
+
+    footprints: Footprints
+    count: int
+    pieces: Pieces | None
+    bvh: wp.Bvh | None
+    run_size: float
+
     @classmethod
-    def of(cls, footprints: Footprints, launcher: Launcher) -> FootprintMap:
-        """Builds the BVH."""
-        if not footprints.count:
-            return cls(**vars(footprints), pieces=None, bvh=None, run_size=0.0, launcher=launcher)
-        pieces = pieces_of(footprints.arrays, launcher)
-        size = float(np.median(np.linalg.norm(pieces.upper.numpy() - pieces.lower.numpy(), axis=1)))
+    def of(cls, footprints: Footprints, launcher: Launcher, rows: np.ndarray | None = None) -> FootprintMap:
+        """Builds the BVH.
+
+        Args:
+            rows: Which footprints it holds, by index; None for all.
+        """
+        if rows is None:
+            rows = np.arange(footprints.count, dtype=np.int32)
+        if not len(rows):
+            return cls(footprints, 0, None, None, 0.0)
+        pieces = pieces_of(footprints.arrays, rows, launcher)
         # On the CPU it is built in half the time that the default takes, and walked through no slower.
         constructor = None if launcher.device.is_cuda else "cubql"
         bvh = wp.Bvh(pieces.lower, pieces.upper, constructor=constructor)
-        return cls(**vars(footprints), pieces=pieces, bvh=bvh, run_size=0.5 * size, launcher=launcher)
+        return cls(footprints, len(rows), pieces, bvh, 0.5 * pieces.size)
 
 
 def shape_footprints(
@@ -100,7 +100,7 @@ def shape_footprints(
     if not count:
         arrays = launcher.rows(FootprintArrays, 0)
         none = launcher.zeros(0, wp.float32)
-        return Footprints(arrays, none, moves, curved, False, 0, 0)
+        return Footprints(arrays, none, moves, curved, False, 0, 0, launcher)
 
     def column(name: str) -> wp.array:
         return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
@@ -143,7 +143,7 @@ def shape_footprints(
     shape = footprint_kernel(radial, curved, axes_in_light(radial) if extended else None)
     launcher(shape, count, [*columns, images, float(smoothing), pixel, out])
     clamped, limited = (int(flags.numpy().sum(dtype=np.int64)) for flags in (out.clamped, out.growth_limited))
-    return Footprints(out, durations, moves, curved, shaded, clamped, limited)
+    return Footprints(out, durations, moves, curved, shaded, clamped, limited, launcher)
 
 
 def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:

@@ -370,11 +370,12 @@ def gathered(
     group_size = lanes if launcher.device.is_cuda else GROUP
     looks = time_windows(lookup.windows() if windows is None else windows, launcher)
     for footprints in maps:
-        moves = footprints.moves or lookup.query_moves
-        shaded = footprints.shaded and has_shading_normals(queries)
-        kernel = gather_kernel(form, lanes, moves, footprints.curved, shaded, lookup.query_moves, lookup.with_motion)
-        photons = [footprints.bvh.id, footprints.arrays, footprints.pieces.rows]
-        photons += [footprints.courses if lookup.query_moves else launcher.zeros(0, Course), footprints.durations]
+        every = footprints.footprints
+        moves = every.moves or lookup.query_moves
+        shaded = every.shaded and has_shading_normals(queries)
+        kernel = gather_kernel(form, lanes, moves, every.curved, shaded, lookup.query_moves, lookup.with_motion)
+        photons = [footprints.bvh.id, every.arrays, footprints.pieces.rows]
+        photons += [every.courses if lookup.query_moves else launcher.zeros(0, Course), every.durations]
         sums = launcher.rows(LeafSums.of(lanes), leaves.middle.shape[0])
         inputs = [*photons, footprints.run_size, looks, group_size, count, queries, leaves, sums, out]
         launcher(kernel, -(-count // group_size), inputs, smallest_chunk=1)

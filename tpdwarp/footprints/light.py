@@ -27,8 +27,6 @@ from tpdwarp.trajectories.brightening import follow_lights
 # Footprints whose sizes lie within so many octaves are looked up together. Chosen: on the blob of
 # scripts/benchmarks/solids.py, 256 pixels wide, it takes half of what all of them at once take.
 OCTAVES = 2
-# More footprints than this are looked up as they are: parts of them are copies, which would fill memory twice.
-MOST_PARTED = 1 << 21
 
 
 class FootprintLight:
@@ -74,14 +72,14 @@ class FootprintLight:
             (side, FootprintMap.of(shaped(photons, _square(side)), launcher))
             for side, photons in sorted(split.coarse.items())
         ]
-        everything = (self._shaped, *(footprints for _, footprints in faint))
+        everything = (self._shaped, *(footprints.footprints for _, footprints in faint))
         self.clamped = sum(footprints.clamped for footprints in everything)
         self.growth_limited = sum(footprints.growth_limited for footprints in everything)
         self.count = sum(footprints.count for footprints in everything)
 
         # ---- By how they are looked up
         self._wide = WideFootprints(np.arange(self._shaped.count))
-        if form.smooth and self._shaped.count <= MOST_PARTED:
+        if form.smooth:
             self._wide = wide_footprints(self._shaped, pixel, launcher)
         self._fine = self._maps_of(self._wide.others)
         self._smooth = [
@@ -93,13 +91,10 @@ class FootprintLight:
         self._sweeping = [Rasters(self._wide.planes, levels, form, launcher)] if levels else []
 
     def _map_of(self, rows: np.ndarray) -> FootprintMap:
-        whole = len(rows) == self._shaped.count
-        return FootprintMap.of(self._shaped if whole else self._shaped.rows(rows, self._launcher), self._launcher)
+        return FootprintMap.of(self._shaped, self._launcher, rows)
 
     def _maps_of(self, rows: np.ndarray) -> list[FootprintMap]:
         """Those of one size together, for a walk through a tree serves queries as far apart as footprints are large."""
-        if self._shaped.count > MOST_PARTED:
-            return [self._map_of(rows)]
         extents = self._shaped.arrays.half_extent.numpy()[rows, :2].max(axis=1)
         sizes = np.floor(np.log2(np.maximum(extents, np.finfo(np.float32).tiny)) / OCTAVES)
         return [self._map_of(rows[sizes == size]) for size in np.unique(sizes)]

@@ -62,9 +62,10 @@ def plain_gather(
     """Irradiance at ``queries``; the arguments are those of :func:`tpdwarp.footprints.gather.gather`."""
     count = queries.position.shape[0]
     out = irradiance_arrays(count, False, launcher)
-    moves = footprints.moves or queries.motion.shape[0] > 0
-    shaded = footprints.shaded and has_shading_normals(queries)
-    kernel = plain_gather_kernel(form, moves, footprints.curved, shaded)
-    inputs = [footprints.arrays, footprints.durations, footprints.run_size, time_window(lookup), queries, out]
+    every = footprints.footprints
+    moves = every.moves or queries.motion.shape[0] > 0
+    shaded = every.shaded and has_shading_normals(queries)
+    kernel = plain_gather_kernel(form, moves, every.curved, shaded)
+    inputs = [every.arrays, every.durations, footprints.run_size, time_window(lookup), queries, out]
     launcher(kernel, count, inputs)
     return irradiance_of(out, False)

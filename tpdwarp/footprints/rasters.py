@@ -274,7 +274,7 @@ class Rasters:
     ) -> None:
         self.levels = [footprints for _, footprints in levels]
         self._form, self._launcher = form, launcher
-        self._shaded = any(footprints.shaded for footprints in self.levels)
+        self._shaded = any(footprints.footprints.shaded for footprints in self.levels)
         sides = [side for side, _ in levels]
         # One square more, for the corners at the end.
         squares = [int(2.0 * float(REACH) / side) + 1 for side in sides]

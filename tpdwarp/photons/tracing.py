@@ -670,8 +670,8 @@ def trace_photons(
                 keep = np.flatnonzero(fate == Fate.DEPOSITED)
                 if len(keep):
                     # Where all of them have landed nothing is copied.
-                    landing = slice(None) if len(keep) == count else keep
-                    rows = {name: out[name][landing] for name in columns}
+                    whole = len(keep) == count
+                    rows = {name: out[name] if whole else out[name].take(keep, axis=0) for name in columns}
                     path = band.path(paths.masks[keep])
                     lattice, rows["ids"] = emitting.ids(paths.cells[keep], path, plan.id_count)
                     if recording:

@@ -20,7 +20,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
-from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.photon_map import PhotonMap, row_index
 from tpdwarp.photons.power_curves import PowerCurve
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.photons.vectors import lengths
@@ -88,7 +88,8 @@ class KeyframeState:
 
     def rows(self, chosen: np.ndarray) -> KeyframeState:
         """The same of some of the photons."""
-        return KeyframeState(*(getattr(self, field.name)[chosen] for field in fields(self)))
+        index = row_index(chosen)
+        return KeyframeState(*(getattr(self, field.name).take(index, axis=0) for field in fields(self)))
 
 
 class ShutterKeyframes:
