@@ -157,11 +157,11 @@ def test_what_is_as_small_as_a_pixel_is_a_cell_and_what_is_larger_a_b_spline(len
     side = 0.1
     photon = photon_map([(0, 0, 0)], (length * side, 0, 0), (0, width * side, 0), flux=2.0)
     found = shaped(photon, half_pixel=side / math.sqrt(12))
-    cells = found.arrays.is_cell.numpy() == 1
+    cells = found.footprints.arrays.is_cell.numpy() == 1
     np.testing.assert_array_equal(cells, {0.0: [False], 1.0: [True]}.get(part, [False, True]))
     # Densities are flux over area; a cell's is that of its own area, and B-splines are no narrower.
     if part > 0:
-        density = found.arrays.density.numpy()[cells, 0]
+        density = found.footprints.arrays.density.numpy()[cells, 0]
         assert density == pytest.approx(2.0 * part / (length * width * side**2), rel=1e-4)
-        sides = np.linalg.svd(found.arrays.pixel.numpy()[cells][0], compute_uv=False)
+        sides = np.linalg.svd(found.footprints.arrays.pixel.numpy()[cells][0], compute_uv=False)
         np.testing.assert_allclose(sides, [1 / width, 1 / length], rtol=1e-4)

@@ -41,7 +41,8 @@ def tangent_photons(count: int = 200, size: float = 0.05, seed: int = 2) -> dict
 
 def metric(footprints) -> np.ndarray:
     """MᵀM: what a radial footprint measures distances with, shape [n, 3, 3]."""
-    u, v = footprints.footprints.arrays.row_u.numpy().astype(float), footprints.footprints.arrays.row_v.numpy().astype(float)
+    arrays = footprints.footprints.arrays
+    u, v = arrays.row_u.numpy().astype(float), arrays.row_v.numpy().astype(float)
     return np.einsum("ni,nj->nij", u, u) + np.einsum("ni,nj->nij", v, v)
 
 
@@ -72,10 +73,10 @@ def test_rows_are_those_of_the_inverse_jacobian(kernel, scale):
     aspect = np.linalg.cond(np.stack([u, v], axis=2)).max()
     size = scale / np.linalg.svd(np.stack([u, v], axis=2), compute_uv=False).min()
     allowed = 16 * ROUNDING * aspect * size
-    np.testing.assert_allclose(found.arrays.row_u.numpy(), scale * np.cross(v, n) / area, atol=allowed)
-    np.testing.assert_allclose(found.arrays.row_v.numpy(), scale * np.cross(n, u) / area, atol=allowed)
+    np.testing.assert_allclose(found.footprints.arrays.row_u.numpy(), scale * np.cross(v, n) / area, atol=allowed)
+    np.testing.assert_allclose(found.footprints.arrays.row_v.numpy(), scale * np.cross(n, u) / area, atol=allowed)
     np.testing.assert_allclose(density(found), 3 * scale**2 / np.abs(area[:, 0]), rtol=16 * ROUNDING * aspect)
-    assert found.clamped == 0
+    assert found.footprints.clamped == 0
 
 
 def kernel_variance(kernel: str) -> float:
@@ -134,14 +135,14 @@ def test_a_footprint_smaller_than_a_pixel_is_as_wide_as_cell_and_pixel(angle):
 def test_pixels_much_smaller_than_cells_widen_nothing():
     photon = photon_map([(0, 0, 0)], (0.05, 0, 0), (0, 0.005, 0))
     found = shaped(photon, half_pixel=0.02 / math.sqrt(12), smoothing=2.0)
-    np.testing.assert_allclose(found.arrays.filter_width.numpy(), [[0, 2, 0]], rtol=1e-5)
+    np.testing.assert_allclose(found.footprints.arrays.filter_width.numpy(), [[0, 2, 0]], rtol=1e-5)
 
 
 def test_pixels_grow_with_the_distance_from_the_eye():
     size = PixelSize()
     size.eye, size.slope = (0.0, 0.0, 1.0), math.sqrt(12) * 0.02
     photons = photon_map([(0, 0, 0), (0, 0, -1.0)], (0, 0, 0), (0, 0, 0))
-    found = shape_footprints([photons], "uniform", 1.0, size, False, ONE_THREAD)
+    found = FootprintMap.of(shape_footprints([photons], "uniform", 1.0, size, False, ONE_THREAD), ONE_THREAD)
     expected = kernel_variance("uniform") / np.array([0.02, 0.04]) ** 2
     np.testing.assert_allclose(density(found), expected, rtol=1e-3)
 
@@ -150,7 +151,7 @@ def test_smoothing_scales_the_footprint():
     photons = tangent_photons()
     wide = {**photons, "dxdu": 2.5 * photons["dxdu"], "dxdv": 2.5 * photons["dxdv"]}
     a, b = shaped(photon_map(**photons), smoothing=2.5), shaped(photon_map(**wide))
-    np.testing.assert_allclose(a.arrays.row_u.numpy(), b.arrays.row_u.numpy(), rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(a.footprints.arrays.row_u.numpy(), b.footprints.arrays.row_u.numpy(), rtol=1e-4, atol=1e-3)
     np.testing.assert_allclose(density(a), density(b), rtol=1e-5)
 
 
@@ -178,8 +179,8 @@ def test_turning_a_footprint_turns_its_metric(kernel):
     assert np.all(np.abs(metric(b) - expected).max(axis=(1, 2)) <= 1e-4 * peak)
     np.testing.assert_allclose(density(b), density(a), rtol=1e-5)
     for k in ("row_u", "row_v"):
-        rows = np.einsum("nij,nj->ni", turn, getattr(a.arrays, k).numpy())
-        np.testing.assert_allclose(getattr(b.arrays, k).numpy(), rows, rtol=1e-3, atol=1e-4 * np.abs(rows).max())
+        rows = np.einsum("nij,nj->ni", turn, getattr(a.footprints.arrays, k).numpy())
+        np.testing.assert_allclose(getattr(b.footprints.arrays, k).numpy(), rows, rtol=1e-3, atol=1e-4 * np.abs(rows).max())
 
 
 FOOTPRINTS = {
@@ -222,16 +223,16 @@ def test_limited_footprints_are_counted(away):
     dxdv = [(0, 0.1, 0), (0, 5.0, 0), (0, 1e-5, 0), (0, 0, 0), (0, 0.001, 0)]
     photons = photon_map(np.tile([away, 0, 0], (5, 1)), dxdu, dxdv)
     found = shaped(photons)
-    np.testing.assert_array_equal(found.arrays.clamped.numpy(), [0, 1, 1, 1, 0])
-    assert found.clamped == 3
-    axes = np.sort(1 / np.linalg.norm([found.arrays.row_u.numpy(), found.arrays.row_v.numpy()], axis=2), axis=0)
+    np.testing.assert_array_equal(found.footprints.arrays.clamped.numpy(), [0, 1, 1, 1, 0])
+    assert found.footprints.clamped == 3
+    axes = np.sort(1 / np.linalg.norm([found.footprints.arrays.row_u.numpy(), found.footprints.arrays.row_v.numpy()], axis=2), axis=0)
     longest, thinnest = axes[1], axes[0]
     assert np.all(longest <= float(LONGEST_AXIS) * (1 + 1e-5))
     smallest = max(float(SHORTEST_AXIS) * away, float(SHORTEST_AXIS_AT_ORIGIN))
     assert np.all(thinnest >= np.maximum(longest / float(LARGEST_ASPECT), smallest) * (1 - 1e-5))
     # The one that has collapsed is as small as single precision tells points apart where it lies.
     assert thinnest[3] == pytest.approx(smallest, rel=1e-5)
-    assert shaped(photons, half_pixel=0.01).clamped == 1
+    assert shaped(photons, half_pixel=0.01).footprints.clamped == 1
 
 
 @pytest.mark.parametrize(("kernel", "curved"), [("epanechnikov", False), ("bspline", False), ("bspline", True)])
@@ -246,7 +247,7 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
     given = photon_map(**photons, dxdt=dxdt, trajectory=trajectory if curved else None)
     # With a smoothing, none is a cell.
     found = shaped(given, kernel=kernel, half_pixel=0.004, moves=True, smoothing=1.0 + 1e-6)
-    arrays = found.arrays
+    arrays = found.footprints.arrays
     rate = arrays.jacobian_rate.numpy() if curved else np.zeros((found.count, 2, 2))
     rows = np.stack([arrays.row_u.numpy(), arrays.row_v.numpy()], axis=1).astype(float)
     # Points of the support in filter space, as far out as it goes, carried into the world and along the path.

@@ -23,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.light_images import cell_in_light, images_of, is_widened
 from tpdwarp.footprints.shaping import (
@@ -48,9 +49,10 @@ WIDEST_CELL, NARROWEST_BSPLINE = wp.constant(0.5), wp.constant(1.0)
 LONGEST_OVERLAPPING = wp.constant(0.5)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
 def measure_cells(
     base: int,
+    in_turn: int,
     # In
     position: wp.array(dtype=wp.vec3),
     normal: wp.array(dtype=wp.vec3),
@@ -62,29 +64,30 @@ def measure_cells(
     parts: wp.array(dtype=wp.float32),
 ):
     """The part of each photon's light that is that of its cell."""
-    i = base + wp.tid()
-    frame = tangent_frame(normal[i])
-    on_plane = pixel_on_plane(pixel, position[i], normal[i], frame)
-    parts[i] = 0.0
-    if on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0] != 0.0:
-        j = wp.mat22(
-            wp.dot(frame.e1, dxdu[i]), wp.dot(frame.e1, dxdv[i]), wp.dot(frame.e2, dxdu[i]), wp.dot(frame.e2, dxdv[i])
-        )
-        overlaps = bool(False)
-        if images.image.shape[0] > 0:
-            own = in_sides(on_plane, j)
-            light = light_on_plane(images, i, frame)
-            overlaps = is_widened(on_plane, light) and singular_values(
-                own[0, 0], own[0, 1], own[1, 0], own[1, 1]
-            ).s1 <= LONGEST_OVERLAPPING
-            j = cell_in_light(narrowing_at(images, i) * j, on_plane, light)
-        inside = in_sides(on_plane, j)
-        sigma = singular_values(inside[0, 0], inside[0, 1], inside[1, 0], inside[1, 1])
-        by_length = (SHORTEST_BSPLINE - sigma.s1) / (SHORTEST_BSPLINE - LONGEST_CELL)
-        by_width = (NARROWEST_BSPLINE - wp.abs(sigma.s2)) / (NARROWEST_BSPLINE - WIDEST_CELL)
-        parts[i] = wp.clamp(wp.min(by_length, by_width), 0.0, 1.0)
-        if overlaps:
-            parts[i] = wp.where(parts[i] >= 0.5, 1.0, 0.0)
+    first = base + wp.tid() * in_turn
+    for i in range(first, first + in_turn):
+        frame = tangent_frame(normal[i])
+        on_plane = pixel_on_plane(pixel, position[i], normal[i], frame)
+        parts[i] = 0.0
+        if on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0] != 0.0:
+            u = wp.vec2(wp.dot(frame.e1, dxdu[i]), wp.dot(frame.e2, dxdu[i]))
+            v = wp.vec2(wp.dot(frame.e1, dxdv[i]), wp.dot(frame.e2, dxdv[i]))
+            j = wp.mat22(u[0], v[0], u[1], v[1])
+            overlaps = bool(False)
+            if images.image.shape[0] > 0:
+                own = in_sides(on_plane, j)
+                light = light_on_plane(images, i, frame)
+                overlaps = is_widened(on_plane, light) and singular_values(
+                    own[0, 0], own[0, 1], own[1, 0], own[1, 1]
+                ).s1 <= LONGEST_OVERLAPPING
+                j = cell_in_light(narrowing_at(images, i) * j, on_plane, light)
+            inside = in_sides(on_plane, j)
+            sigma = singular_values(inside[0, 0], inside[0, 1], inside[1, 0], inside[1, 1])
+            by_length = (SHORTEST_BSPLINE - sigma.s1) / (SHORTEST_BSPLINE - LONGEST_CELL)
+            by_width = (NARROWEST_BSPLINE - wp.abs(sigma.s2)) / (NARROWEST_BSPLINE - WIDEST_CELL)
+            parts[i] = wp.clamp(wp.min(by_length, by_width), 0.0, 1.0)
+            if overlaps:
+                parts[i] = wp.where(parts[i] >= 0.5, 1.0, 0.0)
 
 
 def told_apart(maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher) -> tuple[list[PhotonMap], np.ndarray]:
@@ -118,5 +121,6 @@ def _parts(photons: PhotonMap, pixel: PixelSize, launcher: Launcher) -> np.ndarr
     out = launcher.zeros(len(photons), wp.float32)
     columns = (getattr(photons, name) for name in ("position", "normal", "dxdu", "dxdv"))
     arrays = [launcher.array(column, wp.vec3) for column in columns]
-    launcher(measure_cells, len(photons), [*arrays, images_of([photons], "bspline", launcher), pixel, out])
+    inputs = [*arrays, images_of([photons], "bspline", launcher), pixel, out]
+    launcher(measure_cells, len(photons), inputs, in_turn=True)
     return out.numpy()

@@ -141,7 +141,7 @@ def shape_footprints(
     images = images_of(maps, kernel, launcher)
     radial = None if kernel == "bspline" else kernel
     shape = footprint_kernel(radial, curved, axes_in_light(radial) if extended else None)
-    launcher(shape, count, [*columns, images, float(smoothing), pixel, out])
+    launcher(shape, count, [*columns, images, float(smoothing), pixel, out], in_turn=True)
     clamped, limited = (int(flags.numpy().sum(dtype=np.int64)) for flags in (out.clamped, out.growth_limited))
     return Footprints(out, durations, moves, curved, shaded, clamped, limited, launcher)
 

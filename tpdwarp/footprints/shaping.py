@@ -31,6 +31,7 @@ from functools import cache
 
 import warp as wp
 
+from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.footprints.cells import HALF, pixel_extent
 from tpdwarp.footprints.kernels import VARIANCE
@@ -501,9 +502,10 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
     scale = 2.0 if radial else 1.0
     variance = VARIANCE[radial] if radial else 1.0
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
     def shape_footprints(
         base: int,
+        in_turn: int,
         # In
         dxdu: wp.array(dtype=wp.vec3),
         dxdv: wp.array(dtype=wp.vec3),
@@ -518,122 +520,123 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
         # In and out (center), in (normal, dxdt, acceleration, jerk, is_cell) and out (all else)
         out: FootprintArrays,
     ):
-        i = base + wp.tid()
-        n = out.normal[i]
-        x = out.center[i]
-        dxdt = out.dxdt[i]
+        first_item = base + wp.tid() * in_turn
+        for i in range(first_item, first_item + in_turn):
+            n = out.normal[i]
+            x = out.center[i]
+            dxdt = out.dxdt[i]
 
-        # ---- J in the tangent plane, and the axes that it has as seen by pixels
-        frame = tangent_frame(n)
-        width = smoothing
-        if wp.static(extended):
-            width *= narrowing_at(images, i)
-        a = wp.dot(frame.e1, dxdu[i]) * width
-        b = wp.dot(frame.e1, dxdv[i]) * width
-        c = wp.dot(frame.e2, dxdu[i]) * width
-        d = wp.dot(frame.e2, dxdv[i]) * width
-        on_plane = pixel_on_plane(pixel, x, n, frame)
-        j = singular_values(a, b, c, d)
-        axes = Axes()
-        if wp.static(extended):
-            light = light_on_plane(images, i, frame)
-            axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, wp.length(x), out.is_cell[i])
-        elif wp.static(radial is None):
-            if out.is_cell[i] == 1:
-                axes = cell_axes(j, on_plane, wp.length(x))
-            else:
-                axes = axes_of(j, a, b, c, d, on_plane, wp.length(x))
-        else:
-            axes = own_axes(j, on_plane, 1.0, wp.static(variance), wp.length(x))
-
-        # ---- Where the light of the cell lies on average
-        if wp.static(radial is None):
-            if bend.shape[0] > 0:
-                out.center[i] = x + wp.where(out.is_cell[i] == 1, CELL_VARIANCE, BSPLINE_VARIANCE) * bend[i]
-
-        # ---- The metric M: rows of J⁻¹, and its determinant
-        first = axes.first[0] * frame.e1 + axes.first[1] * frame.e2
-        second = axes.second[0] * frame.e1 + axes.second[1] * frame.e2
-        sine = axes.first[0] * axes.second[1] - axes.first[1] * axes.second[0]
-        first_row = (axes.second[1] * frame.e1 - axes.second[0] * frame.e2) / (sine * axes.t1)
-        second_row = (axes.first[0] * frame.e2 - axes.first[1] * frame.e1) / (sine * axes.t2)
-        cr = wp.cos(axes.turn)
-        sr = wp.sin(axes.turn)
-        out.row_u[i] = wp.static(scale) * (cr * first_row - sr * second_row)
-        out.row_v[i] = wp.static(scale) * (sr * first_row + cr * second_row)
-        out.dxdt_relative[i] = dxdt - receiver_motion[i]
-        out.density[i] = flux[i] * (wp.static(scale * scale) / (axes.t1 * axes.t2 * wp.abs(sine)))
-        out.clamped[i] = axes.clamped
-
-        # ---- Extent along the longer axis and across it at mid shutter
-        reach = wp.vec2(0.5, 0.5)
-        if wp.static(radial is None):
-            out.filter_width[i] = axes.width
-            reach_u = wp.static(SUPPORT) + 0.5 * axes.width[0]
-            reach_v = wp.static(SUPPORT) + 0.5 * (axes.width[1] + axes.width[2])
+            # ---- J in the tangent plane, and the axes that it has as seen by pixels
+            frame = tangent_frame(n)
+            width = smoothing
             if wp.static(extended):
-                if axes.width[2] < 0.0:
-                    out.pixel[i] = in_filter_space(axes.averaged, frame, out.row_u[i], out.row_v[i])
-            if out.is_cell[i] == 1:
-                sides = in_filter_space(on_plane, frame, out.row_u[i], out.row_v[i])
-                out.pixel[i] = sides
-                reach_u = HALF + pixel_extent(sides, 0)
-                reach_v = HALF + pixel_extent(sides, 1)
-            reach = wp.vec2(
-                wp.abs(cr) * reach_u + wp.abs(sr) * reach_v, wp.abs(sr) * reach_u + wp.abs(cr) * reach_v
-            )
-        long_axis = first
-        if axes.t2 * reach[1] > axes.t1 * reach[0]:
-            long_axis = second
-        other = wp.cross(n, long_axis)
-        along1 = axes.t1 * reach[0] * wp.abs(wp.dot(long_axis, first))
-        along2 = axes.t2 * reach[1] * wp.abs(wp.dot(long_axis, second))
-        across1 = axes.t1 * reach[0] * wp.abs(wp.dot(other, first))
-        across2 = axes.t2 * reach[1] * wp.abs(wp.dot(other, second))
+                width *= narrowing_at(images, i)
+            a = wp.dot(frame.e1, dxdu[i]) * width
+            b = wp.dot(frame.e1, dxdv[i]) * width
+            c = wp.dot(frame.e2, dxdu[i]) * width
+            d = wp.dot(frame.e2, dxdv[i]) * width
+            on_plane = pixel_on_plane(pixel, x, n, frame)
+            j = singular_values(a, b, c, d)
+            axes = Axes()
+            if wp.static(extended):
+                light = light_on_plane(images, i, frame)
+                axes = axes_in_light(wp.mat22(a, b, c, d), on_plane, light, wp.length(x), out.is_cell[i])
+            elif wp.static(radial is None):
+                if out.is_cell[i] == 1:
+                    axes = cell_axes(j, on_plane, wp.length(x))
+                else:
+                    axes = axes_of(j, a, b, c, d, on_plane, wp.length(x))
+            else:
+                axes = own_axes(j, on_plane, 1.0, wp.static(variance), wp.length(x))
 
-        # ---- Sweep over the shutter: along these axes and the normal, and growth of the axes
-        sweep = 0.5 * _along(long_axis, other, n, dxdt)
-        normal_extent = 0.5 * wp.length(out.dxdt_relative[i])
-        if wp.static(curved):
-            acceleration = out.acceleration[i]
-            jerk = out.jerk[i]
-            sweep += 0.125 * _along(long_axis, other, n, acceleration) + _along(long_axis, other, n, jerk) / 48.0
-            normal_extent += 0.125 * wp.length(acceleration) + wp.length(jerk) / 48.0
-            # How singular values change up to either end of the shutter, by their own size. What they were widened by
-            # stays; what axes turn by does, too: to follow that costs time and gains nothing.
-            jc = wp.cos(j.right)
-            js = wp.sin(j.right)
-            rate1 = (0.5 * width) * (jc * dxdut[i] + js * dxdvt[i])
-            rate2 = (0.5 * width) * (jc * dxdvt[i] - js * dxdut[i])
-            growth1 = wp.min(j.s1 / axes.t1, 1.0) * wp.dot(first, rate1) / axes.t1
-            growth2 = wp.min(wp.abs(j.s2) / axes.t2, 1.0) * wp.dot(second, rate2) / axes.t2
+            # ---- Where the light of the cell lies on average
             if wp.static(radial is None):
-                # Axes that stand for more than J may point the other way.
-                if wp.dot(first, wp.cos(j.left) * frame.e1 + wp.sin(j.left) * frame.e2) < 0.0:
-                    growth1 = -growth1
-                # Thin axes leave out the sign of s2, which the second one of J's own axes carries.
-                if wp.dot(second, -wp.sin(j.left) * frame.e1 + wp.cos(j.left) * frame.e2) * j.s2 < 0.0:
-                    growth2 = -growth2
-            if wp.max(wp.abs(growth1), wp.abs(growth2)) > LARGEST_GROWTH and axes.growing > 0.0:
-                out.growth_limited[i] = 1
-            growth1 = axes.growing * wp.clamp(growth1, -LARGEST_GROWTH, LARGEST_GROWTH)
-            growth2 = axes.growing * wp.clamp(growth2, -LARGEST_GROWTH, LARGEST_GROWTH)
-            turn = wp.mat22(cr, -sr, sr, cr)
-            sagitta = 0.125 * wp.length(rows_times(out.row_u[i], out.row_v[i], acceleration))
-            sagitta += wp.length(rows_times(out.row_u[i], out.row_v[i], jerk)) / 48.0
-            if sagitta + HALF_WIDTH * wp.max(wp.abs(growth1), wp.abs(growth2)) < SMALLEST_SAGITTA:
-                growth1 = 0.0
-                growth2 = 0.0
-                out.acceleration[i] = wp.vec3(0.0, 0.0, 0.0)
-                out.jerk[i] = wp.vec3(0.0, 0.0, 0.0)
-            out.jacobian_rate[i] = 2.0 * (turn * wp.mat22(growth1, 0.0, 0.0, growth2) * wp.transpose(turn))
-            along1 *= 1.0 + wp.abs(growth1)
-            across1 *= 1.0 + wp.abs(growth1)
-            along2 *= 1.0 + wp.abs(growth2)
-            across2 *= 1.0 + wp.abs(growth2)
-        tolerance = PLANE_TOLERANCE * (along1 + along2 + across1 + across2 + normal_extent)
-        out.plane_tolerance[i] = tolerance
-        out.long_axis[i] = long_axis
-        out.half_extent[i] = wp.vec3(along1 + along2 + sweep[0], across1 + across2 + sweep[1], tolerance + sweep[2])
+                if bend.shape[0] > 0:
+                    out.center[i] = x + wp.where(out.is_cell[i] == 1, CELL_VARIANCE, BSPLINE_VARIANCE) * bend[i]
+
+            # ---- The metric M: rows of J⁻¹, and its determinant
+            first = axes.first[0] * frame.e1 + axes.first[1] * frame.e2
+            second = axes.second[0] * frame.e1 + axes.second[1] * frame.e2
+            sine = axes.first[0] * axes.second[1] - axes.first[1] * axes.second[0]
+            first_row = (axes.second[1] * frame.e1 - axes.second[0] * frame.e2) / (sine * axes.t1)
+            second_row = (axes.first[0] * frame.e2 - axes.first[1] * frame.e1) / (sine * axes.t2)
+            cr = wp.cos(axes.turn)
+            sr = wp.sin(axes.turn)
+            out.row_u[i] = wp.static(scale) * (cr * first_row - sr * second_row)
+            out.row_v[i] = wp.static(scale) * (sr * first_row + cr * second_row)
+            out.dxdt_relative[i] = dxdt - receiver_motion[i]
+            out.density[i] = flux[i] * (wp.static(scale * scale) / (axes.t1 * axes.t2 * wp.abs(sine)))
+            out.clamped[i] = axes.clamped
+
+            # ---- Extent along the longer axis and across it at mid shutter
+            reach = wp.vec2(0.5, 0.5)
+            if wp.static(radial is None):
+                out.filter_width[i] = axes.width
+                reach_u = wp.static(SUPPORT) + 0.5 * axes.width[0]
+                reach_v = wp.static(SUPPORT) + 0.5 * (axes.width[1] + axes.width[2])
+                if wp.static(extended):
+                    if axes.width[2] < 0.0:
+                        out.pixel[i] = in_filter_space(axes.averaged, frame, out.row_u[i], out.row_v[i])
+                if out.is_cell[i] == 1:
+                    sides = in_filter_space(on_plane, frame, out.row_u[i], out.row_v[i])
+                    out.pixel[i] = sides
+                    reach_u = HALF + pixel_extent(sides, 0)
+                    reach_v = HALF + pixel_extent(sides, 1)
+                reach = wp.vec2(
+                    wp.abs(cr) * reach_u + wp.abs(sr) * reach_v, wp.abs(sr) * reach_u + wp.abs(cr) * reach_v
+                )
+            long_axis = first
+            if axes.t2 * reach[1] > axes.t1 * reach[0]:
+                long_axis = second
+            other = wp.cross(n, long_axis)
+            along1 = axes.t1 * reach[0] * wp.abs(wp.dot(long_axis, first))
+            along2 = axes.t2 * reach[1] * wp.abs(wp.dot(long_axis, second))
+            across1 = axes.t1 * reach[0] * wp.abs(wp.dot(other, first))
+            across2 = axes.t2 * reach[1] * wp.abs(wp.dot(other, second))
+
+            # ---- Sweep over the shutter: along these axes and the normal, and growth of the axes
+            sweep = 0.5 * _along(long_axis, other, n, dxdt)
+            normal_extent = 0.5 * wp.length(out.dxdt_relative[i])
+            if wp.static(curved):
+                acceleration = out.acceleration[i]
+                jerk = out.jerk[i]
+                sweep += 0.125 * _along(long_axis, other, n, acceleration) + _along(long_axis, other, n, jerk) / 48.0
+                normal_extent += 0.125 * wp.length(acceleration) + wp.length(jerk) / 48.0
+                # How singular values change up to either end of the shutter, by their own size. What they were widened
+                # by stays; what axes turn by does, too: to follow that costs time and gains nothing.
+                jc = wp.cos(j.right)
+                js = wp.sin(j.right)
+                rate1 = (0.5 * width) * (jc * dxdut[i] + js * dxdvt[i])
+                rate2 = (0.5 * width) * (jc * dxdvt[i] - js * dxdut[i])
+                growth1 = wp.min(j.s1 / axes.t1, 1.0) * wp.dot(first, rate1) / axes.t1
+                growth2 = wp.min(wp.abs(j.s2) / axes.t2, 1.0) * wp.dot(second, rate2) / axes.t2
+                if wp.static(radial is None):
+                    # Axes that stand for more than J may point the other way.
+                    if wp.dot(first, wp.cos(j.left) * frame.e1 + wp.sin(j.left) * frame.e2) < 0.0:
+                        growth1 = -growth1
+                    # Thin axes leave out the sign of s2, which the second one of J's own axes carries.
+                    if wp.dot(second, -wp.sin(j.left) * frame.e1 + wp.cos(j.left) * frame.e2) * j.s2 < 0.0:
+                        growth2 = -growth2
+                if wp.max(wp.abs(growth1), wp.abs(growth2)) > LARGEST_GROWTH and axes.growing > 0.0:
+                    out.growth_limited[i] = 1
+                growth1 = axes.growing * wp.clamp(growth1, -LARGEST_GROWTH, LARGEST_GROWTH)
+                growth2 = axes.growing * wp.clamp(growth2, -LARGEST_GROWTH, LARGEST_GROWTH)
+                turn = wp.mat22(cr, -sr, sr, cr)
+                sagitta = 0.125 * wp.length(rows_times(out.row_u[i], out.row_v[i], acceleration))
+                sagitta += wp.length(rows_times(out.row_u[i], out.row_v[i], jerk)) / 48.0
+                if sagitta + HALF_WIDTH * wp.max(wp.abs(growth1), wp.abs(growth2)) < SMALLEST_SAGITTA:
+                    growth1 = 0.0
+                    growth2 = 0.0
+                    out.acceleration[i] = wp.vec3(0.0, 0.0, 0.0)
+                    out.jerk[i] = wp.vec3(0.0, 0.0, 0.0)
+                out.jacobian_rate[i] = 2.0 * (turn * wp.mat22(growth1, 0.0, 0.0, growth2) * wp.transpose(turn))
+                along1 *= 1.0 + wp.abs(growth1)
+                across1 *= 1.0 + wp.abs(growth1)
+                along2 *= 1.0 + wp.abs(growth2)
+                across2 *= 1.0 + wp.abs(growth2)
+            tolerance = PLANE_TOLERANCE * (along1 + along2 + across1 + across2 + normal_extent)
+            out.plane_tolerance[i] = tolerance
+            out.long_axis[i] = long_axis
+            out.half_extent[i] = wp.vec3(along1 + along2 + sweep[0], across1 + across2 + sweep[1], tolerance + sweep[2])
 
     return shape_footprints

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import warp as wp
 
+from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import COARSEST_SQUARE, FEWEST_PIXELS, FINEST_SQUARE
 from tpdwarp.footprints.footprint_map import Footprints
@@ -45,9 +46,10 @@ class WideFootprints:
     planes: list[Plane] = field(default_factory=list)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
 def measure_widths(
     base: int,
+    in_turn: int,
     # In
     footprints: FootprintArrays,
     durations: wp.array(dtype=wp.float32),
@@ -57,26 +59,28 @@ def measure_widths(
     still: wp.array(dtype=wp.int32),
 ):
     """The largest squares that tell all of a footprint's light, 0 where none gain anything; whether it stands still."""
-    i = base + wp.tid()
-    cell = 1.0 / wp.max(wp.length(footprints.row_u[i]), wp.length(footprints.row_v[i]))
-    softness = -footprints.filter_width[i][2]
-    if softness > 0.0:
-        cell *= wp.min(CELLS_OF_SOFTNESS * softness, 1.0)
-    at_rest = wp.length_sq(footprints.dxdt[i]) == 0.0 and durations[i] >= 1.0
-    if footprints.acceleration.shape[0] > 0:
-        rate = footprints.jacobian_rate[i]
-        cell *= 1.0 - 0.5 * wp.sqrt(wp.ddot(rate, rate))
-        bend = wp.length_sq(footprints.acceleration[i]) + wp.length_sq(footprints.jerk[i])
-        at_rest = at_rest and bend + wp.ddot(rate, rate) + wp.abs(footprints.gain[i]) == 0.0
-    still[i] = wp.where(at_rest, 1, 0)
-    on_plane = pixel_on_plane(pixel, footprints.center[i], footprints.normal[i], tangent_frame(footprints.normal[i]))
-    pixel_area = wp.abs(on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0])
-    side = wp.pow(2.0, wp.floor(wp.log2(wp.max(cell / SQUARES_OF_CELL, 1.0e-15))))
-    on_ground = wp.length_sq(footprints.dxdt[i] - footprints.dxdt_relative[i]) == 0.0
-    squares[i] = 0.0
-    if footprints.is_cell[i] == 0 and on_ground and side >= FINEST_SQUARE:
-        if side * side >= FEWEST_PIXELS * FEWEST_PIXELS * pixel_area:
-            squares[i] = wp.min(side, COARSEST_SQUARE)
+    first = base + wp.tid() * in_turn
+    for i in range(first, first + in_turn):
+        cell = 1.0 / wp.max(wp.length(footprints.row_u[i]), wp.length(footprints.row_v[i]))
+        softness = -footprints.filter_width[i][2]
+        if softness > 0.0:
+            cell *= wp.min(CELLS_OF_SOFTNESS * softness, 1.0)
+        at_rest = wp.length_sq(footprints.dxdt[i]) == 0.0 and durations[i] >= 1.0
+        if footprints.acceleration.shape[0] > 0:
+            rate = footprints.jacobian_rate[i]
+            cell *= 1.0 - 0.5 * wp.sqrt(wp.ddot(rate, rate))
+            bend = wp.length_sq(footprints.acceleration[i]) + wp.length_sq(footprints.jerk[i])
+            at_rest = at_rest and bend + wp.ddot(rate, rate) + wp.abs(footprints.gain[i]) == 0.0
+        still[i] = wp.where(at_rest, 1, 0)
+        n = footprints.normal[i]
+        on_plane = pixel_on_plane(pixel, footprints.center[i], n, tangent_frame(n))
+        pixel_area = wp.abs(on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0])
+        side = wp.pow(2.0, wp.floor(wp.log2(wp.max(cell / SQUARES_OF_CELL, 1.0e-15))))
+        on_ground = wp.length_sq(footprints.dxdt[i] - footprints.dxdt_relative[i]) == 0.0
+        squares[i] = 0.0
+        if footprints.is_cell[i] == 0 and on_ground and side >= FINEST_SQUARE:
+            if side * side >= FEWEST_PIXELS * FEWEST_PIXELS * pixel_area:
+                squares[i] = wp.min(side, COARSEST_SQUARE)
 
 
 def wide_footprints(footprints: Footprints, pixel: PixelSize, launcher: Launcher) -> WideFootprints:
@@ -87,7 +91,7 @@ def wide_footprints(footprints: Footprints, pixel: PixelSize, launcher: Launcher
     """
     sides, still = launcher.zeros(footprints.count, wp.float32), launcher.zeros(footprints.count, wp.int32)
     arrays = footprints.arrays
-    launcher(measure_widths, footprints.count, [arrays, footprints.durations, pixel, sides, still])
+    launcher(measure_widths, footprints.count, [arrays, footprints.durations, pixel, sides, still], in_turn=True)
     squares, stands = sides.numpy(), still.numpy() == 1
     rows = np.flatnonzero(squares > 0.0)
     if len(rows) < FEWEST_PHOTONS:

@@ -151,7 +151,8 @@ class PhotonMap:
         columns = [name for name in arrays if len(getattr(self, name)) == len(self)]
         index = row_index(chosen)
         trajectory = None if self.trajectory is None else self.trajectory.rows(index)
-        return replace(self, trajectory=trajectory, **{name: getattr(self, name).take(index, axis=0) for name in columns})
+        taken = {name: getattr(self, name).take(index, axis=0) for name in columns}
+        return replace(self, trajectory=trajectory, **taken)
 
 
 def row_index(chosen: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import warp as wp
 
+from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.photons.photon_map import PhotonMap
 
@@ -99,9 +100,10 @@ def on_plane_of(missing: Corner, a: Corner, b: Corner, opposite: Corner) -> Corn
     return out
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
 def interpolate(
     base: int,
+    in_turn: int,
     # In
     grids: wp.array(dtype=Grid),
     cells: GridArrays,
@@ -112,44 +114,46 @@ def interpolate(
     out: StateArrays,
 ):
     """Values at the places that photons have at the part ``part`` (−½ … ½) of the shutter, bilinearly."""
-    i = rows[base + wp.tid()]
-    half = wp.float64(0.5)
-    number = riders.grid[i]
-    grid = grids[number]
-    scale = riders.scale[number]
-    moved = part * wp.vec2d(riders.shift[i])
-    out.drift[i] = wp.max(wp.abs(wp.cw_mul(moved, scale)))
-    place = wp.cw_mul(wp.vec2d(riders.emission[i]) + moved, scale) + riders.offset[number] - grid.first
-    place = place - wp.vec2d(half, half)
-    last = wp.vec2d(wp.float64(grid.size[0] - 1), wp.float64(grid.size[1] - 1))
+    first = base + wp.tid() * in_turn
+    for number_of_row in range(first, first + in_turn):
+        i = rows[number_of_row]
+        half = wp.float64(0.5)
+        number = riders.grid[i]
+        grid = grids[number]
+        scale = riders.scale[number]
+        moved = part * wp.vec2d(riders.shift[i])
+        out.drift[i] = wp.max(wp.abs(wp.cw_mul(moved, scale)))
+        place = wp.cw_mul(wp.vec2d(riders.emission[i]) + moved, scale) + riders.offset[number] - grid.first
+        place = place - wp.vec2d(half, half)
+        last = wp.vec2d(wp.float64(grid.size[0] - 1), wp.float64(grid.size[1] - 1))
 
-    # ---- Outside the outermost photons, by up to a cell, it is as on the line that they make
-    beyond = wp.max(wp.max(-place), wp.max(place - last))
-    place = wp.max(wp.min(place, last), wp.vec2d())
-    u = wp.min(int(wp.floor(place[0])), wp.max(grid.size[0] - 2, 0))
-    v = wp.min(int(wp.floor(place[1])), wp.max(grid.size[1] - 2, 0))
-    x = place[0] - wp.float64(u)
-    y = place[1] - wp.float64(v)
-    path = riders.path[i]
-    a = corner_at(cells, grid, u, v, path)
-    b = corner_at(cells, grid, u + 1, v, path)
-    c = corner_at(cells, grid, u, v + 1, path)
-    d = corner_at(cells, grid, u + 1, v + 1, path)
-    count = a.valid + b.valid + c.valid + d.valid
-    if beyond < wp.float64(1.0) and count >= FEWEST_CORNERS:
-        p = on_plane_of(a, b, c, d)
-        q = on_plane_of(b, a, d, c)
-        r = on_plane_of(c, a, d, b)
-        s = on_plane_of(d, b, c, a)
-        one = wp.float64(1.0)
-        out.dxdt[i] = (one - y) * ((one - x) * p.dxdt + x * q.dxdt) + y * ((one - x) * r.dxdt + x * s.dxdt)
-        out.position[i] = (one - y) * ((one - x) * p.position + x * q.position) + y * (
-            (one - x) * r.position + x * s.position
-        )
-        out.log_flux[i] = (one - y) * ((one - x) * p.log_flux + x * q.log_flux) + y * (
-            (one - x) * r.log_flux + x * s.log_flux
-        )
-        out.valid[i] = 1
+        # ---- Outside the outermost photons, by up to a cell, it is as on the line that they make
+        beyond = wp.max(wp.max(-place), wp.max(place - last))
+        place = wp.max(wp.min(place, last), wp.vec2d())
+        u = wp.min(int(wp.floor(place[0])), wp.max(grid.size[0] - 2, 0))
+        v = wp.min(int(wp.floor(place[1])), wp.max(grid.size[1] - 2, 0))
+        x = place[0] - wp.float64(u)
+        y = place[1] - wp.float64(v)
+        path = riders.path[i]
+        a = corner_at(cells, grid, u, v, path)
+        b = corner_at(cells, grid, u + 1, v, path)
+        c = corner_at(cells, grid, u, v + 1, path)
+        d = corner_at(cells, grid, u + 1, v + 1, path)
+        count = a.valid + b.valid + c.valid + d.valid
+        if beyond < wp.float64(1.0) and count >= FEWEST_CORNERS:
+            p = on_plane_of(a, b, c, d)
+            q = on_plane_of(b, a, d, c)
+            r = on_plane_of(c, a, d, b)
+            s = on_plane_of(d, b, c, a)
+            one = wp.float64(1.0)
+            out.dxdt[i] = (one - y) * ((one - x) * p.dxdt + x * q.dxdt) + y * ((one - x) * r.dxdt + x * s.dxdt)
+            out.position[i] = (one - y) * ((one - x) * p.position + x * q.position) + y * (
+                (one - x) * r.position + x * s.position
+            )
+            out.log_flux[i] = (one - y) * ((one - x) * p.log_flux + x * q.log_flux) + y * (
+                (one - x) * r.log_flux + x * s.log_flux
+            )
+            out.valid[i] = 1
 
 
 def grids_of(

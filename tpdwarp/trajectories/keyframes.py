@@ -299,7 +299,7 @@ class _KeyframeGrids:
             known = self._keys[number] == keys
             riders = self._riders(photons, plan, rows[known], number[known])
             which = launcher.array(rows[known].astype(np.int32), wp.int32)
-            launcher(interpolate, len(which), [*self._grids, riders, which, float(part), out])
+            launcher(interpolate, len(which), [*self._grids, riders, which, float(part), out], in_turn=True)
         valid = out.valid.numpy() > 0
         columns = [out.position.numpy(), valid, out.drift.numpy(), out.log_flux.numpy()]
         return KeyframeState(self._rate * out.dxdt.numpy(), *columns)
