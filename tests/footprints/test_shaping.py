@@ -151,7 +151,8 @@ def test_smoothing_scales_the_footprint():
     photons = tangent_photons()
     wide = {**photons, "dxdu": 2.5 * photons["dxdu"], "dxdv": 2.5 * photons["dxdv"]}
     a, b = shaped(photon_map(**photons), smoothing=2.5), shaped(photon_map(**wide))
-    np.testing.assert_allclose(a.footprints.arrays.row_u.numpy(), b.footprints.arrays.row_u.numpy(), rtol=1e-4, atol=1e-3)
+    rows = [one.footprints.arrays.row_u.numpy() for one in (a, b)]
+    np.testing.assert_allclose(*rows, rtol=1e-4, atol=1e-3)
     np.testing.assert_allclose(density(a), density(b), rtol=1e-5)
 
 
@@ -180,7 +181,8 @@ def test_turning_a_footprint_turns_its_metric(kernel):
     np.testing.assert_allclose(density(b), density(a), rtol=1e-5)
     for k in ("row_u", "row_v"):
         rows = np.einsum("nij,nj->ni", turn, getattr(a.footprints.arrays, k).numpy())
-        np.testing.assert_allclose(getattr(b.footprints.arrays, k).numpy(), rows, rtol=1e-3, atol=1e-4 * np.abs(rows).max())
+        turned = getattr(b.footprints.arrays, k).numpy()
+        np.testing.assert_allclose(turned, rows, rtol=1e-3, atol=1e-4 * np.abs(rows).max())
 
 
 FOOTPRINTS = {
@@ -225,7 +227,8 @@ def test_limited_footprints_are_counted(away):
     found = shaped(photons)
     np.testing.assert_array_equal(found.footprints.arrays.clamped.numpy(), [0, 1, 1, 1, 0])
     assert found.footprints.clamped == 3
-    axes = np.sort(1 / np.linalg.norm([found.footprints.arrays.row_u.numpy(), found.footprints.arrays.row_v.numpy()], axis=2), axis=0)
+    arrays = found.footprints.arrays
+    axes = np.sort(1 / np.linalg.norm([arrays.row_u.numpy(), arrays.row_v.numpy()], axis=2), axis=0)
     longest, thinnest = axes[1], axes[0]
     assert np.all(longest <= float(LONGEST_AXIS) * (1 + 1e-5))
     smallest = max(float(SHORTEST_AXIS) * away, float(SHORTEST_AXIS_AT_ORIGIN))
