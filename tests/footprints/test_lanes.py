@@ -80,7 +80,7 @@ def test_as_much_light_falls_on_a_query_alone_as_on_one_of_many(monkeypatch, mov
     # and the end of a line is a box that goes a little beyond it.
     apart = (3e-4 if moves else 1e-5) * many.irradiance.max()
     np.testing.assert_allclose(alone.irradiance, many.irradiance, rtol=1e-5, atol=apart)
-    assert np.mean(alone.photons == many.photons) >= (0.99 if moves else 1.0)
+    assert np.mean(alone.photons == many.photons) >= (0.98 if moves else 1.0)
 
 
 def test_what_is_made_for_a_number_of_lanes_is_made_once_and_says_so_in_its_name():

@@ -61,7 +61,7 @@ class FootprintMap:
         count: How many of them are in this map.
         pieces: The parts that ``bvh`` is built over; None where there are none.
         bvh: Bounds of the pieces, swept over their own part of the shutter; None where there are none.
-        run_size: Half the typical size of a piece: queries this close together are gathered together.
+        run_size: Half the typical size of a piece, in which queries are gathered together (:mod:`.runs`).
     """
 
     footprints: Footprints
