@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 # Rooms in the order of the data. A room imports those below it and none above; rooms of one line import none of each
 # other.
 ORDER = (
-    ("errors", "version", "clock"),
+    ("errors", "version", "clock", "loading"),
     ("presets", "stopping"),
     ("workers",),
     ("settings", "io"),

@@ -44,3 +44,14 @@ def test_every_public_name_is_there():
 def test_the_version_is_the_projects():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert tpdwarp.__version__ == project["version"]
+
+
+@pytest.mark.parametrize("switch", ["enable", "disable"])
+def test_loading_is_not_searched_for_cycles_and_leaves_the_callers_choice(switch):
+    code = (
+        f"import gc, tpdwarp; gc.collect(); gc.{switch}(); before = gc.get_stats()[0]['collections']\n"
+        "tpdwarp.render\n"
+        "assert gc.get_stats()[0]['collections'] - before <= 1\n"
+        f"assert gc.isenabled() == {switch == 'enable'}"
+    )
+    assert loaded_after(code) == list(HEAVY)

@@ -17,6 +17,7 @@ from tpdwarp.cli.options import (
 )
 from tpdwarp.cli.report import QUIET, report, warnings_shown
 from tpdwarp.jobs.progress import progress_of
+from tpdwarp.loading import collector_paused
 
 SUMMARY = "bake light of photons on receivers to textures, over their coordinates"
 EPILOG = (
@@ -76,7 +77,8 @@ def run(options: argparse.Namespace) -> int:
     shown = progress_of(options.progress)
     with warnings_shown(shown, options.log_level) as warnings:
         # Here and not above, so that --help need not wait for the renderer to load.
-        from tpdwarp.jobs.bake import bake
+        with collector_paused():
+            from tpdwarp.jobs.bake import bake
 
         result = bake(
             options.scene,

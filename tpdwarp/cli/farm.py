@@ -17,6 +17,7 @@ from tpdwarp.cli.options import (
 from tpdwarp.cli.report import QUIET, report, warnings_shown
 from tpdwarp.errors import InputError
 from tpdwarp.jobs.progress import progress_of
+from tpdwarp.loading import collector_paused
 
 SUMMARY = "render frames on a Dask cluster, this machine's own or another"
 EPILOG = (
@@ -64,7 +65,8 @@ def run(options: argparse.Namespace) -> int:
     with warnings_shown(shown, options.log_level) as warnings:
         # Here and not above, so that --help need not wait for the renderer to load.
         try:
-            from tpdwarp.farms.farm import farm
+            with collector_paused():
+                from tpdwarp.farms.farm import farm
         except ModuleNotFoundError as error:
             if (error.name or "").partition(".")[0] not in ("dask", "distributed"):
                 raise

@@ -13,6 +13,7 @@ from tpdwarp.cli.outcome import DONE
 from tpdwarp.cli.report import warnings_shown
 from tpdwarp.io.terminal import printable, say
 from tpdwarp.jobs.progress import Progress
+from tpdwarp.loading import collector_paused
 
 SUMMARY = "say what a USD stage holds and what it requires of the tracer"
 EPILOG = (
@@ -41,7 +42,8 @@ def run(options: argparse.Namespace) -> int:
     # What it found stands among what it prints.
     with warnings_shown(Progress(), "error"):
         # Here and not above, so that --help need not wait for USD to load.
-        from tpdwarp.jobs.stage_info import info
+        with collector_paused():
+            from tpdwarp.jobs.stage_info import info
 
         holdings = info(
             options.scene, frames=options.frames, default_time=options.default_time, **settings_given(options)

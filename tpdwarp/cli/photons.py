@@ -16,6 +16,7 @@ from tpdwarp.cli.options import (
 )
 from tpdwarp.cli.report import QUIET, report, warnings_shown
 from tpdwarp.jobs.progress import progress_of
+from tpdwarp.loading import collector_paused
 
 SUMMARY = "trace photons and write them to a USD debug layer"
 EPILOG = (
@@ -55,7 +56,8 @@ def run(options: argparse.Namespace) -> int:
     shown = progress_of(options.progress)
     with warnings_shown(shown, options.log_level) as warnings:
         # Here and not above, so that --help need not wait for the tracer to load.
-        from tpdwarp.jobs.sequence import write_photons
+        with collector_paused():
+            from tpdwarp.jobs.sequence import write_photons
 
         result = write_photons(
             options.scene,

@@ -16,6 +16,7 @@ from tpdwarp.cli.options import (
 )
 from tpdwarp.cli.report import QUIET, report, warnings_shown
 from tpdwarp.jobs.progress import progress_of
+from tpdwarp.loading import collector_paused
 
 SUMMARY = "render frames of a USD stage to image files"
 EPILOG = (
@@ -44,7 +45,8 @@ def run(options: argparse.Namespace) -> int:
     shown = progress_of(options.progress)
     with warnings_shown(shown, options.log_level) as warnings:
         # Here and not above, so that --help need not wait for the renderer to load.
-        from tpdwarp.jobs.sequence import render
+        with collector_paused():
+            from tpdwarp.jobs.sequence import render
 
         result = render(
             options.scene,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -24,9 +24,9 @@ def require_within_range(scene: SceneAtShutter, normalization: Normalization, fi
         InputError: Naming the first such mesh, light or camera of ``file``.
     """
     for path, what, largest, positions, motions in _placed(scene):
-        extent = float(np.abs(positions - np.asarray(normalization.origin)).max(initial=0.0))
+        extent = _largest(positions, normalization.origin)
         if motions is not None:
-            extent += 0.5 * float(np.abs(motions).max(initial=0.0))
+            extent += 0.5 * _largest(motions, (0.0, 0.0, 0.0))
         if not extent * normalization.scale <= largest:
             raise InputError(
                 f"{what} {extent:.3g} scene units from the middle of the scene, more than {largest:g} times its size "
@@ -34,6 +34,15 @@ def require_within_range(scene: SceneAtShutter, normalization: Normalization, fi
                 file,
                 path,
             )
+
+
+def _largest(positions: np.ndarray, origin: Sequence[float]) -> float:
+    """The largest coordinate of positions [n, 3] or [3], whatever its sign, seen from ``origin``; NaN if one is."""
+    columns = positions.reshape(-1, 3).T
+    if columns.size == 0:
+        return 0.0
+    ends = [(column.max() - at, at - column.min()) for column, at in zip(columns, origin, strict=True)]
+    return float(np.max(ends))
 
 
 def _placed(scene: SceneAtShutter) -> Iterator[tuple[str, str, float, np.ndarray, np.ndarray | None]]:

@@ -47,7 +47,9 @@ class Normalization:
 
     def points(self, positions: np.ndarray) -> np.ndarray:
         """Positions [n, 3] float64 in scene units → float32 in the tracer's."""
-        return ((positions - np.asarray(self.origin)) * self.scale).astype(np.float32)
+        moved = positions - np.asarray(self.origin)
+        moved *= self.scale
+        return moved.astype(np.float32)
 
     def vectors(self, vectors: np.ndarray) -> np.ndarray:
         """Displacements [n, 3] in scene units → float32 in the tracer's."""

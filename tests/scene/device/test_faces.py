@@ -1,5 +1,6 @@
 """Faces on the device: numbered through all meshes, and known again while only points move."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter
-from tpdwarp.scene.device.faces import faces_of
+from tpdwarp.scene.device.faces import faces_of, placed
 
 DIFFUSE = Material()
 GLASS = Material(Interaction.DIELECTRIC, path="/Glass")
@@ -64,3 +65,25 @@ def test_faces_are_known_again_where_points_move_and_not_where_anything_else_cha
 def test_whatever_is_packed_with_faces_makes_other_faces(change):
     meshes = two()
     assert not faces_of(meshes, LAUNCHER).of((*meshes[:2], replace(meshes[2], **change)))
+
+
+def test_what_does_not_move_has_motions_of_zero_among_what_does():
+    moves = np.random.default_rng(1).normal(size=(3, 3))
+    found = placed([None, moves, None], [2, 3, 1], 0.1)
+    expected = np.concatenate([np.zeros((2, 3)), moves * 0.1, np.zeros((1, 3))]).astype(np.float32)
+    np.testing.assert_array_equal(found, expected)
+    assert found.dtype == np.float32 and placed([], [], 1.0).shape == (0, 3)
+
+
+def test_packing_holds_little_more_than_what_is_packed():
+    count = 200_000
+    triangles = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    mesh = MeshAtShutter("/Many", np.zeros((3 * count, 3)), triangles, copies=tuple(map(str, range(100))))
+    few = MeshAtShutter("/Few", np.zeros((3, 3)), triangles[:1])
+    faces_of((few,), LAUNCHER)
+    tracemalloc.start()
+    faces = faces_of((few, mesh), LAUNCHER)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    names = ("triangles", "normal_indices", "color_indices", "material_of", "object_of")
+    assert peak < 1.1 * sum(getattr(faces, name).numpy().nbytes for name in names)

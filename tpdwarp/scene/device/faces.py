@@ -51,32 +51,39 @@ class Faces:
 
 def faces_of(meshes: Sequence[MeshAtShutter], launcher: Launcher) -> Faces:
     """Packs the faces of ``meshes`` onto the launcher's device."""
-    triangles, normal_indices, colors, color_indices, material_of, object_of = [], [], [], [], [], []
+    total = sum(len(mesh.triangles) for mesh in meshes)
+    # Written in place: what is joined from parts is there twice, and the system clears the pages of both.
+    triangles, normal_indices, color_indices = (np.empty((total, 3), np.int32) for _ in range(3))
+    material_of, object_of = (np.empty(total, np.int32) for _ in range(2))
+    colors: list[np.ndarray] = []
     materials: dict[Material, int] = {}
-    vertex_count = normal_count = color_count = object_count = 0
+    begin = vertex_count = normal_count = color_count = object_count = 0
     for mesh in meshes:
         copies, count = len(mesh.objects), len(mesh.triangles)
-        triangles.append(mesh.triangles + np.int32(vertex_count))
+        own = slice(begin, begin + count)
+        begin += count
+        np.add(mesh.triangles, np.int32(vertex_count), out=triangles[own], casting="same_kind")
         vertex_count += len(mesh.points)
-        normal_indices.append(_moved(mesh.normal_indices, normal_count, count))
+        _move(mesh.normal_indices, normal_count, normal_indices[own])
         normal_count += 0 if mesh.normals is None else len(mesh.normals)
-        color_indices.append(_moved(mesh.color_indices, color_count, count))
+        _move(mesh.color_indices, color_count, color_indices[own])
         if mesh.colors is not None:
             colors.append(mesh.colors)
             color_count += len(mesh.colors)
         slots = np.array([materials.setdefault(m, len(materials)) for m in mesh.materials], np.int32)
         chosen = mesh.triangle_materials
-        material_of.append(slots[chosen] if chosen is not None else np.full(count, slots[0], np.int32))
-        numbers = np.arange(object_count, object_count + copies, dtype=np.int32)
-        object_of.append(np.repeat(numbers, count // copies))
+        material_of[own] = slots[0] if chosen is None else slots[chosen]
+        if copies:
+            numbers = np.arange(object_count, object_count + copies, dtype=np.int32)
+            object_of[own].reshape(copies, -1)[:] = numbers[:, None]
         object_count += copies
     return Faces(
-        launcher.array(_joined(triangles), wp.vec3i),
-        launcher.array(_joined(normal_indices), wp.vec3i),
+        launcher.array(triangles, wp.vec3i),
+        launcher.array(normal_indices, wp.vec3i),
         launcher.array(stacked(colors, 3), wp.vec3),
-        launcher.array(_joined(color_indices), wp.vec3i),
-        launcher.array(_joined(material_of), wp.int32),
-        launcher.array(_joined(object_of), wp.int32),
+        launcher.array(color_indices, wp.vec3i),
+        launcher.array(material_of, wp.int32),
+        launcher.array(object_of, wp.int32),
         tuple(materials),
         object_count,
         tuple(meshes),
@@ -86,7 +93,23 @@ def faces_of(meshes: Sequence[MeshAtShutter], launcher: Launcher) -> Faces:
 def stacked(arrays: list[np.ndarray], width: int) -> np.ndarray:
     """The rows of all arrays, shape [n, width] float32."""
     filled = [a for a in arrays if len(a)]
-    return np.concatenate(filled).astype(np.float32, copy=False) if filled else np.zeros((0, width), np.float32)
+    if not filled:
+        return np.zeros((0, width), np.float32)
+    return np.concatenate(filled, dtype=np.float32, casting="same_kind")
+
+
+def placed(arrays: Sequence[np.ndarray | None], counts: Sequence[int], scale: float) -> np.ndarray:
+    """The rows of arrays [count, 3] one behind another, times ``scale``; zeros for None, shape [n, 3] float32.
+
+    Zeros that nobody writes cost no memory: the system gives pages to what is written.
+    """
+    out = np.zeros((sum(counts), 3), np.float32)
+    begin = 0
+    for array, count in zip(arrays, counts, strict=True):
+        if array is not None:
+            np.multiply(array, scale, out=out[begin : begin + count], casting="same_kind")
+        begin += count
+    return out
 
 
 def _alike(mesh: MeshAtShutter, other: MeshAtShutter) -> bool:
@@ -100,12 +123,10 @@ def _alike(mesh: MeshAtShutter, other: MeshAtShutter) -> bool:
     return same and mesh.materials == other.materials
 
 
-def _joined(arrays: list[np.ndarray]) -> np.ndarray:
-    return np.concatenate(arrays).astype(np.int32, copy=False)
-
-
-def _moved(indices: np.ndarray | None, offset: int, count: int) -> np.ndarray:
-    """Indices of corners [count, 3] that begin at ``offset``; −1 for none stays, and is all there is without them."""
+def _move(indices: np.ndarray | None, offset: int, out: np.ndarray) -> None:
+    """Writes indices of corners [count, 3] that begin at ``offset``; −1 for none stays, and is all without them."""
     if indices is None:
-        return np.full((count, 3), -1, np.int32)
-    return np.where(indices >= 0, indices + np.int32(offset), np.int32(-1)).astype(np.int32, copy=False)
+        out[:] = -1
+        return
+    np.add(indices, np.int32(offset), out=out, casting="same_kind")
+    out[np.asarray(indices) < 0] = -1

@@ -11,7 +11,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import Material, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.device.contact import separate_coincident
-from tpdwarp.scene.device.faces import Faces, faces_of, stacked
+from tpdwarp.scene.device.faces import Faces, faces_of, placed, stacked
 from tpdwarp.scene.device.ray_tree import RayTree
 from tpdwarp.scene.device.wide_tree import WideTree
 from tpdwarp.scene.nesting import nesting_of
@@ -97,7 +97,8 @@ class Geometry:
             # Built where the shutter is open half way, so that it does not matter which time is looked at first.
             self._moved = self.trees if self.shared else _trees(of.points, self.faces, launcher)
         surfaces = replace_time(of, time)
-        points = of.points.numpy() + np.float32(time) * of.motions.numpy()
+        points = np.float32(time) * of.motions.numpy()
+        points += of.points.numpy()
         _fit(self._moved, launcher.array(points, wp.vec3))
         _stand(surfaces, self._moved)
         return surfaces
@@ -157,6 +158,7 @@ def geometry_of(
     with_motions: bool,
     instead_of: Geometry | None = None,
     beside: Geometry | None = None,
+    like: Faces | None = None,
 ) -> Geometry:
     """Packs the meshes of ``scene`` into one geometry on the launcher's device.
 
@@ -165,11 +167,13 @@ def geometry_of(
         instead_of: The same scene a little earlier, which is good no longer then: its BVH is refitted where it has the
             same triangles, which takes a tenth of the time that building one does.
         beside: The same scene at another time of the frame, which stays good: they share a BVH where it is large.
+        like: Faces that are taken, as those of scenes beside it are, where its meshes have the same.
     """
     # A frame may show nothing at all; a tree of triangles wants at least one.
     meshes = scene.meshes or (NOTHING,)
     known = beside if instead_of is None else instead_of
-    faces = known.faces if known is not None and known.faces.of(meshes) else faces_of(meshes, launcher)
+    same = (faces for faces in (known and known.faces, like) if faces is not None and faces.of(meshes))
+    faces = next(same, None) or faces_of(meshes, launcher)
     points = [normalization.points(mesh.points) for mesh in meshes]
     boxes = np.concatenate([_boxes(of, len(mesh.objects)) for of, mesh in zip(points, meshes, strict=True)])
     vertices = np.concatenate(points) if len(points) > 1 else points[0]
@@ -195,11 +199,12 @@ def geometry_of(
     for name in ("triangles", "normal_indices", "colors", "color_indices", "material_of", "object_of"):
         setattr(surfaces, name, getattr(faces, name))
     shaded = [mesh for mesh in meshes if mesh.normals is not None]
-    motions = [_or_zeros(mesh.motions, mesh.points) * normalization.scale for mesh in meshes if with_motions]
-    turns = [_or_zeros(mesh.normal_motions, mesh.normals) for mesh in shaded if with_motions]
-    surfaces.motions = launcher.array(stacked(motions, 3), wp.vec3)
+    moving, turning = (meshes, shaded) if with_motions else ((), ())
+    motions = placed([m.motions for m in moving], [len(m.points) for m in moving], normalization.scale)
+    turns = placed([m.normal_motions for m in turning], [len(m.normals) for m in turning], 1.0)
+    surfaces.motions = launcher.array(motions, wp.vec3)
     surfaces.normals = launcher.array(stacked([mesh.normals for mesh in shaded], 3), wp.vec3)
-    surfaces.normal_motions = launcher.array(stacked(turns, 3), wp.vec3)
+    surfaces.normal_motions = launcher.array(turns, wp.vec3)
     table = faces.materials
     surfaces.interaction = launcher.array(np.array([int(m.interaction) for m in table], np.int32), wp.int32)
     surfaces.tint = launcher.array(np.array([m.color for m in table], np.float32), wp.vec3)
@@ -219,7 +224,3 @@ def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
     # Coordinate by coordinate, which is ten times as fast.
     by_coordinate = np.ascontiguousarray(points.reshape(copies, -1, 3).transpose(2, 0, 1))
     return np.stack([by_coordinate.min(axis=2), by_coordinate.max(axis=2)]).transpose(2, 0, 1)
-
-
-def _or_zeros(values: np.ndarray | None, like: np.ndarray) -> np.ndarray:
-    return np.zeros_like(like) if values is None else values

@@ -18,6 +18,7 @@ from tpdwarp.scene.description import (
     Shutter,
     reference_scenes,
 )
+from tpdwarp.scene.device.faces import Faces
 from tpdwarp.scene.device.geometry import Geometry, geometry_of
 from tpdwarp.scene.device.textures import TextureArrays, TextureStore
 from tpdwarp.scene.nesting import nesting_of
@@ -61,6 +62,7 @@ class SceneLoader:
     def __init__(self, source: SceneSource, launcher: Launcher, bounces: int | None = None) -> None:
         self.source, self.launcher, self._bounces = source, launcher, bounces
         self._textures = TextureStore(launcher)
+        self._faces: Faces | None = None
         stills = reference_scenes(source)
         self.extended_lights = any(light.extent is not None for still in stills for light in still.lights)
         self.dispersive = any(m.abbe > 0 for still in stills for mesh in still.meshes for m in mesh.materials)
@@ -137,6 +139,11 @@ class SceneLoader:
             require_within_range(scene, self.normalization, self.source.file)
             needs = requirements_of(scene, self._bounces)
             with_motions = needs.photon_motion or needs.view_motion
+            # Those of a scene that is gone may be good still: from what segments were planned from to the frame, and
+            # from frame to frame.
+            like, self._faces = self._faces, None
+            if like is not None and not like.of(scene.meshes):
+                like = None
             geometry = geometry_of(
                 scene,
                 self.normalization,
@@ -144,7 +151,9 @@ class SceneLoader:
                 with_motions=with_motions,
                 instead_of=None if instead_of is None else instead_of.geometry,
                 beside=None if beside is None else beside.geometry,
+                like=like,
             )
+            self._faces = geometry.faces
             textures = TextureArrays()
             if needs.material_arrays:
                 norm, nesting = self.normalization, nesting_of(scene)

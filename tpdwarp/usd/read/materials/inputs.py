@@ -266,7 +266,7 @@ class Inputs:
         value = self._computed(node, output, str(found.GetAttr().GetPath()), depth + 1)
         if value.numbers is not None and value.numbers.size == 4 and str(found.GetTypeName()) not in FOUR:
             # A texture has four channels whatever it feeds.
-            image = None if value.image is None else value.image.mapped(lambda pixels: pixels[..., :3])
+            image = None if value.image is None else value.image.chosen(lambda pixels: pixels[..., :3])
             return Value(value.numbers[:3], value.spread, value.primvar, image)
         return value
 
@@ -394,7 +394,9 @@ class Inputs:
         if attributes and self._as_images:
             image = self.textures.image(attributes[0], self.frame, encoding, _wrap(inner), inner.coordinates())
             if image is not None:
-                image = image.mapped(lambda pixels: _channel(_adjusted(inner, pixels), output, kind))
+                if _is_adjusted(inner):
+                    image = image.mapped(lambda pixels: _adjusted(inner, pixels))
+                image = image.chosen(lambda pixels: _channel(pixels, output, kind))
                 return Value(image.mean, True, image=image)
         mean = self.textures.mean(attributes[0], self.frame, encoding) if attributes else None
         if mean is not None:
@@ -412,13 +414,26 @@ class Inputs:
         return Value(_channel(fallback.numbers, output, kind), True)
 
 
+def _scale_and_bias(inner: Inputs) -> Iterator[np.ndarray | None]:
+    """A texture's scale and bias, shape [1] or [4]; None where there is none."""
+    for name in ("scale", "bias"):
+        value = inner.value(name)
+        usable = value is not None and value.numbers is not None and value.numbers.size in (1, 4)
+        yield value.numbers if usable else None
+
+
+def _is_adjusted(inner: Inputs) -> bool:
+    """Whether a texture's scale and bias change its values."""
+    pairs = zip(_scale_and_bias(inner), (1.0, 0.0), strict=True)
+    return any(value is not None and np.any(value != without) for value, without in pairs)
+
+
 def _adjusted(inner: Inputs, pixels: np.ndarray) -> np.ndarray:
-    """Values of a texture [..., 4] with its scale and bias."""
-    scale, bias = (inner.value(name) for name in ("scale", "bias"))
-    for number, value in enumerate((scale, bias)):
-        if value is not None and value.numbers is not None and value.numbers.size in (1, 4):
-            pixels = pixels * value.numbers if number == 0 else pixels + value.numbers
-    return pixels
+    """Values of a texture [..., 4] with its scale and bias, in the precision of the values."""
+    scale, bias = _scale_and_bias(inner)
+    if scale is not None:
+        pixels = pixels * scale.astype(pixels.dtype)
+    return pixels if bias is None else pixels + bias.astype(pixels.dtype)
 
 
 def _encoding(inner: Inputs, attributes: list[Usd.Attribute], kind: str) -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Hashable
+from dataclasses import dataclass, replace
 
 from pxr import Sdf, Usd, UsdShade
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import Interaction, Material
 from tpdwarp.usd.read.materials.coordinates import Coordinates
+from tpdwarp.usd.read.materials.copies import Heard, Said, content_of
 from tpdwarp.usd.read.materials.dialects import handed_on, name_of, reader_of
 from tpdwarp.usd.read.materials.dialects.table import BRIGHTEST
 from tpdwarp.usd.read.materials.inputs import Inputs
@@ -49,8 +51,46 @@ class Surface:
     def __hash__(self) -> int:
         return hash((self.material, self.color_primvar, self.absent))
 
+    def of_copy(self, original: str, copy: str) -> Surface:
+        """The surface of a material that is a copy of its own, by their paths."""
+        if self.physical is None:
+            return replace(self, material=replace(self.material, path=copy))
+        sources = {name: source.replace(original, copy) for name, source in self.physical.sources.items()}
+        physical = replace(self.physical, sources=sources)
+        return replace(self, material=replace(self.material, path=copy), physical=physical)
+
 
 UNBOUND = Surface(Material(), DISPLAY_COLOR, False)
+
+
+@dataclass(frozen=True)
+class _Original:
+    """A material that others may be copies of: its path, its surface, and what was said of it."""
+
+    path: str
+    surface: Surface
+    said: list[Said]
+
+
+class _Originals:
+    """Materials by their contents; those that change with time for the latest time alone."""
+
+    def __init__(self) -> None:
+        self._lasting: dict[Hashable, _Original] = {}
+        self._latest: tuple[float, dict[Hashable, _Original]] = (0.0, {})
+
+    def get(self, content: Hashable, frame: float) -> _Original | None:
+        if content in self._lasting:
+            return self._lasting[content]
+        return self._latest[1].get(content) if self._latest[0] == frame else None
+
+    def add(self, content: Hashable, frame: float, original: _Original) -> None:
+        if not original.surface.varies:
+            self._lasting[content] = original
+            return
+        if self._latest[0] != frame:
+            self._latest = frame, {}
+        self._latest[1][content] = original
 
 
 class Materials:
@@ -65,6 +105,7 @@ class Materials:
         self.warnings, self.purpose = warnings, purpose
         self._textures = Textures()
         self._known: dict[str, tuple[float, Surface]] = {}
+        self._originals = _Originals()
         self._unbound: set[str] = set()
 
     def bound(self, prim: Usd.Prim, frame: float) -> Surface:
@@ -82,8 +123,22 @@ class Materials:
             time, surface = self._known[path]
             if time == frame or not surface.varies:
                 return surface
-        surface = self._surface(material, frame)
+        surface = self._shared(material, frame)
         self._known[path] = frame, surface
+        return surface
+
+    def _shared(self, material: UsdShade.Material, frame: float) -> Surface:
+        """The surface of a material, that of its original where it is a copy of one: they share their textures."""
+        path, content = str(material.GetPath()), content_of(material, frame)
+        original = None if content is None else self._originals.get(content, frame)
+        if original is not None:
+            for warning in original.said:
+                self.warnings(*warning.of(original.path, path))
+            return original.surface.of_copy(original.path, path)
+        heard = Heard(self.warnings)
+        surface = self._surface(material, frame, heard)
+        if content is not None:
+            self._originals.add(content, frame, _Original(path, surface, heard.said))
         return surface
 
     def _warn_lost(self, prim: Usd.Prim) -> None:
@@ -112,27 +167,27 @@ class Materials:
         surfaces = [self.bound(part, frame) for part in (prim, *(subset.GetPrim() for subset in subsets))]
         return any(surface.material.interaction != Interaction.DIFFUSE for surface in surfaces)
 
-    def _surface(self, material: UsdShade.Material, frame: float) -> Surface:
+    def _surface(self, material: UsdShade.Material, frame: float, warnings: WarnOnce) -> Surface:
         path = str(material.GetPath())
         shaders = _surface_shaders(material)
         if not shaders:
             named = any(output.HasConnectedSource() for output in material.GetSurfaceOutputs())
             found = "has no surface shader that can be read;" if named else "names no surface: as in viewers,"
-            self.warnings(path, f"{found} displayColor or grey is used")
+            warnings(path, f"{found} displayColor or grey is used")
             return Surface(Material(path=path), DISPLAY_COLOR, False)
         readers = [(shader, reader) for shader in shaders if (reader := reader_of(shader)) is not None]
         if not readers:
             kind = name_of(shaders[0]) or "the surface shader"
-            self.warnings(
+            warnings(
                 str(shaders[0].GetPath()), f"{kind} is of a kind that is not read; displayColor or grey is used"
             )
             return Surface(Material(path=path), DISPLAY_COLOR, False)
         shader, reader = readers[0]
-        inputs = Inputs(shader, frame, self._textures, self.warnings)
+        inputs = Inputs(shader, frame, self._textures, warnings)
         physical = reader(inputs)
-        found = interaction_of(physical, path, self.warnings)
+        found = interaction_of(physical, path, warnings)
         if any(source.GetPrim() != shader.GetPrim() for source in _displacements(material)):
-            self.warnings(path, "displacement is not rendered")
+            warnings(path, "displacement is not rendered")
         images = [] if found is None else [
             physical.base_image if found.texture else None,
             physical.cutout,
@@ -142,7 +197,7 @@ class Materials:
         lie = [image.coordinates for image in images if image is not None]
         tiled = [frozenset(image.tiles) for image in images if image is not None and image.tiled]
         if len(set(lie)) > 1:
-            self.warnings(path, "its textures lie differently: all lie as the first that colours, cuts out or bends")
+            warnings(path, "its textures lie differently: all lie as the first that colours, cuts out or bends")
         return Surface(
             found or Material(path=path),
             physical.color_primvar,

@@ -73,9 +73,14 @@ class Image:
         tiles = {place: _half(function(tile.astype(np.float32))) for place, tile in self.tiles.items()}
         return replace(self, tiles=tiles, border=np.atleast_1d(function(self.border)))
 
+    def chosen(self, function: Callable[[np.ndarray], np.ndarray]) -> Image:
+        """The image of some of its channels (the last axis), which are taken as they are."""
+        tiles = {place: function(tile) for place, tile in self.tiles.items()}
+        return replace(self, tiles=tiles, border=np.atleast_1d(function(self.border)))
+
     def texture(self) -> Texture:
         """The image as a colour of a material; a grey one of one channel is spread over three."""
-        colored = self.mapped(_as_color)
+        colored = self.chosen(_as_color)
         return Texture(colored.tiles, self.wrap, tuple(map(float, colored.border)))
 
 
