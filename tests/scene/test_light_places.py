@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from tpdwarp.scene.description import (
     Material,
     MeshAtShutter,
     SceneAtShutter,
+    Shaping,
     Shutter,
 )
 from tpdwarp.scene.light_places import parts_of, pieces_of_disc, place_lights, split_lights, whole_of
@@ -119,6 +121,15 @@ def test_the_parts_of_a_cylinder_shine_as_it_does_all_around(light, count):
         else:
             total = sum(part.power[0] * max(0.0, -part.axes[2] @ w) for part in parts)
         assert total == pytest.approx(light.power[0] * sine, rel=1e-12 if faces == 1 else 1 - math.cos(math.pi / faces))
+
+
+@pytest.mark.parametrize("light", [TUBE, DRUM])
+def test_the_parts_of_a_cylinder_keep_the_axis_of_its_cone(light):
+    """Faces look all around, and their own −z is their normal; the cone is that of the whole."""
+    light = replace(light, shaping=Shaping(0.5), axes=np.eye(3)[[2, 0, 1]])
+    parts = parts_of(light, 16)
+    assert len(parts) >= 16 and all(part.shaping == light.shaping for part in parts)
+    np.testing.assert_allclose([part.cone_axis[0] for part in parts], [-light.axes[2]] * len(parts), atol=1e-12)
 
 
 def test_faces_of_a_cylinder_that_shine_away_from_the_glass_are_left_out():

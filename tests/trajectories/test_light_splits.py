@@ -104,12 +104,14 @@ def test_errors_between_the_numbers_looked_at_lie_between_theirs():
     assert not Foreseen(np.array([1, 7]), np.array([0.02, 0.001]), 7).is_worse(1)
 
 
-@pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT])
+@pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT, ExtentShape.CYLINDER])
 def test_a_cone_is_seen_from_each_place_on_its_light(shape):
     """In one part each photon stands for all of the light, of which the cone leaves some at its edge on the water."""
     shaping = Shaping(np.radians(25.0), 0.2)
     lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.3, 0.2, 2.0]), shaping=shaping)
     light = replace(lamp, profile=EmissionProfile.COSINE, extent=Extent(shape, 0.0, 0.3 * np.eye(3)[:2]))
+    if shape == ExtentShape.CYLINDER:
+        light = replace(light, profile=EmissionProfile.SINE, extent=Extent(shape, 0.2, 0.3 * np.diag([1.0, 0, 0])[:2]))
     source = steady([floor(), bumpy("/water", WATER, 1.0, False)], (light,), looking_down(height=0.3))
 
     def light_of(**changes):

@@ -169,6 +169,7 @@ def _on_side(light: LightAtShutter, turn: float, radius: float, part: float) -> 
         position_motion=light.position_motion - radius * motions[2],
         axes=axes,
         axes_motion=motions,
+        shaped_about=None if light.shaping is None else light.cone_axis,
         profile=EmissionProfile.COSINE,
     )
 
