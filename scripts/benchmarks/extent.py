@@ -42,10 +42,10 @@ FEWER, PHOTONS, MORE, PIXELS, SAMPLES = 1 << 14, 1 << 16, 1 << 18, 64, 4
 # Plain photons of a truth of solids, so many that it errs by less than a quarter of what was asked for.
 TRUTH_PHOTONS = {"cardioid": 1 << 28, "torus-turning-10": 1 << 26, "ball-in-the-sun": 1 << 23, "ball-gliding": 1 << 26}
 # Points into which a light is split to compare costs: their number, and photons of each.
-POINT_PLACES = (16, 64, 256)
-POINT_PHOTONS = (1 << 10, 1 << 12, 1 << 14)
+POINT_PLACES = (4, 16, 64, 256)
+POINT_PHOTONS = (1 << 10, 1 << 12, 1 << 14, 1 << 16)
 # No more of a frame's time is spent on points: what was asked for is 20 times.
-MOST_RATIO = 40.0
+MOST_RATIO = 80.0
 # Turns of a light with extent and one without, whose ratios have a median.
 TURNS = 7
 COMMON = {"threads": 1, "image_width": PIXELS, "samples": SAMPLES, "aovs": ("irradiance",)}
@@ -186,13 +186,15 @@ def run(only: Sequence[str] = (), cost: bool = True) -> list[dict[str, object]]:
     Returns:
         A row a case: ``case``, ``relative_rmse`` as chosen, with a quarter of the photons (``fewer``) and with four
         times as many (``more``), with one part a light in ``unsplit``, ``truth_error``, ``limit``, ``splits`` (as
-        chosen), ``cpu_ratio`` (by a frame of the same light without extent) and ``points_ratio`` (CPU time of points
-        with the same error, by that of the frame; at least, where no number of points tried was as good).
+        chosen), ``one_point`` (the error of as many photons from the middle of the light alone), ``cpu_ratio`` (by a
+        frame of the same light without extent) and ``points_ratio`` (CPU time of points with the same error, by that of
+        the frame; at least, where no number of points tried was as good; NaN where one point is as good).
     """
     if unknown := [name for name in only if name not in CASES]:
         raise SystemExit(f"there is no row {unknown[0]!r}; there are {', '.join(CASES)}")
     rows = []
-    columns = (f"{FEWER // 1024} k", f"{PHOTONS // 1024} k", f"{MORE // 1024} k", "unsplit", "limit", "truth")
+    photons = [f"{count // 1024} k" for count in (FEWER, PHOTONS, MORE)]
+    columns = (*photons, "unsplit", "1 point", "limit", "truth")
     print(f"  {'case':22s} " + " ".join(f"{name:>7s}" for name in columns), end=" ")
     print(f"{'splits':>6s} {'CPU s':>6s} {'by point':>8s} {'of points':>9s}")
     for name in only or CASES:
@@ -201,7 +203,7 @@ def run(only: Sequence[str] = (), cost: bool = True) -> list[dict[str, object]]:
         at_least = ">" if row["points_at_least"] else " "
         print(
             f"  {name:22s} {row['fewer']:7.4f} {row['relative_rmse']:7.4f} {row['more']:7.4f} {row['unsplit']:7.4f} "
-            f"{row['limit']:7.2f} "
+            f"{row['one_point']:7.4f} {row['limit']:7.2f} "
             f"{row['truth_error']:7.4f} {row['splits']:6d} {row['cpu_seconds']:6.2f} {row['cpu_ratio']:8.2f} "
             f"{at_least}{row['points_ratio']:8.1f}",
             flush=True,
@@ -298,6 +300,7 @@ def _measured(name: str, case: Case, cost: bool) -> dict[str, object]:
         "fewer": error(_irradiance(stage, case, photons=FEWER)),
         "more": error(_irradiance(stage, case, photons=MORE)),
         "unsplit": error(_irradiance(stage, case, light_splits=1)),
+        "one_point": error(_irradiance(bare, case)),
     }
     # The kernels are loaded: each by turns. What else runs slows both of a turn, and few turns by much.
     seconds: dict[str, list[float]] = {"extent": [], "bare": []}
@@ -308,11 +311,12 @@ def _measured(name: str, case: Case, cost: bool) -> dict[str, object]:
     ratios = [one / other for one, other in zip(seconds["extent"], seconds["bare"], strict=True)]
     of_frame = median(seconds["extent"])
     row |= {"cpu_seconds": of_frame, "cpu_ratio": median(ratios)}
-    best, worst = 0.0, 0.0
-    if cost:
+    best, worst = math.nan, math.nan
+    # Where one point is as good, an extent saves nothing, and a ratio would say what many points cost.
+    if cost and row["one_point"] > row["relative_rmse"]:
         best, worst = _seconds_of_points(stage, case, error, row["relative_rmse"], MOST_RATIO * of_frame)
-    row["points_at_least"] = not math.isfinite(best)
-    row["points_ratio"] = (best if math.isfinite(best) else worst) / of_frame
+    row["points_at_least"] = math.isinf(best)
+    row["points_ratio"] = (worst if math.isinf(best) else best) / of_frame
     return row
 
 

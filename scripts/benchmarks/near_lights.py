@@ -3,6 +3,7 @@
 
 .venv/bin/python scripts/benchmarks/near_lights.py
 .venv/bin/python scripts/benchmarks/near_lights.py sphere-cuts tube-near --photons 23
+.venv/bin/python scripts/benchmarks/near_lights.py disk-near --splits auto 1 4 16     # numbers of parts, by hand too
 
 Errors are of the mean, and root mean squares over all pixels by that of the truth, which is made anew each time and
 errs by what stands beside it.
@@ -21,6 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from tpdwarp.photons.energy import COARSE_PARTS
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import (
@@ -138,25 +140,22 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Measures lamps close to what is specular.")
     parser.add_argument("case", nargs="*", help=f"which of {', '.join(CASES)}; all by default")
     parser.add_argument("--photons", type=int, default=22, help="of the truth, as a power of two")
+    parser.add_argument("--splits", nargs="*", default=["auto", "1"], help="parts of each light; auto and 1 by default")
     options = parser.parse_args()
-    print(f"  {'case':18s} truth errs   auto    mean  error   1 part  error")
+    print(f"  {'case':18s} truth errs   asked  parts    mean  error  told of")
     for name in options.case or CASES:
         meshes, light = CASES[name]()
         truth, own = truth_of(meshes, light, 1 << options.photons)
         source = steady(meshes, (light,), CAMERA)
-        cells = []
-        for splits in ("auto", 1):
-            settings = Settings(
-                photons=PHOTONS, samples=4, threads=1, aovs=("irradiance",), light_splits=splits
-            )
+        for splits in (int(asked) if asked.isdigit() else asked for asked in options.splits):
+            settings = Settings(photons=PHOTONS, samples=4, threads=1, aovs=("irradiance",), light_splits=splits)
             frame = render_frame(RenderContext(source, settings), Shutter(0, 0, 0), PIXELS, PIXELS)
             found = frame.channels["irradiance.R"].astype(np.float64)
             parts = frame.energy.counts.get("parts of each light with extent", 1)
             error = math.sqrt(np.mean((found - truth) ** 2) / np.mean(truth**2))
-            cells.append((parts, found.mean() / truth.mean() - 1.0, error))
-        (parts, mean, error), (_, alone, of_one) = cells
-        row = f"{own:10.3f}  {parts:5d} {mean:+7.3f} {error:6.3f}  {alone:+7.3f} {of_one:6.3f}"
-        print(f"  {name:18s} {row}", flush=True)
+            told = frame.energy.counts.get(COARSE_PARTS, 0) / 1000.0
+            row = f"{own:10.3f} {splits!s:>7s} {parts:6d} {found.mean() / truth.mean() - 1.0:+7.3f} {error:6.3f}"
+            print(f"  {name:18s} {row} {told:8.3f}", flush=True)
     return 0
 
 

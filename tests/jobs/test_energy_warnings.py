@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tpdwarp.jobs.energy_warnings import EnergyWatch
-from tpdwarp.photons.energy import FEWEST_OF_SEVERAL, STARVED, EnergyAccount
+from tpdwarp.photons.energy import COARSE_PARTS, FEWEST_OF_SEVERAL, STARVED, EnergyAccount
 from tpdwarp.scene.description import Interaction, Material, MeshAtShutter, SceneAtShutter, Shutter
 
 SHUTTER = Shutter.still(1.0)
@@ -59,3 +59,11 @@ def test_starved_lights_are_warned_about_once_with_their_number(caplog):
         watch(frame, SHUTTER, EnergyAccount(sent=1.0, deposited=1.0, counts={STARVED: 2}))
     (record,) = caplog.records
     assert f"2 have fewer than {FEWEST_OF_SEVERAL} photons" in record.getMessage()
+
+
+def test_too_few_parts_of_a_light_are_warned_about_once_with_what_they_err_by(caplog):
+    watch = EnergyWatch(Source(Interaction.DIELECTRIC))
+    for frame in (1.0, 2.0):
+        watch(frame, SHUTTER, EnergyAccount(sent=1.0, deposited=1.0, counts={COARSE_PARTS: 278}))
+    (record,) = caplog.records
+    assert "to err by 28%" in record.getMessage() and "--light-splits" in record.getMessage()

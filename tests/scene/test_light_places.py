@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from tpdwarp.scene.description import (
     Material,
     MeshAtShutter,
     SceneAtShutter,
+    Shaping,
     Shutter,
 )
 from tpdwarp.scene.light_places import parts_of, pieces_of_disc, place_lights, split_lights, whole_of
@@ -37,6 +39,7 @@ SPHERE = point(Extent(ExtentShape.ROUND, 0.5))
 DISK = point(Extent(ExtentShape.DISK, 0.0, SPANS, SPANS_MOTION), EmissionProfile.COSINE)
 RECT = point(Extent(ExtentShape.RECT, 0.0, SPANS, SPANS_MOTION), EmissionProfile.COSINE)
 TUBE = point(Extent(ExtentShape.CYLINDER, 0.1, np.array([[0.7, 0, 0], [0, 0, 0]])), EmissionProfile.SINE)
+LONG = point(Extent(ExtentShape.CYLINDER, 0.25, np.array([[0.8, 0, 0], [0, 0, 0]])), EmissionProfile.SINE)
 DRUM = point(Extent(ExtentShape.CYLINDER, 0.3, np.array([[0.4, 0, 0], [0, 0, 0]])), EmissionProfile.SINE)
 SUN = LightAtShutter("/sun", LightKind.DISTANT, (4.0, 2.0, 1.0), extent=Extent(ExtentShape.ROUND, TILT))
 LIGHTS = {"sphere": SPHERE, "disk": DISK, "rect": RECT, "tube": TUBE, "drum": DRUM, "sun": SUN}
@@ -103,7 +106,9 @@ def test_the_parts_of_a_sphere_are_a_cloud_of_its_depth():
 def test_the_parts_of_a_cylinder_shine_as_it_does_all_around(light, count):
     """I sin α; a prism of n faces is as wide as a cylinder within 1 − cos(π/n) or so."""
     parts = parts_of(light, count)
-    faces = len({tuple(part.axes[2].round(9)) for part in parts})
+    flat = parts[0].extent.shape == ExtentShape.RECT
+    lengths = len({round(float((part.position - PLACE) @ part.axes[0]), 9) for part in parts})
+    faces = len(parts) // lengths if flat else 1
     for part in parts:
         np.testing.assert_allclose(part.axes @ part.axes.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(part.axes) > 0
@@ -119,6 +124,25 @@ def test_the_parts_of_a_cylinder_shine_as_it_does_all_around(light, count):
         else:
             total = sum(part.power[0] * max(0.0, -part.axes[2] @ w) for part in parts)
         assert total == pytest.approx(light.power[0] * sine, rel=1e-12 if faces == 1 else 1 - math.cos(math.pi / faces))
+
+
+def test_prisms_along_a_cylinder_are_together_as_wide_from_all_sides():
+    """Six of six faces: one of them is 9 % narrower from before an edge, and 5 % wider from before a face."""
+    parts = parts_of(LONG, 19)
+    assert len(parts) == 36
+    for turn in np.linspace(0.0, math.pi / 3.0, 13):
+        w = np.array([0.0, math.cos(turn), math.sin(turn)])
+        total = sum(part.power[0] * max(0.0, -part.axes[2] @ w) for part in parts)
+        assert total == pytest.approx(LONG.power[0], rel=0.015)
+
+
+@pytest.mark.parametrize("light", [TUBE, DRUM])
+def test_the_parts_of_a_cylinder_keep_the_axis_of_its_cone(light):
+    """Faces look all around, and their own −z is their normal; the cone is that of the whole."""
+    light = replace(light, shaping=Shaping(0.5), axes=np.eye(3)[[2, 0, 1]])
+    parts = parts_of(light, 16)
+    assert len(parts) >= 16 and all(part.shaping == light.shaping for part in parts)
+    np.testing.assert_allclose([part.cone_axis[0] for part in parts], [-light.axes[2]] * len(parts), atol=1e-12)
 
 
 def test_faces_of_a_cylinder_that_shine_away_from_the_glass_are_left_out():

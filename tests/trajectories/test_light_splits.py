@@ -9,6 +9,7 @@ import pytest
 
 from tests.footprints.photons import photon_map
 from tests.view.scenes import SUN, WATER, bumpy, floor, looking_down, steady
+from tpdwarp.photons.energy import COARSE_PARTS
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import (
@@ -30,6 +31,7 @@ from tpdwarp.trajectories.light_splits import (
     LEFT_OUT,
     LEFT_OUT_POWER,
     MOST_RINGS,
+    Foreseen,
     _squares,
     candidates,
 )
@@ -80,12 +82,36 @@ def test_a_light_near_the_water_is_split_and_one_far_off_is_not(height, least):
     assert parts == 1 if least == 1 else parts >= least
 
 
-@pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT])
+@pytest.mark.parametrize(("height", "splits", "told"), [(60.0, 1, False), (1.4, 1, True), (1.4, "auto", False)])
+def test_a_number_of_parts_whose_light_errs_far_more_than_another_is_told_of(height, splits, told):
+    """In one part a panel just above the water errs by a quarter, and no flux is lost on the way."""
+    panel = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.3, 0.2, height]))
+    light = replace(panel, profile=EmissionProfile.COSINE, extent=Extent(ExtentShape.RECT, 0.0, SPANS))
+    source = steady([floor(), bumpy("/water", WATER, 1.0, False)], (light,), looking_down(height=0.6))
+    context = RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1, light_splits=splits))
+    energy = render_frame(context, Shutter(0, 0, 0), 8, 8).energy
+    assert energy.lost_total < 0.01 * energy.sent
+    assert (energy.counts.get(COARSE_PARTS, 0) > 25) == told
+
+
+def test_errors_between_the_numbers_looked_at_lie_between_theirs():
+    foreseen = Foreseen(np.array([1, 7, 19]), np.array([0.3, 0.1, 0.03]), 19)
+    assert foreseen.error_of(7) == pytest.approx(0.1)
+    assert 0.03 < foreseen.error_of(12) < 0.1 < foreseen.error_of(3) < 0.3
+    assert foreseen.error_of(1000) == pytest.approx(0.03)
+    assert foreseen.is_worse(7) and not foreseen.is_worse(19)
+    # Twice nothing is nothing to speak of.
+    assert not Foreseen(np.array([1, 7]), np.array([0.02, 0.001]), 7).is_worse(1)
+
+
+@pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT, ExtentShape.CYLINDER])
 def test_a_cone_is_seen_from_each_place_on_its_light(shape):
     """In one part each photon stands for all of the light, of which the cone leaves some at its edge on the water."""
     shaping = Shaping(np.radians(25.0), 0.2)
     lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.3, 0.2, 2.0]), shaping=shaping)
     light = replace(lamp, profile=EmissionProfile.COSINE, extent=Extent(shape, 0.0, 0.3 * np.eye(3)[:2]))
+    if shape == ExtentShape.CYLINDER:
+        light = replace(light, profile=EmissionProfile.SINE, extent=Extent(shape, 0.2, 0.3 * np.diag([1.0, 0, 0])[:2]))
     source = steady([floor(), bumpy("/water", WATER, 1.0, False)], (light,), looking_down(height=0.3))
 
     def light_of(**changes):

@@ -100,11 +100,13 @@ def test_lights_turn_as_far_as_it_is_seen_in_their_light():
     tube = replace(lamp, profile=EmissionProfile.SINE)
     about_x, about_z = (rotation(axis, 30.0).T for axis in ((1.0, 0, 0), (0, 0, 1.0)))
     lights = {"/lamp": lamp, "/spot": spot, "/panel": panel, "/tube": tube, "/sun": sun()}
+    lights["/tube spot"] = replace(tube, shaping=Shaping(0.5))
     turns = {
         (path, name): np.degrees(turn_of_light(light, np.eye(3), axes))
         for name, axes in (("x", about_x), ("z", about_z))
         for path, light in lights.items()
     }
     expected = {"/lamp": (0, 0), "/spot": (30, 0), "/panel": (30, 30), "/tube": (0, 30), "/sun": (0, 0)}
+    expected["/tube spot"] = (30, 30)
     for path, (x, z) in expected.items():
         assert turns[path, "x"] == pytest.approx(x, abs=1e-4) and turns[path, "z"] == pytest.approx(z, abs=1e-4)

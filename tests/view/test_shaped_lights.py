@@ -11,7 +11,16 @@ import pytest
 from tests.view.scenes import floor, looking_down, quad, steady
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
-from tpdwarp.scene.description import PROFILE_COUNT, Interaction, LightAtShutter, LightKind, Material, Shaping, Shutter
+from tpdwarp.scene.description import (
+    PROFILE_COUNT,
+    EmissionProfile,
+    Interaction,
+    LightAtShutter,
+    LightKind,
+    Material,
+    Shaping,
+    Shutter,
+)
 from tpdwarp.settings import Settings
 
 STILL = Shutter(0, 0, 0)
@@ -66,6 +75,18 @@ def test_photons_follow_the_cone(shaping):
     # Cells of a 128th of the plate blur by about themselves what fades over some tenths.
     np.testing.assert_allclose(found, expected(shaping), atol=0.03 * expected(shaping).max())
     assert frame.energy.lost_total < 1e-6 * frame.energy.sent
+
+
+@pytest.mark.parametrize("shaping", [SHAPES[1], SHAPES[2]])
+@pytest.mark.parametrize("meshes", [[floor()], [floor(), CLEAR]])
+def test_a_tube_shines_by_the_sine_to_its_axis_and_by_its_cone_about_another(meshes, shaping):
+    """Its middle alone: sin of the angle to x, times the cone about −z."""
+    light = replace(LAMP, profile=EmissionProfile.SINE, shaping=shaping)
+    found, _ = render(meshes, light)
+    at = (np.arange(SIZE) + 0.5) / SIZE * 2 - 1
+    sine = np.sqrt(1 - at**2 / (at[:, None] ** 2 + at**2 + HEIGHT**2))
+    wanted = sine * expected(shaping)
+    np.testing.assert_allclose(found, wanted, atol=(1e-5 if len(meshes) == 1 else 0.03 * wanted.max()))
 
 
 def test_a_cone_sends_what_its_solid_angle_holds():

@@ -11,7 +11,7 @@ import numpy as np
 from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, bent, light_of
 from tpdwarp.footprints.shaping import PixelSize
-from tpdwarp.photons.energy import STARVED, EnergyAccount
+from tpdwarp.photons.energy import COARSE_PARTS, STARVED, EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
@@ -69,6 +69,8 @@ class Temporal:
         energy.counts["segments traced"] = count
         if plan.splits > 1:
             energy.counts["parts of each light with extent"] = plan.splits
+        if tracer.split_error:
+            energy.counts[COARSE_PARTS] = round(1000.0 * tracer.split_error)
         if plan.starved_lights:
             energy.counts[STARVED] = plan.starved_lights
         moves = any(seen.requirements.photon_motion for seen in scenes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tpdwarp.errors import logger
 from tpdwarp.io.frame_names import frame_text
-from tpdwarp.photons.energy import FEWEST_OF_SEVERAL, STARVED, EnergyAccount
+from tpdwarp.photons.energy import COARSE_PARTS, FEWEST_OF_SEVERAL, STARVED, EnergyAccount
 from tpdwarp.scene.description import Interaction, SceneSource, Shutter
 from tpdwarp.scene.requirements import requirements_of
 
@@ -22,10 +22,11 @@ class EnergyWatch:
     def __init__(self, source: SceneSource) -> None:
         self._source = source
         self._warned_of_loss = self._warned_of_no_caustic = self._warned_of_starving = False
-        self._warned_of_no_receiver = False
+        self._warned_of_no_receiver = self._warned_of_parts = False
 
     def __call__(self, frame: float, shutter: Shutter, energy: EnergyAccount) -> None:
-        """Warns at the first frame that loses more than 1 % of the flux sent, starved lights, or no caustic.
+        """Warns at the first frame that loses more than 1 % of the flux sent, starved lights, no caustic, or
+        lights with extent in a number of parts whose light errs far more than by another.
 
         There is no caustic without something specular, or something diffuse for light to fall on.
         """
@@ -44,6 +45,13 @@ class EnergyWatch:
                 f"{self._source.file}: frame {frame_text(frame)}: of several lights, {starved} "
                 f"{'has' if starved == 1 else 'have'} fewer than {FEWEST_OF_SEVERAL} photons, too few to show what is "
                 "focused (raise --photons)"
+            )
+        error = energy.counts.get(COARSE_PARTS, 0)
+        if error and not self._warned_of_parts:
+            self._warned_of_parts = True
+            logger.warning(
+                f"{self._source.file}: frame {frame_text(frame)}: light of lights with extent is foreseen to err by "
+                f"{error / 1000.0:.0%} in as many parts as were asked for, in brightness too (leave out --light-splits)"
             )
         # Only a frame to which no flux was sent can lack a specular surface, so that most scenes are not read twice.
         if not self._warned_of_no_caustic and energy.sent == 0:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tpdwarp.photons.lattice_shape import specular_faces, turned
-from tpdwarp.scene.description import EmissionProfile, LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
+from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter
 from tpdwarp.scene.normalization import Normalization
 
 Bounds = tuple[float, float, float, float]
@@ -94,9 +94,9 @@ def bounds_of(
     if not len(uv):
         return None
     lower, upper = uv.min(axis=0), uv.max(axis=0)
-    if light.kind != LightKind.DISTANT and light.shaping is not None and light.profile != EmissionProfile.SINE:
+    if light.kind != LightKind.DISTANT and light.shaping is not None:
         angle = light.shaping.angle + _parallax(light, specular, normalization)
-        least, most = _tangents_of_cone(axes @ -light.axes[2], angle)
+        least, most = _tangents_of_cone(axes @ light.cone_axis[0], angle)
         lower, upper = np.maximum(lower, np.arctan(least)), np.minimum(upper, np.arctan(most))
         if (lower > upper).any():
             return None

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 FEWEST_OF_SEVERAL = 1024
 # What such lights are counted as.
 STARVED = f"lights with fewer than {FEWEST_OF_SEVERAL} photons"
+# The error that is foreseen of light with extent in a bad number of parts, as it is counted.
+COARSE_PARTS = "foreseen error of light with extent in so many parts, per mille"
 
 
 @dataclass

@@ -24,21 +24,22 @@ class PhotonTracer:
     Args:
         loader: Loads the scenes.
         settings: How photons are emitted and what they ride on.
-        choose_splits: What chooses the parts that lights with extent are cut into where the settings leave it to the
-            program, by a tracer with one part a light; without, it is one part.
+        choose_splits: What gives the number of parts that lights with extent are cut into, by a tracer with one part a
+            light and what the settings ask for, and the error that it foresees of a number that is far from the best.
+            Without, it is what the settings ask for, or one part.
     """
 
     def __init__(
         self,
         loader: SceneLoader,
         settings: LightSettings,
-        choose_splits: Callable[[PhotonTracer], int] | None = None,
+        choose_splits: Callable[[PhotonTracer, int | str], tuple[int, float]] | None = None,
     ) -> None:
         self.loader, self.settings, self._choose_splits = loader, settings, choose_splits
         self.source, self.launcher, self.normalization = loader.source, loader.launcher, loader.normalization
         self._plans: dict[int, EmissionPlan] = {}
-        # What was chosen for which number of photons, also by tracers with other settings.
-        self._chosen_splits: dict[tuple[int, str], int] = {}
+        # What was chosen for which settings, also by tracers with others.
+        self._chosen_splits: dict[tuple[int, str, int | str], tuple[int, float]] = {}
 
     def with_settings(self, settings: LightSettings) -> PhotonTracer:
         """The same tracer with other settings; stills are not read again where lattices keep their shape."""
@@ -51,17 +52,26 @@ class PhotonTracer:
     @property
     def splits(self) -> int:
         """Parts that a light with extent is cut into; each has lattices and columns of its own."""
+        return self._split[0]
+
+    @property
+    def split_error(self) -> float:
+        """The error that is foreseen of light with extent where the settings ask for a bad number of parts."""
+        return self._split[1]
+
+    @property
+    def _split(self) -> tuple[int, float]:
         settings = self.settings
         # Accumulation goes through places on lights by itself.
         if not self.loader.extended_lights or settings.estimator == "accumulation":
-            return 1
-        if settings.light_splits != "auto":
-            return settings.light_splits
-        key = settings.photons, settings.estimator
+            return 1, 0.0
+        if self._choose_splits is None:
+            return 1 if settings.light_splits == "auto" else int(settings.light_splits), 0.0
+        key = settings.photons, settings.estimator, settings.light_splits
         if key not in self._chosen_splits:
             whole = copy(self)
-            whole.settings, whole._plans = replace(settings, light_splits=1), {}
-            self._chosen_splits[key] = self._choose_splits(whole) if self._choose_splits else 1
+            whole.settings, whole._plans, whole._choose_splits = replace(settings, light_splits=1), {}, None
+            self._chosen_splits[key] = self._choose_splits(whole, settings.light_splits)
         return self._chosen_splits[key]
 
     @property

@@ -18,7 +18,7 @@ from tpdwarp.rendering.shared_trace import SharedTrace
 from tpdwarp.scene.description import CameraAtShutter, MeshAtShutter, SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene, SceneLoader
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.light_splits import best_split_count
+from tpdwarp.trajectories.light_splits import choose_splits
 from tpdwarp.trajectories.segments import Segmentation, as_few_as_move
 
 
@@ -46,7 +46,7 @@ class RenderContext:
         self.source, self.settings = source, settings
         self.loader = loader or SceneLoader(source, Launcher(settings.device, settings.threads), settings.bounces)
         self.launcher, self.normalization = self.loader.launcher, self.loader.normalization
-        self.tracer = PhotonTracer(self.loader, settings, best_split_count)
+        self.tracer = PhotonTracer(self.loader, settings, choose_splits)
         self.segmentation = Segmentation(self.tracer)
         self.light_groups = LightGroups.of(settings.light_groups, source)
         self._view_source: ViewSource | None = None

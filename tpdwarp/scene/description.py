@@ -343,6 +343,8 @@ class LightAtShutter:
         ball: The sphere that it is a part or a place of; None of a whole light.
         unlit: Paths of meshes that it does not shine on; they hide it all the same.
         passed: Paths of meshes that its light goes through as if they were not there.
+        shaped_about: The axis of its shaping and the change of that over the shutter, shape [2, 3], where it is not −z
+            of the frame.
     """
 
     path: str
@@ -358,6 +360,14 @@ class LightAtShutter:
     ball: Ball | None = None
     unlit: frozenset[str] = frozenset()
     passed: frozenset[str] = frozenset()
+    shaped_about: np.ndarray | None = None
+
+    @property
+    def cone_axis(self) -> np.ndarray:
+        """The unit axis of its shaping at mid shutter, and the change of that over the shutter, shape [2, 3]."""
+        if self.shaped_about is not None:
+            return self.shaped_about
+        return -np.stack([self.axes[2], self.axes_motion[2]])
 
     @property
     def linked(self) -> bool:

@@ -133,15 +133,17 @@ def _parts_of_cylinder(light: LightAtShutter, count: int) -> list[LightAtShutter
         for step in steps
     ]
     if around > 1:
-        parts = [face for part in parts for face in _faces_of(part, around)]
+        # Turned against each other, they are together as wide from all sides.
+        turns = [GOLDEN * number % 1.0 for number in range(along)]
+        parts = [face for part, turn in zip(parts, turns, strict=True) for face in _faces_of(part, around, turn)]
     return [replace(part, path=f"{light.path}[{number}]") for number, part in enumerate(parts)]
 
 
-def _faces_of(light: LightAtShutter, around: int) -> list[LightAtShutter]:
-    """The faces of the prism that has as much surface as a cylinder."""
+def _faces_of(light: LightAtShutter, around: int, phase: float) -> list[LightAtShutter]:
+    """The faces of the prism that has as much surface as a cylinder, turned by a part ``phase`` of a face."""
     extent, half = light.extent, math.pi / around
     faces = []
-    for turn in 2.0 * half * np.arange(around):
+    for turn in 2.0 * half * (phase + np.arange(around)):
         face = _on_side(light, turn, extent.radius * half / math.tan(half), half / math.pi)
         spans, motions = (
             np.stack([along[0], extent.radius * half * across[1]])
@@ -169,6 +171,7 @@ def _on_side(light: LightAtShutter, turn: float, radius: float, part: float) -> 
         position_motion=light.position_motion - radius * motions[2],
         axes=axes,
         axes_motion=motions,
+        shaped_about=None if light.shaping is None else light.cone_axis,
         profile=EmissionProfile.COSINE,
     )
 

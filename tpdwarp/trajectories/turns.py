@@ -64,7 +64,8 @@ def turn_of_light(light: LightAtShutter, before: np.ndarray, after: np.ndarray) 
     in all directions, and of parallel light, whose direction photons follow."""
     if light.kind == LightKind.DISTANT or not is_shaped(light):
         return 0.0
-    if light.extent is not None and light.extent.shape == ExtentShape.RECT:
+    about_two_axes = light.profile == EmissionProfile.SINE and light.shaping is not None
+    if about_two_axes or (light.extent is not None and light.extent.shape == ExtentShape.RECT):
         cosine = 0.5 * (float(np.sum(before * after)) - 1.0)
     else:
         axis = 0 if light.profile == EmissionProfile.SINE else 2

@@ -391,16 +391,17 @@ def test_a_rectangle_that_turns_has_spans_that_move(small):
     np.testing.assert_allclose(extent.spans_motion, half(30) - half(20), atol=1e-12)
 
 
-def test_pictures_that_cannot_be_read_and_shaping_of_cylinders_are_said(small):
+def test_pictures_that_cannot_be_read_are_said_and_cylinders_have_cones_about_minus_z(small):
     UsdLux.RectLight.Define(small.stage, "/Panel").CreateTextureFileAttr("picture.exr")
     tube = UsdLux.CylinderLight.Define(small.stage, "/Tube")
     UsdLux.ShapingAPI.Apply(tube.GetPrim()).CreateShapingConeAngleAttr(30.0)
     scene = small.open()
     lights = scene.at(Shutter.still(1)).lights
-    # Nor do the faces and places have a cone that a tube is made of.
-    assert len(lights) == 2 and all(light.shaping is None for light in lights)
-    tube_said, panel_said = scene.warnings.messages
-    assert "/Panel.inputs:texture:file: cannot" in panel_said and "/Tube: " in tube_said
+    shaping = {light.path: light.shaping for light in lights}
+    assert shaping == {"/Panel": None, "/Tube": Shaping(math.radians(30.0))}
+    np.testing.assert_allclose(next(light for light in lights if light.shaping).cone_axis, [[0, 0, -1], [0, 0, 0]])
+    (panel_said,) = scene.warnings.messages
+    assert "/Panel.inputs:texture:file: cannot" in panel_said
 
 
 def test_a_rectangle_with_a_picture_is_one_light_a_pixel_upright_before_it(small):

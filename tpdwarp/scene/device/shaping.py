@@ -1,6 +1,7 @@
 """Lights that shine differently in different directions: cones, focused beams, flat and cylindrical surfaces."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,25 +12,31 @@ from tpdwarp.scene.description import PROFILE_COUNT, EmissionProfile, LightAtShu
 # A smoothstep over less than this [rad] is a step.
 NARROWEST = wp.constant(1.0e-6)
 # The shaping of a light in kernels: angle, softness and focus, then the factors of its profile, the first of which is
-# below 0 where it has none.
-SHAPING_COUNT = 3 + PROFILE_COUNT
+# below 0 where it has none; then what its surface multiplies that by (``OF_SINE``, ``OF_COSINE`` or 0 for nothing), and
+# the axis of the shaping where that of the surface is another.
+SHAPING_COUNT = 3 + PROFILE_COUNT + 4
 ShapingValues = wp.types.vector(length=SHAPING_COUNT, dtype=wp.float32)
 PROFILE_STEP = wp.constant(math.pi / (PROFILE_COUNT - 1))
 LAST_OF_PROFILE = wp.constant(PROFILE_COUNT - 1)
+SURFACE = wp.constant(3 + PROFILE_COUNT)
+OF_SINE, OF_COSINE = wp.constant(1.0), wp.constant(2.0)
 
 
 def shaping_values(light: LightAtShutter) -> list[float]:
     """The shaping of a light for kernels, with the profile of its surface.
 
     The angle is below 0 for a light that shines alike in all directions. The cosine of a flat surface adds one to the
-    focus; a focus below 0 stands for the sine of a cylinder, which has no cone.
+    focus where both are about one axis.
     """
+    shaping, own = light.shaping or Shaping(2.0 * math.pi), light.cone_axis[0]
     if light.profile == EmissionProfile.SINE:
-        return _values(Shaping(2.0 * math.pi, 0.0, -1.0))
-    cosine = 1.0 if light.profile == EmissionProfile.COSINE else 0.0
-    if light.shaping is None:
-        return _values(Shaping(2.0 * math.pi, 0.0, cosine) if cosine else None)
-    return _values(replace(light.shaping, focus=light.shaping.focus + cosine))
+        return _values(shaping, float(OF_SINE), own)
+    cosine = light.profile == EmissionProfile.COSINE
+    if cosine and light.shaped_about is not None:
+        return _values(shaping, float(OF_COSINE), own)
+    if light.shaping is None and not cosine:
+        return _values(None)
+    return _values(replace(shaping, focus=shaping.focus + float(cosine)))
 
 
 def shaping_of_surface(light: LightAtShutter) -> list[float]:
@@ -37,10 +44,12 @@ def shaping_of_surface(light: LightAtShutter) -> list[float]:
     return _values(light.shaping)
 
 
-def _values(shaping: Shaping | None) -> list[float]:
+def _values(
+    shaping: Shaping | None, surface: float = 0.0, axis: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+) -> list[float]:
     shaping = shaping or Shaping(-1.0)
     profile = shaping.profile or (-1.0,) * PROFILE_COUNT
-    return [shaping.angle, shaping.softness, shaping.focus, *profile]
+    return [shaping.angle, shaping.softness, shaping.focus, *profile, surface, *map(float, axis)]
 
 
 def is_shaped(light: LightAtShutter) -> bool:
@@ -49,7 +58,8 @@ def is_shaped(light: LightAtShutter) -> bool:
 
 
 def shaping_axis(light: LightAtShutter) -> tuple[np.ndarray, np.ndarray]:
-    """The axis [3] about which a light is shaped, at mid shutter, and its change over the shutter."""
+    """The axis [3] of what a light's surface and shaping do by direction, at mid shutter, and its change over the
+    shutter; where they have two, that of the surface."""
     if light.profile == EmissionProfile.SINE:
         return light.axes[0], light.axes_motion[0]
     return -light.axes[2], -light.axes_motion[2]
@@ -69,14 +79,18 @@ def shaped(shaping: ShapingValues, axis: wp.vec3, w: wp.vec3) -> float:
     if shaping[0] < 0.0:
         return 1.0
     cosine = wp.clamp(wp.dot(axis, w), -1.0, 1.0)
-    if shaping[2] < 0.0:
-        return wp.sqrt(1.0 - cosine * cosine)
+    intensity = float(1.0)
+    if shaping[SURFACE] > 0.0:
+        intensity = wp.max(cosine, 0.0)
+        if shaping[SURFACE] == OF_SINE:
+            intensity = wp.sqrt(1.0 - cosine * cosine)
+        own = wp.vec3(shaping[SURFACE + 1], shaping[SURFACE + 2], shaping[SURFACE + 3])
+        cosine = wp.clamp(wp.dot(own, w), -1.0, 1.0)
     theta = wp.acos(cosine)
     if theta >= shaping[0]:
         return 0.0
-    intensity = float(1.0)
     if shaping[2] > 0.0:
-        intensity = wp.pow(wp.max(cosine, 0.0), shaping[2])
+        intensity *= wp.pow(wp.max(cosine, 0.0), shaping[2])
     fade = shaping[0] * shaping[1]
     if fade > NARROWEST:
         s = wp.clamp((theta - shaping[0] + fade) / fade, 0.0, 1.0)

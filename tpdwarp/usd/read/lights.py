@@ -182,8 +182,7 @@ class Light:
         shaping, profile = None, EmissionProfile.UNIFORM
         if self.kind == LightKind.POINT:
             profile, _ = PROFILES[self._shape]
-            if profile != EmissionProfile.SINE:
-                shaping = self._shaping(shutter.frame)
+            shaping = self._shaping(shutter.frame)
         extent = self._extent(shutter)
         place = position, axes, position_motion, axes_motion
         return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent)
@@ -427,8 +426,6 @@ class Light:
             )
         if asks_for_cone and self.kind == LightKind.DISTANT:
             self._warnings(self.path, "parallel light has no cone: its shaping is not rendered")
-        if asks_for_cone and self._shape is UsdLux.CylinderLight:
-            self._warnings(self.path, "the shaping of a cylinder is not rendered")
         ies = self._input("shaping:ies:file")
         if ies and ies.HasAuthoredValue() and self._shape not in PROFILED:
             self._warnings(self.path, "the light's IES profile is not rendered")
