@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,19 @@ def test_light_under_a_wave_bends_by_half_of_its_second_derivative():
     # The mesh's normals are straight between vertices, as bends are between cells.
     assert root_mean_square(error) < 0.1 * root_mean_square(exact[inside])
     np.testing.assert_allclose(photons.bend[inside, 1:], 0, atol=2e-2 * root_mean_square(exact) * scale)
+
+
+def test_smooth_light_bends_as_much_when_it_goes_far():
+    """The same photons at rest, and as they go ten footprints within the shutter."""
+    context = RenderContext(wave_source(Wave()), Settings.of(SETTINGS, photons=4096))
+    plan = context.tracer.plan(4096)
+    found, _ = context.tracer.trace(context.tracer.load(OPEN), plan, Clock())
+    slow, fast = (with_bends(replace(found, dxdt=speed * found.dxdu), plan).bend for speed in (0.0, 10.0))
+    bent = lengths(slow) > 0.1 * root_mean_square(lengths(slow))
+    # Where the bend is less than a sixth of the column; at the rim there is no neighbour to tell.
+    smooth = bent & (lengths(slow) < 0.14 * lengths(found.dxdu)) & (np.abs(on_water(found)) < 1.9)
+    assert smooth.sum() > 1000
+    np.testing.assert_allclose(fast[smooth], slow[smooth], atol=0.02 * root_mean_square(slow))
 
 
 def test_light_that_lies_elsewhere_bends_nothing():
@@ -99,7 +114,8 @@ def test_columns_stand_where_light_changes_from_cell_to_cell(turn, part):
     position[:, 0], position[:, 1] = (-1.0, 0.0, 1.0), (0.5 * turn, 0.0, 0.5 * turn)
     told = np.tile(np.float32([1.0, 0.0, 0.0]), (3, 1))
     told[1] = (0.6, 0.8, 0.0)
-    found = over_cells(told, position, (np.array([0, 1]), np.array([1, 2])))
+    found, smooth = over_cells(told, position, (np.array([0, 1]), np.array([1, 2])))
+    np.testing.assert_allclose(smooth, [0.0, part, 0.0], atol=1e-5)
     np.testing.assert_allclose(found[1], part * np.float32([1, 0, 0]) + (1 - part) * told[1], atol=1e-5)
     # Nothing is known beyond the ends of a row.
     np.testing.assert_array_equal(found[[0, 2]], told[[0, 2]])

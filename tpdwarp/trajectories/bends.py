@@ -22,8 +22,9 @@ Where light grazes or is nearly totally reflected, columns grow without bound, a
 does not. A footprint reaches no farther than its farther neighbour along u or v on the same path. Where there is none
 here it keeps its columns: its neighbours may have been traced in other parts of the shutter.
 
-Light that moves by its footprint within the shutter is not moved by bends, and light that moves by less by less: on
-``scripts/benchmarks/solids.py torus-turning-10`` it erred by .042 with bends and by .037 without.
+Where light is not smooth in that sense, and moves by its footprint within the shutter, it is not moved by bends, and
+light that moves by less by less: on ``scripts/benchmarks/solids.py torus-turning-10`` it erred by .042 with bends there
+and by .037 without.
 
 Beyond the paper.
 """
@@ -54,10 +55,12 @@ def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
     """
     bend, reach = np.zeros_like(photons.position), np.ones((len(photons), 2), np.float32)
     columns = [photons.dxdu, photons.dxdv]
+    resting = _at_rest(photons)
     for axis, (a, b) in enumerate(neighbours(photons, plan)):
         same = photons.receiver[a] == photons.receiver[b]
         a, b = a[same], b[same]
-        column = columns[axis] = over_cells(columns[axis], photons.position, (a, b))
+        column, smooth = over_cells(columns[axis], photons.position, (a, b))
+        columns[axis] = column
         way = photons.position.take(b, axis=0) - photons.position.take(a, axis=0)
         reach[:, axis] = _reach(column, (a, b), lengths(way))
         column = column * reach[:, axis : axis + 1]
@@ -66,16 +69,19 @@ def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
         sizes = lengths(column)
         longer = np.maximum(sizes[a], sizes[b])
         beside = misfit <= LARGEST_MISFIT * longer
-        bend += 0.5 * differences(column, (a[beside], b[beside]))
+        weight = np.maximum(resting, smooth)[:, None]
+        bend += 0.5 * weight * differences(column, (a[beside], b[beside]))
     bend -= photons.normal * np.einsum("ij,ij->i", photons.normal, bend)[:, None]
-    photons = replace(photons, dxdu=columns[0], dxdv=columns[1])
-    return replace(photons, bend=_at_rest(photons) * bend, reach=reach)
+    return replace(photons, dxdu=columns[0], dxdv=columns[1], bend=bend, reach=reach)
 
 
-def over_cells(column: np.ndarray, position: np.ndarray, pairs: Pairs) -> np.ndarray:
+def over_cells(column: np.ndarray, position: np.ndarray, pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
     """A column [n, 3] of photons at ``position`` [n, 3] as it is over their cells, by the way between neighbours.
 
     Where a photon has no neighbour on one side, or light is not smooth over some cells, it is as it was.
+
+    Returns:
+        The column, and how far light is smooth around each photon, 0 … 1, shape [n].
     """
     a, b = pairs
     rows = np.arange(len(column))
@@ -86,7 +92,7 @@ def over_cells(column: np.ndarray, position: np.ndarray, pairs: Pairs) -> np.nda
     limit = LARGEST_TURN * lengths(column)
     turn = np.divide(lengths(after - before), limit, out=np.full_like(limit, 2.0), where=limit > 0.0)
     part = np.where((ahead != rows) & (behind != rows), np.clip(2.0 - turn, 0.0, 1.0), 0.0).astype(np.float32)
-    return column + part[:, None] * (0.5 * (before + after) - column)
+    return column + part[:, None] * (0.5 * (before + after) - column), part
 
 
 def reaches(photons: PhotonMap, plan: EmissionPlan, place: np.ndarray) -> np.ndarray:
@@ -120,11 +126,11 @@ def within_reach(photons: PhotonMap) -> PhotonMap:
 
 
 def _at_rest(photons: PhotonMap) -> np.ndarray:
-    """One where light stands still, less where it moves, nothing where it moves by its footprint; shape [n, 1]."""
+    """One where light stands still, less where it moves, nothing where it moves by its footprint; shape [n]."""
     longer = photons.size
     moved = lengths(photons.dxdt)
     share = np.divide(moved, longer, out=np.ones_like(moved), where=longer > moved)
-    return (1.0 - share)[:, None].astype(np.float32)
+    return (1.0 - share).astype(np.float32)
 
 
 def _reach(column: np.ndarray, pairs: Pairs, apart: np.ndarray) -> np.ndarray:
