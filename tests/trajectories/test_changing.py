@@ -113,13 +113,8 @@ def test_places_in_a_cell_are_spread_evenly_over_time_and_along_both_of_its_side
     for parts in (2, 4):
         boxes = np.sort(steps[:, :, 0].reshape(PARTS // parts, parts, -1) // (PARTS // parts), axis=1)
         np.testing.assert_array_equal(boxes, np.broadcast_to(np.arange(parts)[None, :, None], boxes.shape))
-    # At one time each eight cells in a row, along u or along v, have all places along both sides.
-    grid = steps[0].reshape(5, 8, 10, 8, 2)
-    for axis in (1, 3):
-        row = np.moveaxis(np.sort(grid, axis=axis), axis, -1)
-        np.testing.assert_array_equal(row, np.broadcast_to(np.arange(PARTS), row.shape))
-    # Blocks differ.
-    assert abs(np.corrcoef(grid[:, 0, :-1, 0, 0].ravel(), grid[:, 0, 1:, 0, 0].ravel())[0, 1]) < 0.5
+    # Cells differ.
+    assert abs(np.corrcoef(places[0, :-1, 0], places[0, 1:, 0])[0, 1]) < 0.1
 
 
 def test_each_photon_has_an_id_of_its_own_and_the_others_keep_theirs():

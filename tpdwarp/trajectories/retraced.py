@@ -177,29 +177,22 @@ def _among(cells: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 def place_in_cell(cell: np.ndarray, number: int) -> np.ndarray:
     """Where in their cells photons start in part ``number`` of the shutter, in lattice steps from the middle; [n, 2].
 
-    The places of all parts are a Hammersley set in time and along each side of the cell, shifted digitally (that of the
-    last half part is that of the first): so edges across a cell, and those that pass over it, divide it as exactly as
-    eight places can. Eight cells in a row have the eight shifts along either side, so that at any time edges along the
-    row divide it as exactly; which of them is first is a hash of the block of eight by eight.
+    The places of all parts are a Hammersley set in time and along each side of the cell, shifted digitally by a hash of
+    the cell (that of the last half part is that of the first): so edges across a cell, and those that pass over it,
+    divide it as exactly as eight places can, and what they err by differs from cell to cell.
 
     Args:
         cell: Which cells, shape [n, 2].
     """
-    u, v = cell.astype(np.int64).T
     with np.errstate(over="ignore"):
-        hashed = ((u >> 3).astype(np.uint32) * np.uint32(0x9E3779B1)) ^ (
-            (v >> 3).astype(np.uint32) * np.uint32(0x85EBCA77)
+        hashed = (cell[:, 0].astype(np.uint32) * np.uint32(0x9E3779B1)) ^ (
+            cell[:, 1].astype(np.uint32) * np.uint32(0x85EBCA77)
         )
         hashed = (hashed ^ (hashed >> np.uint32(15))) * np.uint32(0x2C1B3C6D)
-    hashed = (hashed ^ (hashed >> np.uint32(12))).astype(np.int64)
-    shifts = _reversed_bits(3 * u + v & 7) ^ (hashed & 7), _reversed_bits(u + 5 * v & 7) ^ (hashed >> 3 & 7)
-    places = _reversed_bits(number & 7) ^ shifts[0], (3 * number + 1) % PARTS ^ shifts[1]
+    hashed = hashed ^ (hashed >> np.uint32(12))
+    reversed_bits = (number & 1) << 2 | (number & 2) | (number & 4) >> 2
+    places = [(reversed_bits ^ (hashed & 7)), ((3 * number + 1) % PARTS) ^ (hashed >> np.uint32(3) & 7)]
     return np.stack([(place + 0.5) / PARTS - 0.5 for place in places], axis=1).astype(np.float32)
-
-
-def _reversed_bits(number: int | np.ndarray) -> int | np.ndarray:
-    """Numbers of three bits with these in the other order."""
-    return (number & 1) << 2 | (number & 2) | (number & 4) >> 2
 
 
 def in_middle_of_cell(photons: PhotonMap, plan: EmissionPlan, place: np.ndarray) -> PhotonMap:
