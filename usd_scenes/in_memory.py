@@ -115,7 +115,11 @@ def steady(meshes, lights=(SUN,), camera: CameraAtShutter | None = None) -> Sour
 
 
 def wave_source(
-    wave: Wave, motion: str = "smooth", columns: int = 1025, camera: CameraAtShutter | None = None
+    wave: Wave,
+    motion: str = "smooth",
+    columns: int = 1025,
+    camera: CameraAtShutter | None = None,
+    heading: float = 0.0,
 ) -> Source:
     """The oracle's travelling wave as a strip of long quads over [−2, 2]², seen from just below the water.
 
@@ -123,18 +127,24 @@ def wave_source(
         wave: Water over a white floor.
         motion: ``smooth``: velocities of the wave at mid shutter; ``linear``: vertices and normals interpolated
             between whole frames.
-        columns: Vertices along x.
-        camera: What looks at it; by default ±1 along x.
+        columns: Vertices along x, and along y if the wave goes elsewhere.
+        camera: What looks at it; by default ±1 along the wave.
+        heading: Where the wave goes, degrees from x; its picture turns with it, the square of water does not.
     """
-    x, y = np.linspace(-2, 2, columns), np.array([-2.0, 2.0])
-    triangles = grid_triangles(columns, 2).astype(np.int32)
+    x = np.linspace(-2, 2, columns)
+    y = x if heading else np.array([-2.0, 2.0])
+    triangles = grid_triangles(len(x), len(y)).astype(np.int32)
     camera = camera or looking_down((-1, 1, -0.125, 0.125), height=0.9 * wave.height)
+    ahead = np.array([np.cos(np.radians(heading)), np.sin(np.radians(heading)), 0.0])
+    if heading:
+        camera = replace(camera, axes=np.array([ahead, np.cross((0.0, 0.0, 1.0), ahead), (0.0, 0.0, 1.0)]))
+    across = np.concatenate([np.stack([x, np.full(len(x), row)], axis=1) for row in y]) @ ahead[:2]
     material = Material(Interaction.DIELECTRIC, ior=wave.ior)
 
     def sheet(t: float) -> tuple[np.ndarray, np.ndarray]:
-        z, nx, nz = wave.smooth(x, t)
-        points, normals = grid_points(x, y, lambda _x, _y: np.tile(z, 2)), np.stack([nx, 0 * nx, nz], axis=1)
-        return points, np.tile(normals, (2, 1))
+        z, nx, nz = wave.smooth(across, t)
+        points = grid_points(x, y, lambda _x, _y: z)
+        return points, nx[:, None] * ahead + nz[:, None] * (0.0, 0.0, 1.0)
 
     def surface(shutter: Shutter) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Points and normals at mid shutter, and their change over it."""
