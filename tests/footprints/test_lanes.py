@@ -45,7 +45,7 @@ def test_lanes_are_what_numpy_says():
     a[each, each], a[each + LANE_COUNT, each] = -9.0, 9.0
     a[50, ::2], a[51, ::2], b[52] = 0.0, -0.0, a[52]
     out = wp.zeros((6, len(a)), dtype=Lanes, device="cpu")
-    wp.launch(evaluate, len(a), [wp.array(a, dtype=Lanes), wp.array(b, dtype=Lanes), out], device="cpu")
+    wp.launch(evaluate, len(a), [*(wp.array(one, dtype=Lanes, device="cpu") for one in (a, b)), out], device="cpu")
     whole = np.ones_like(a)
     expected = [
         np.minimum(a, b),

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.estimators.frames import OPEN, SETTINGS
+from tests.footprints.photons import ONE_THREAD
 from tests.trajectories.test_fit import on_water, root_mean_square
 from tests.view.scenes import looking_down, wave_source
 from tpdwarp.clock import Clock
@@ -16,7 +18,7 @@ from tpdwarp.photons.vectors import lengths
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.bends import over_cells, with_bends
+from tpdwarp.trajectories.bends import Beside, over_cells, with_bends
 from usd_scenes.oracle import Wave, irradiance_average
 from usd_scenes.oracle.caustic_1d import landing
 
@@ -26,7 +28,7 @@ def bent_photons(wave: Wave, photons: int) -> tuple[PhotonMap, float]:
     context = RenderContext(wave_source(wave), Settings.of(SETTINGS, photons=photons))
     plan = context.tracer.plan(photons)
     found, _ = context.tracer.trace(context.tracer.load(OPEN), plan, Clock())
-    return with_bends(found, plan), context.normalization.scale
+    return with_bends(found, plan, ONE_THREAD), context.normalization.scale
 
 
 def test_light_under_a_wave_bends_by_half_of_its_second_derivative():
@@ -49,7 +51,7 @@ def test_smooth_light_bends_as_much_when_it_goes_far():
     context = RenderContext(wave_source(Wave()), Settings.of(SETTINGS, photons=4096))
     plan = context.tracer.plan(4096)
     found, _ = context.tracer.trace(context.tracer.load(OPEN), plan, Clock())
-    slow, fast = (with_bends(replace(found, dxdt=speed * found.dxdu), plan).bend for speed in (0.0, 10.0))
+    slow, fast = (with_bends(replace(found, dxdt=speed * found.dxdu), plan, ONE_THREAD).bend for speed in (0.0, 10.0))
     bent = lengths(slow) > 0.1 * root_mean_square(lengths(slow))
     # Where the bend is less than a sixth of the column; at the rim there is no neighbour to tell.
     smooth = bent & (lengths(slow) < 0.14 * lengths(found.dxdu)) & (np.abs(on_water(found)) < 1.9)
@@ -64,10 +66,10 @@ def test_light_that_lies_elsewhere_bends_nothing():
     found, _ = context.tracer.trace(context.tracer.load(OPEN), plan, Clock())
     odd = np.floor(found.emission).astype(int).sum(axis=1) % 2 == 1
     found.receiver[odd] += 1
-    np.testing.assert_array_equal(with_bends(found, plan).bend, 0)
+    np.testing.assert_array_equal(with_bends(found, plan, ONE_THREAD).bend, 0)
     found.receiver[odd] -= 1
     found.position[odd] += np.float32([0.3, 0.0, 0.0])
-    np.testing.assert_array_equal(with_bends(found, plan).bend, 0)
+    np.testing.assert_array_equal(with_bends(found, plan, ONE_THREAD).bend, 0)
 
 
 # Vertices along each side of water on which triangles lie across the waves.
@@ -81,7 +83,7 @@ def test_columns_count_all_triangles_that_a_cell_has_light_from():
     plan = context.tracer.plan(4096)
     found, _ = context.tracer.trace(context.tracer.load(OPEN), plan, Clock())
     ahead = np.array([np.cos(np.radians(heading)), np.sin(np.radians(heading)), 0.0])
-    shaped = with_bends(found, plan)
+    shaped = with_bends(found, plan, ONE_THREAD)
     # Some cells from the rim, past which photons have no neighbours.
     inside = np.abs(found.position[:, :2] / context.normalization.scale).max(axis=1) < 1.5
     across = [root_mean_square((photons.dxdv @ ahead)[inside]) for photons in (found, shaped)]
@@ -114,7 +116,11 @@ def test_columns_stand_where_light_changes_from_cell_to_cell(turn, part):
     position[:, 0], position[:, 1] = (-1.0, 0.0, 1.0), (0.5 * turn, 0.0, 0.5 * turn)
     told = np.tile(np.float32([1.0, 0.0, 0.0]), (3, 1))
     told[1] = (0.6, 0.8, 0.0)
-    found, smooth = over_cells(told, position, (np.array([0, 1]), np.array([1, 2])))
+    beside = Beside()
+    beside.ahead = ONE_THREAD.array(np.int32([1, 2, -1]), wp.int32)
+    beside.behind = ONE_THREAD.array(np.int32([-1, 0, 1]), wp.int32)
+    widened = over_cells(told, ONE_THREAD.array(position, wp.vec3), beside, ONE_THREAD)
+    found, smooth = widened.column.numpy(), widened.smooth.numpy()
     np.testing.assert_allclose(smooth, [0.0, part, 0.0], atol=1e-5)
     np.testing.assert_allclose(found[1], part * np.float32([1, 0, 0]) + (1 - part) * told[1], atol=1e-5)
     # Nothing is known beyond the ends of a row.

@@ -115,7 +115,7 @@ def bent(
     if pixel is None or settings.emission != "lattice" or settings.kernel != "bspline" or settings.smoothing != 1.0:
         return photons
     with clock.stage("footprints"):
-        return with_bends(photons, plan)
+        return with_bends(photons, plan, tracer.launcher)
 
 
 def reshaped(part: Part, pixel: PixelSize, tracer: PhotonTracer, clock: Clock) -> IrradianceField | None:

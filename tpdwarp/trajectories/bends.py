@@ -34,65 +34,155 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import warp as wp
 
+from tpdwarp.device import Launcher
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.vectors import lengths
-from tpdwarp.trajectories.neighbours import Pairs, differences, neighbours
+from tpdwarp.trajectories.neighbours import Pairs, neighbours
 
 # Neighbours are of one smooth sheet where the way between them is the mean of their columns, up to this part of the
 # longer one: at a fold it is, across the edge of a facet it is not. Chosen, not derived.
-LARGEST_MISFIT = 0.5
+LARGEST_MISFIT = wp.constant(0.5)
 # Columns are taken from neighbours where the ways to these two differ by up to this part of the column, and the less
 # so up to twice of it. Chosen on the moving solids of ``scripts/benchmarks/solids.py`` with 16 384 photons: those err
 # by up to 1.1 times as much where all columns are taken so, and with this by .96 to 1.01 times as much as with none.
-LARGEST_TURN = 0.3
+LARGEST_TURN = wp.constant(0.3)
 
 
-def with_bends(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
+@wp.struct
+class Beside:
+    """The photons beside others along one axis of the lattice, on the same path to the same receiver; −1 for none."""
+
+    ahead: wp.array(dtype=wp.int32)
+    behind: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Widened:
+    """A column over whole cells, the part of it that a footprint reaches over, and how far light is smooth around."""
+
+    column: wp.array(dtype=wp.vec3)
+    reach: wp.array(dtype=wp.float32)
+    smooth: wp.array(dtype=wp.float32)
+
+
+@wp.kernel(enable_backward=False)
+def widen_columns(
+    base: int,
+    # In
+    column: wp.array(dtype=wp.vec3),
+    position: wp.array(dtype=wp.vec3),
+    beside: Beside,
+    # Out
+    out: Widened,
+):
+    """D_u x or D_v x (Eq. 4) over the cells of photons, by the way between neighbours, and its reach."""
+    i = base + wp.tid()
+    ahead = beside.ahead[i]
+    behind = beside.behind[i]
+    own = column[i]
+    before = wp.vec3(0.0, 0.0, 0.0)
+    after = wp.vec3(0.0, 0.0, 0.0)
+    if behind >= 0:
+        before = position[i] - position[behind]
+    if ahead >= 0:
+        after = position[ahead] - position[i]
+    part = float(0.0)
+    limit = LARGEST_TURN * wp.length(own)
+    if ahead >= 0 and behind >= 0 and limit > 0.0:
+        part = wp.clamp(2.0 - wp.length(after - before) / limit, 0.0, 1.0)
+    own = own + part * (0.5 * (before + after) - own)
+    farthest = wp.max(wp.length(before), wp.length(after))
+    length = wp.length(own)
+    out.column[i] = own
+    out.smooth[i] = part
+    out.reach[i] = 1.0
+    if farthest > 0.0 and farthest < length:
+        out.reach[i] = farthest / length
+
+
+@wp.func
+def fits(widened: Widened, position: wp.array(dtype=wp.vec3), a: int, b: int) -> bool:
+    """Whether the way from one photon to the next is what their columns (Eq. 4) say."""
+    one = widened.reach[a] * widened.column[a]
+    other = widened.reach[b] * widened.column[b]
+    misfit = wp.length(position[b] - position[a] - 0.5 * (one + other))
+    return misfit <= LARGEST_MISFIT * wp.max(wp.length(one), wp.length(other))
+
+
+@wp.kernel(enable_backward=False)
+def add_bends(
+    base: int,
+    # In
+    widened: Widened,
+    position: wp.array(dtype=wp.vec3),
+    normal: wp.array(dtype=wp.vec3),
+    resting: wp.array(dtype=wp.float32),
+    beside: Beside,
+    # Out
+    bend: wp.array(dtype=wp.vec3),
+):
+    """Adds half of the second derivative along one axis (beyond the paper), in the plane of the receiver."""
+    i = base + wp.tid()
+    here = widened.reach[i] * widened.column[i]
+    low = here
+    high = here
+    sides = int(0)
+    ahead = beside.ahead[i]
+    if ahead >= 0:
+        if fits(widened, position, i, ahead):
+            high = widened.reach[ahead] * widened.column[ahead]
+            sides += 1
+    behind = beside.behind[i]
+    if behind >= 0:
+        if fits(widened, position, behind, i):
+            low = widened.reach[behind] * widened.column[behind]
+            sides += 1
+    # Central differences, one-sided at the ends of a row.
+    half = wp.where(sides == 2, 0.25, 0.5) * wp.max(resting[i], widened.smooth[i])
+    along = half * (high - low)
+    bend[i] = bend[i] + along - wp.dot(normal[i], along) * normal[i]
+
+
+def with_bends(photons: PhotonMap, plan: EmissionPlan, launcher: Launcher) -> PhotonMap:
     """The photons of a lattice with their columns over whole cells, their bends, which lie in the plane of their
     receivers, and their reaches.
     """
-    bend, reach = np.zeros_like(photons.position), np.ones((len(photons), 2), np.float32)
-    columns = [photons.dxdu, photons.dxdv]
-    resting = _at_rest(photons)
-    for axis, (a, b) in enumerate(neighbours(photons, plan)):
+    count = len(photons)
+    position, normal = (launcher.array(values, wp.vec3) for values in (photons.position, photons.normal))
+    resting, bend = launcher.array(_at_rest(photons), wp.float32), launcher.zeros(count, wp.vec3)
+    columns, reach = [], []
+    for column, (a, b) in zip((photons.dxdu, photons.dxdv), neighbours(photons, plan), strict=True):
         same = photons.receiver[a] == photons.receiver[b]
-        a, b = a[same], b[same]
-        column, smooth = over_cells(columns[axis], photons.position, (a, b))
-        columns[axis] = column
-        way = photons.position.take(b, axis=0) - photons.position.take(a, axis=0)
-        reach[:, axis] = _reach(column, (a, b), lengths(way))
-        column = column * reach[:, axis : axis + 1]
-        mean = 0.5 * (column.take(a, axis=0) + column.take(b, axis=0))
-        misfit = lengths(way - mean)
-        sizes = lengths(column)
-        longer = np.maximum(sizes[a], sizes[b])
-        beside = misfit <= LARGEST_MISFIT * longer
-        weight = np.maximum(resting, smooth)[:, None]
-        bend += 0.5 * weight * differences(column, (a[beside], b[beside]))
-    bend -= photons.normal * np.einsum("ij,ij->i", photons.normal, bend)[:, None]
-    return replace(photons, dxdu=columns[0], dxdv=columns[1], bend=bend, reach=reach)
+        beside = _beside(a[same], b[same], count, launcher)
+        widened = over_cells(column, position, beside, launcher)
+        launcher(add_bends, count, [widened, position, normal, resting, beside, bend])
+        columns.append(widened.column.numpy())
+        reach.append(widened.reach.numpy())
+    return replace(photons, dxdu=columns[0], dxdv=columns[1], bend=bend.numpy(), reach=np.stack(reach, axis=1))
 
 
-def over_cells(column: np.ndarray, position: np.ndarray, pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
-    """A column [n, 3] of photons at ``position`` [n, 3] as it is over their cells, by the way between neighbours.
+def over_cells(column: np.ndarray, position: wp.array, beside: Beside, launcher: Launcher) -> Widened:
+    """A column [n, 3] of photons as it is over their cells, by the way between neighbours.
 
     Where a photon has no neighbour on one side, or light is not smooth over some cells, it is as it was.
-
-    Returns:
-        The column, and how far light is smooth around each photon, 0 … 1, shape [n].
     """
-    a, b = pairs
-    rows = np.arange(len(column))
-    ahead, behind = rows.copy(), rows.copy()
-    # A photon has one neighbour at most on either side.
-    ahead[a], behind[b] = b, a
-    before, after = position - position.take(behind, axis=0), position.take(ahead, axis=0) - position
-    limit = LARGEST_TURN * lengths(column)
-    turn = np.divide(lengths(after - before), limit, out=np.full_like(limit, 2.0), where=limit > 0.0)
-    part = np.where((ahead != rows) & (behind != rows), np.clip(2.0 - turn, 0.0, 1.0), 0.0).astype(np.float32)
-    return column + part[:, None] * (0.5 * (before + after) - column), part
+    out = launcher.rows(Widened, len(column))
+    launcher(widen_columns, len(column), [launcher.array(column, wp.vec3), position, beside, out])
+    return out
+
+
+def _beside(a: np.ndarray, b: np.ndarray, count: int, launcher: Launcher) -> Beside:
+    """Pairs of photons, each with the one next to it, as what lies beside each of ``count`` photons."""
+    out = Beside()
+    for name, rows, others in (("ahead", a, b), ("behind", b, a)):
+        found = np.full(count, -1, np.int32)
+        # A photon has one neighbour at most on either side.
+        found[rows] = others
+        setattr(out, name, launcher.array(found, wp.int32))
+    return out
 
 
 def reaches(photons: PhotonMap, plan: EmissionPlan, place: np.ndarray) -> np.ndarray:
