@@ -86,7 +86,7 @@ def test_columns_count_all_triangles_that_a_cell_has_light_from():
     shaped = with_bends(found, plan, ONE_THREAD)
     # Some cells from the rim, past which photons have no neighbours.
     inside = np.abs(found.position[:, :2] / context.normalization.scale).max(axis=1) < 1.5
-    across = [root_mean_square((photons.dxdv @ ahead)[inside]) for photons in (found, shaped)]
+    across = [root_mean_square((column @ ahead)[inside]) for column in (found.dxdv, shaped.cell_v)]
     narrow = root_mean_square(lengths(found.dxdu)[inside])
     assert across[0] > 0.1 * narrow
     assert across[1] < 0.02 * narrow

@@ -65,7 +65,8 @@ class PhotonMap:
         image: What they span (:class:`tpdwarp.photons.light_columns.LightImage`), shape [n] int32; rows as they have.
         bend: ½ (D_uu x + D_vv x) per lattice step (:mod:`tpdwarp.trajectories.bends`), shape [n, 3]; no rows where it
             is not known.
-        reach: Parts of D_u x and D_v x that the footprint reaches over (likewise), shape [n, 2]; rows as bends have.
+        reach: Parts of the columns below that the footprint reaches over (likewise), shape [n, 2]; rows as bends have.
+        cell_u, cell_v: D_u x and D_v x over whole cells (likewise), shape [n, 3]; rows as bends have.
         light_parts: Into how many parts lights with extent are cut, each with lattices of its own.
         trajectory: How it curves, and how the footprint changes along it; None where it is straight.
         power_curves: How the power of each of the lights changes over the shutter (:mod:`.power_curves`), None of those
@@ -101,6 +102,8 @@ class PhotonMap:
     image: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     bend: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     reach: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    cell_u: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    cell_v: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     light_parts: int = 1
     trajectory: TrajectoryColumns | None = None
     power_curves: tuple[PowerCurve | None, ...] = ()

@@ -161,7 +161,8 @@ def with_bends(photons: PhotonMap, plan: EmissionPlan, launcher: Launcher) -> Ph
         launcher(add_bends, count, [widened, position, normal, resting, beside, bend])
         columns.append(widened.column.numpy())
         reach.append(widened.reach.numpy())
-    return replace(photons, dxdu=columns[0], dxdv=columns[1], bend=bend.numpy(), reach=np.stack(reach, axis=1))
+    reaches_over = np.stack(reach, axis=1)
+    return replace(photons, cell_u=columns[0], cell_v=columns[1], bend=bend.numpy(), reach=reaches_over)
 
 
 def over_cells(column: np.ndarray, position: wp.array, beside: Beside, launcher: Launcher) -> Widened:
@@ -205,14 +206,17 @@ def reaches(photons: PhotonMap, plan: EmissionPlan, place: np.ndarray) -> np.nda
 
 
 def within_reach(photons: PhotonMap) -> PhotonMap:
-    """The photons with the parts of their columns that their footprints reach over."""
-    if not len(photons.reach) or photons.reach.min() == 1.0:
+    """The photons with columns over whole cells, and of these the parts that their footprints reach over."""
+    if not len(photons.reach):
         return photons
+    none = {"reach": np.zeros((0, 2), np.float32), **dict.fromkeys(("cell_u", "cell_v"), np.zeros((0, 3), np.float32))}
+    if photons.reach.min() == 1.0:
+        return replace(photons, dxdu=photons.cell_u, dxdv=photons.cell_v, **none)
     u, v = photons.reach[:, :1], photons.reach[:, 1:]
     trajectory = photons.trajectory
     if trajectory is not None:
         trajectory = replace(trajectory, dxdut=u * trajectory.dxdut, dxdvt=v * trajectory.dxdvt)
-    return replace(photons, dxdu=u * photons.dxdu, dxdv=v * photons.dxdv, trajectory=trajectory)
+    return replace(photons, dxdu=u * photons.cell_u, dxdv=v * photons.cell_v, trajectory=trajectory, **none)
 
 
 def _at_rest(photons: PhotonMap) -> np.ndarray:
