@@ -7,6 +7,7 @@ import pytest
 
 from tests.footprints.photons import ONE_THREAD, UP, first_channel, grid, irradiance, photon_map, queries, shaped
 from tpdwarp.device import Launcher
+from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.gather import gather
 from tpdwarp.footprints.irradiance import Lookup
 from tpdwarp.footprints.weights import GatherForm
@@ -262,3 +263,19 @@ def test_answers_do_not_depend_on_the_number_of_threads():
     )
     for name in ("irradiance", "motion", "weight", "photons"):
         np.testing.assert_array_equal(getattr(one, name), getattr(three, name))
+
+
+@pytest.mark.parametrize("dxdt", [(0, 0, 0), (0.13, -0.07, 0)])
+def test_maps_of_some_footprints_share_their_arrays_and_add_up_to_all_of_them(dxdt):
+    at = points(400)
+    whole = shaped(photon_map(at, STEP_U, STEP_V, dxdt, flux=FLUX), moves=any(dxdt))
+    some = np.random.default_rng(2).permutation(len(at))
+    parts = [FootprintMap.of(whole.footprints, ONE_THREAD, np.sort(rows)) for rows in (some[:150], some[150:])]
+    assert all(part.footprints.arrays is whole.footprints.arrays for part in parts)
+    assert sum(part.count for part in parts) == whole.count
+    looked_at = points(300, seed=8)
+    expected = first_channel(whole, looked_at)
+    found = sum(first_channel(part, looked_at) for part in parts)
+    assert expected.max() > 0
+    # Runs of queries are as large as footprints are, and of half of them these may be other ones: parabolas differ.
+    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-4 * expected.max())
