@@ -65,7 +65,7 @@ def pixel(half_size: float = 0.0) -> PixelSize:
 
 def shaped(*maps: PhotonMap, kernel="bspline", half_pixel=0.0, moves=False, smoothing=1.0) -> FootprintMap:
     shapes = shape_footprints(list(maps), kernel, smoothing, pixel(half_pixel), moves, ONE_THREAD)
-    return FootprintMap.of(shapes, ONE_THREAD)
+    return FootprintMap.of(shapes)
 
 
 def queries(positions, motions=(0, 0, 0), normals=UP, receiver=0) -> QueryArrays:

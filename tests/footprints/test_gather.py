@@ -270,7 +270,7 @@ def test_maps_of_some_footprints_share_their_arrays_and_add_up_to_all_of_them(dx
     at = points(400)
     whole = shaped(photon_map(at, STEP_U, STEP_V, dxdt, flux=FLUX), moves=any(dxdt))
     some = np.random.default_rng(2).permutation(len(at))
-    parts = [FootprintMap.of(whole.footprints, ONE_THREAD, np.sort(rows)) for rows in (some[:150], some[150:])]
+    parts = [FootprintMap.of(whole.footprints, np.sort(rows)) for rows in (some[:150], some[150:])]
     assert all(part.footprints.arrays is whole.footprints.arrays for part in parts)
     assert sum(part.count for part in parts) == whole.count
     looked_at = points(300, seed=8)

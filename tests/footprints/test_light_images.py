@@ -112,7 +112,7 @@ def test_a_disc_a_pixel_or_two_wide_is_what_pixels_have_of_it(p, q, radius, allo
     pixel = PixelSize()
     pixel.back, pixel.right, pixel.up, pixel.orthographic = wp.vec3(0, 0, 1), wp.vec3(*p, 0), wp.vec3(*q, 0), 1
     photons = lit(photon_map([(0, 0, 0)], (1e-4, 0, 0), (0, 1e-4, 0)), (radius, 0, 0), (0, radius, 0))
-    found = FootprintMap.of(shape_footprints([photons], "bspline", 1.0, pixel, False, ONE_THREAD), ONE_THREAD)
+    found = FootprintMap.of(shape_footprints([photons], "bspline", 1.0, pixel, False, ONE_THREAD))
     positions, area = grid((-0.2, -0.2), (0.2, 0.2), (64, 64))
     light = first_channel(found, positions, EXTENDED)
     # A grid of an eighth of the pixel's side.

@@ -142,7 +142,7 @@ def test_pixels_grow_with_the_distance_from_the_eye():
     size = PixelSize()
     size.eye, size.slope = (0.0, 0.0, 1.0), math.sqrt(12) * 0.02
     photons = photon_map([(0, 0, 0), (0, 0, -1.0)], (0, 0, 0), (0, 0, 0))
-    found = FootprintMap.of(shape_footprints([photons], "uniform", 1.0, size, False, ONE_THREAD), ONE_THREAD)
+    found = FootprintMap.of(shape_footprints([photons], "uniform", 1.0, size, False, ONE_THREAD))
     expected = kernel_variance("uniform") / np.array([0.02, 0.04]) ** 2
     np.testing.assert_allclose(density(found), expected, rtol=1e-3)
 
@@ -338,7 +338,7 @@ def test_what_is_smaller_than_a_pixel_is_shared_between_pixels_without_rest(turn
     area = abs(np.cross(*on_plane)[2])
     middle = 0.31 * on_plane[0] - 0.17 * on_plane[1]
     photon = photon_map([middle], 0.004 * along, 0.005 * across)
-    found = FootprintMap.of(shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD), ONE_THREAD)
+    found = FootprintMap.of(shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD))
     index = np.stack(np.meshgrid(np.arange(-2, 3), np.arange(-2, 3)), axis=-1).reshape(-1, 2)
     light = first_channel(found, index @ np.array(on_plane)) * area
     assert light.sum() == pytest.approx(1, abs=1e-4)
@@ -353,7 +353,7 @@ def test_a_line_finer_than_a_pixel_is_shared_as_it_crosses_pixels():
     frame.orthographic, frame.back, frame.right, frame.up = 1, (0.0, 0.0, 1.0), (side, 0.0, 0.0), (0.0, side, 0.0)
     half = math.sqrt(0.5)
     photon = photon_map([(0, 0, 0)], (0.1 * long * half, 0.1 * long * half, 0), (-thin * half, thin * half, 0))
-    found = FootprintMap.of(shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD), ONE_THREAD)
+    found = FootprintMap.of(shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD))
     offsets = np.linspace(-0.1, 0.1, 41)
     light = first_channel(found, np.stack([offsets, -offsets, 0 * offsets], axis=1)) * side**2
     # The pixel's middle lies √2 |offset| off the line; a square's chord there is 2 (side/√2 − √2 |offset|) long. Flux a

@@ -21,9 +21,8 @@ from tpdwarp.footprints.bounds import Piece
 from tpdwarp.footprints.courses import Course, passes_by
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
-from tpdwarp.footprints.lane_counts import for_lanes, func_of_lanes, lane_func, lane_struct
+from tpdwarp.footprints.lane_counts import func_of_lanes, kernel_of_lanes, lane_func, lane_struct
 from tpdwarp.footprints.lanes import (
-    CPU_LANES,
     LANE_NUMBERS,
     Lanes,
     LaneVectors,
@@ -56,6 +55,7 @@ BOX_MARGIN = wp.constant(1.0e-5)
 LARGEST_STEP = wp.constant(0.125)
 SMALLEST_STEP = wp.constant(0.05)
 # Six weights make a parabola; runs of no more queries than this are evaluated one by one.
+WEIGHTS_OF_PARABOLA = 6
 FEWEST_FOR_PARABOLA = wp.constant(8)
 # Of a run whose normals lie within 10° (chosen, not derived) of its first one, all face a footprint where that one lies
 # within 60° − 10° of it, and none where it lies beyond 60° + 10°.
@@ -233,14 +233,15 @@ def gather_kernel(
     that it finds fall on all of the run.
     """
     smooth = form.smooth
-    # Shading normals change within a run, which parabolas do not see; six lanes make one.
-    parabolas = smooth and not shaded and lanes == CPU_LANES
+    # Shading normals change within a run, which parabolas do not see; their weights are found in as many lanes.
+    parabolas = smooth and not shaded and lanes >= WEIGHTS_OF_PARABOLA
     collect = next_run(query_moves)
     place = place_footprint(smooth, moves, curved, shaded)
     reach_of_form = reach_of(form)
     add_parabola = _add_parabola(form, lanes, moves, curved) if parabolas else None
     add_to_leaf = _add_to_leaf(form, lanes, moves, curved, shaded, query_moves, with_motion)
 
+    @kernel_of_lanes(lanes, module_options=lanes_in_vectors())
     def gather(
         base: int,
         # In
@@ -331,8 +332,7 @@ def gather_kernel(
             start = run.stop
         take_out(sums, group * group_size, end, out)
 
-    options = {"module_options": lanes_in_vectors(), "enable_backward": False}
-    return wp.kernel(module="unique", **options)(for_lanes(gather, lanes))
+    return gather
 
 
 def gather(

@@ -7,6 +7,7 @@ and with it whether compiled kernels are found again, would depend on what else 
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -36,8 +37,7 @@ class PerLaneCount:
 
 def for_lanes(function: Callable, count: int) -> FunctionType:
     """The Python function with all that it names as it is for ``count`` lanes."""
-    words = {word for annotation in function.__annotations__.values() for word in _words(annotation)}
-    named = _with_lanes(function.__globals__, {*function.__code__.co_names, *words}, count)
+    named = _with_lanes(function.__globals__, {*function.__code__.co_names, *_words(function)}, count)
     out = FunctionType(function.__code__, named, function.__name__, function.__defaults__, function.__closure__)
     out.__qualname__ = f"{function.__qualname__}_{count}"
     out.__doc__ = function.__doc__
@@ -69,28 +69,31 @@ def func_native(value: str) -> Callable[[Callable], PerLaneCount]:
     return decorated
 
 
+def kernel_of_lanes(count: int, **options: Any) -> Callable[[Callable], wp.Kernel]:
+    """A kernel in a module of its own for one number of lanes, with further ``options`` of ``wp.kernel``."""
+    return lambda function: wp.kernel(module="unique", enable_backward=False, **options)(for_lanes(function, count))
+
+
 def lane_kernel(function: Callable) -> PerLaneCount:
-    """A kernel for each number of lanes."""
-    return PerLaneCount(lambda count: wp.kernel(module="unique", enable_backward=False)(for_lanes(function, count)))
+    """Such a kernel for each number of lanes."""
+    return PerLaneCount(lambda count: kernel_of_lanes(count)(function))
 
 
 def lane_struct(given: type) -> PerLaneCount:
     """A Warp structure for each number of lanes."""
 
     def make(count: int) -> Any:
-        module = vars(sys.modules[given.__module__])
-        types = {
-            name: eval(annotation, _with_lanes(module, _words(annotation), count))
-            for name, annotation in given.__annotations__.items()
-        }
+        named = _with_lanes(vars(sys.modules[given.__module__]), _words(given), count)
+        types = inspect.get_annotations(given, globals=named, eval_str=True)
         body = {"__annotations__": types, "__doc__": given.__doc__, "__module__": given.__module__}
         return wp.struct(type(f"{given.__name__}_{count}", (), body))
 
     return PerLaneCount(make)
 
 
-def _words(annotation: str) -> list[str]:
-    return re.findall(r"\w+", annotation)
+def _words(given: Callable) -> set[str]:
+    """What the annotations of a function or structure name."""
+    return {word for annotation in given.__annotations__.values() for word in re.findall(r"\w+", annotation)}
 
 
 def _with_lanes(module: Mapping[str, Any], names: Iterable[str], count: int) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class FootprintLight:
 
         self._shaped = shaped(split.fine, pixel)
         faint = [
-            (side, FootprintMap.of(shaped(photons, _square(side)), launcher))
+            (side, FootprintMap.of(shaped(photons, _square(side))))
             for side, photons in sorted(split.coarse.items())
         ]
         everything = (self._shaped, *(footprints.footprints for _, footprints in faint))
@@ -91,7 +91,7 @@ class FootprintLight:
         self._sweeping = [Rasters(self._wide.planes, levels, form, launcher)] if levels else []
 
     def _map_of(self, rows: np.ndarray) -> FootprintMap:
-        return FootprintMap.of(self._shaped, self._launcher, rows)
+        return FootprintMap.of(self._shaped, rows)
 
     def _maps_of(self, rows: np.ndarray) -> list[FootprintMap]:
         """Those of one size together, for a walk through a tree serves queries as far apart as footprints are large."""

@@ -209,14 +209,16 @@ def within_reach(photons: PhotonMap) -> PhotonMap:
     """The photons with columns over whole cells, and of these the parts that their footprints reach over."""
     if not len(photons.reach):
         return photons
-    none = {"reach": np.zeros((0, 2), np.float32), **dict.fromkeys(("cell_u", "cell_v"), np.zeros((0, 3), np.float32))}
+    no_rows = np.zeros((0, 3), np.float32)
+    used_up = {"cell_u": no_rows, "cell_v": no_rows, "reach": no_rows[:, :2]}
+    whole = replace(photons, dxdu=photons.cell_u, dxdv=photons.cell_v, **used_up)
     if photons.reach.min() == 1.0:
-        return replace(photons, dxdu=photons.cell_u, dxdv=photons.cell_v, **none)
+        return whole
     u, v = photons.reach[:, :1], photons.reach[:, 1:]
-    trajectory = photons.trajectory
+    trajectory = whole.trajectory
     if trajectory is not None:
         trajectory = replace(trajectory, dxdut=u * trajectory.dxdut, dxdvt=v * trajectory.dxdvt)
-    return replace(photons, dxdu=u * photons.cell_u, dxdv=v * photons.cell_v, trajectory=trajectory, **none)
+    return replace(whole, dxdu=u * whole.dxdu, dxdv=v * whole.dxdv, trajectory=trajectory)
 
 
 def _at_rest(photons: PhotonMap) -> np.ndarray:
