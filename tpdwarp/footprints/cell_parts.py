@@ -26,6 +26,7 @@ import warp as wp
 from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.light_images import cell_in_light, images_of, is_widened
+from tpdwarp.footprints.photon_rows import PhotonRows
 from tpdwarp.footprints.shaping import (
     LightImageArrays,
     PixelSize,
@@ -90,25 +91,22 @@ def measure_cells(
                 parts[i] = wp.where(parts[i] >= 0.5, 1.0, 0.0)
 
 
-def told_apart(maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher) -> tuple[list[PhotonMap], np.ndarray]:
-    """Photons whose footprints are B-splines, then those of cells, each with their part of the flux.
-
-    Returns:
-        The maps, and 1 for each of them that holds cells.
-    """
-    found: tuple[list[PhotonMap], list[PhotonMap]] = [], []
+def told_apart(
+    maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher
+) -> tuple[list[PhotonRows], list[PhotonRows]]:
+    """Photons whose footprints are B-splines, and those of cells, each with their part of the flux."""
+    splines: list[PhotonRows] = []
+    cells: list[PhotonRows] = []
     for photons in (some for some in maps if len(some)):
         whole = photons.in_whole_cells
         parts = _parts(whole if photons.finer == 1 else _halved(whole), pixel, launcher)
-        for taken, part, shaped in zip(found, (1.0 - parts, parts), (whole, photons), strict=True):
+        for taken, part, shaped in ((splines, 1.0 - parts, whole), (cells, parts, photons)):
             if part.min() == 1.0:
-                taken.append(shaped)
+                taken.append(PhotonRows(shaped))
             elif part.any():
                 index = np.flatnonzero(part > 0.0)
-                rows = shaped.rows(index)
-                taken.append(replace(rows, flux=rows.flux * part[index, None]))
-    splines, cells = found
-    return [*splines, *cells], np.repeat(np.int32([0, 1]), [len(splines), len(cells)])
+                taken.append(PhotonRows(shaped, index, part[index]))
+    return splines, cells
 
 
 def _halved(photons: PhotonMap) -> PhotonMap:
@@ -121,6 +119,6 @@ def _parts(photons: PhotonMap, pixel: PixelSize, launcher: Launcher) -> np.ndarr
     out = launcher.zeros(len(photons), wp.float32)
     columns = (getattr(photons, name) for name in ("position", "normal", "dxdu", "dxdv"))
     arrays = [launcher.array(column, wp.vec3) for column in columns]
-    inputs = [*arrays, images_of([photons], "bspline", launcher), pixel, out]
+    inputs = [*arrays, images_of([PhotonRows(photons)], "bspline", launcher), pixel, out]
     launcher(measure_cells, len(photons), inputs, in_turn=True)
     return out.numpy()

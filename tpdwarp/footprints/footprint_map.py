@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -13,8 +14,13 @@ from tpdwarp.footprints.bounds import Pieces, pieces_of
 from tpdwarp.footprints.cell_parts import told_apart
 from tpdwarp.footprints.courses import courses_of
 from tpdwarp.footprints.light_images import axes_in_light, images_of
+from tpdwarp.footprints.photon_rows import PhotonRows, stacked
 from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, footprint_kernel
-from tpdwarp.photons.photon_map import PhotonMap, joined
+from tpdwarp.photons.photon_map import PhotonMap
+
+# Pieces that a leaf of the tree holds: a tree of a million is built in half the time that it takes with one in each and
+# looked up no slower. Chosen.
+PIECES_OF_LEAF = 4
 
 
 @dataclass
@@ -84,7 +90,7 @@ class FootprintMap:
         pieces = pieces_of(footprints.arrays, rows, footprints.launcher)
         # On the CPU it is built in half the time that the default takes, and walked through no slower.
         constructor = None if footprints.launcher.device.is_cuda else "cubql"
-        bvh = wp.Bvh(pieces.lower, pieces.upper, constructor=constructor)
+        bvh = wp.Bvh(pieces.lower, pieces.upper, constructor=constructor, leaf_size=PIECES_OF_LEAF)
         return cls(footprints, len(rows), pieces, bvh, 0.5 * pieces.size)
 
 
@@ -92,62 +98,48 @@ def shape_footprints(
     maps: list[PhotonMap], kernel: str, smoothing: float, pixel: PixelSize, moves: bool, launcher: Launcher
 ) -> Footprints:
     """Shapes the footprints of all photons in ``maps``."""
-    are_cells = np.zeros(len(maps), np.int32)
+    splines, cells = [PhotonRows(photons) for photons in maps if len(photons)], []
     if kernel == "bspline" and smoothing == 1.0:
-        maps, are_cells = told_apart(maps, pixel, launcher)
-    count = sum(len(photons) for photons in maps)
-    curved = any(photons.trajectory is not None for photons in maps)
+        splines, cells = told_apart(maps, pixel, launcher)
+    parts = [*splines, *cells]
+    counts = [len(part) for part in parts]
+    count = sum(counts)
+    curved = any(part.photons.trajectory is not None for part in parts)
     if not count:
         arrays = launcher.rows(FootprintArrays, 0)
         none = launcher.zeros(0, wp.float32)
         return Footprints(arrays, none, moves, curved, False, 0, 0, launcher)
 
-    def column(name: str) -> wp.array:
-        return launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3)
-
-    def trajectory_column(name: str) -> wp.array:
-        if not curved:
-            return launcher.zeros(0, wp.vec3)
-        return launcher.array(joined([_trajectory_column(photons, name) for photons in maps]), wp.vec3)
+    def column(name: str, dtype: Any = wp.vec3, *, wanted: bool = True, own: bool = False) -> wp.array:
+        """Of all photons; without rows where it is not ``wanted``."""
+        return launcher.array(stacked(parts, name, own=own), dtype) if wanted else launcher.zeros(0, dtype)
 
     # Columns that footprints share with photons are not copied: ten million of either fill memory.
-    shared = {"center": "position", "normal": "normal", "dxdt": "dxdt"}
-    others = ("receiver", "time", "acceleration", "jerk", "jacobian_rate", "gain", "incidence", "is_cell")
-    splines = ("filter_width", "pixel")
-    out = launcher.rows(FootprintArrays, count, but=(*shared, *others, *splines))
-    for name, source in shared.items():
-        setattr(out, name, column(source))
-    bends = launcher.zeros(0, wp.vec3)
-    if all(len(photons.bend) == len(photons) for photons in maps):
-        # Footprints leave their photons, whose places stay.
-        bends, out.center = column("bend"), wp.clone(out.center)
-    out.acceleration, out.jerk = trajectory_column("dxdtt"), trajectory_column("dxdttt")
+    shared = ("center", "normal", "dxdt", "acceleration", "jerk", "gain", "incidence", "receiver")
+    out = launcher.rows(
+        FootprintArrays, count, but=(*shared, "time", "jacobian_rate", "filter_width", "pixel", "is_cell")
+    )
+    is_bent = all(part.has("bend") for part in parts)
+    shaded = all(part.has("incidence") for part in parts)
+    # Footprints leave their photons, whose places and trajectories stay.
+    out.center, out.normal, out.dxdt = column("position", own=is_bent), column("normal"), column("dxdt")
+    out.acceleration, out.jerk = (column(name, wanted=curved, own=True) for name in ("dxdtt", "dxdttt"))
+    out.gain, out.incidence = column("gain", wp.float32, wanted=curved), column("incidence", wanted=shaded)
+    out.receiver = column("receiver", wp.int32)
     out.jacobian_rate = launcher.zeros(count if curved else 0, wp.mat22)
-    gains = [_trajectory_column(photons, "gain") for photons in maps] if curved else [np.zeros(0)]
-    out.gain = launcher.array(joined(gains).astype(np.float32), wp.float32)
-    for name, dtype in zip(splines, (wp.vec3, wp.mat22), strict=True):
+    for name, dtype in (("filter_width", wp.vec3), ("pixel", wp.mat22)):
         setattr(out, name, launcher.zeros(count if kernel == "bspline" else 0, dtype))
-    out.is_cell = launcher.array(np.repeat(are_cells, [len(photons) for photons in maps]), wp.int32)
-    shaded = all(len(m.incidence) == len(m) for m in maps)
-    out.incidence = column("incidence") if shaded else launcher.zeros(0, wp.vec3)
-    out.receiver = launcher.array(joined([m.receiver for m in maps]), wp.int32)
+    out.is_cell = launcher.array(np.repeat(np.int32([0] * len(splines) + [1] * len(cells)), counts), wp.int32)
     out.time, durations = (
-        launcher.array(np.concatenate([np.full(len(m), getattr(m, name), np.float32) for m in maps]), wp.float32)
+        launcher.array(np.repeat(np.float32([getattr(part.photons, name) for part in parts]), counts), wp.float32)
         for name in ("time", "duration")
     )
-    rates = [trajectory_column("dxdut"), trajectory_column("dxdvt")]
-    columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux"), bends]
-    extended = all(len(m.image) == len(m) for m in maps)
-    images = images_of(maps, kernel, launcher)
+    rates = [column(name, wanted=curved) for name in ("dxdut", "dxdvt")]
+    columns = [column("dxdu"), column("dxdv"), *rates, column("receiver_motion"), column("flux")]
+    bends, images = column("bend", wanted=is_bent), images_of(parts, kernel, launcher)
+    extended = all(part.has("image") for part in parts)
     radial = None if kernel == "bspline" else kernel
     shape = footprint_kernel(radial, curved, axes_in_light(radial) if extended else None)
-    launcher(shape, count, [*columns, images, float(smoothing), pixel, out], in_turn=True)
+    launcher(shape, count, [*columns, bends, images, float(smoothing), pixel, out], in_turn=True)
     clamped, limited = (int(flags.numpy().sum(dtype=np.int64)) for flags in (out.clamped, out.growth_limited))
     return Footprints(out, durations, moves, curved, shaded, clamped, limited, launcher)
-
-
-def _trajectory_column(photons: PhotonMap, name: str) -> np.ndarray:
-    """A column of how trajectories curve, zero where they are straight."""
-    if photons.trajectory is not None:
-        return getattr(photons.trajectory, name)
-    return np.zeros(len(photons), np.float32) if name == "gain" else np.zeros_like(photons.position)

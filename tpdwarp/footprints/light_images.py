@@ -22,6 +22,7 @@ Beyond the paper, whose lights are points or parallel.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 
 import warp as wp
@@ -29,6 +30,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bspline import disc_widths
 from tpdwarp.footprints.kernels import VARIANCE
+from tpdwarp.footprints.photon_rows import PhotonRows, stacked
 from tpdwarp.footprints.shaping import (
     Axes,
     LightImageArrays,
@@ -55,7 +57,6 @@ from tpdwarp.photons.light_columns import (
     VARIANCE_OF_DISC,
     VARIANCE_OF_INTERVAL,
 )
-from tpdwarp.photons.photon_map import PhotonMap, joined
 from tpdwarp.scene.light_places import narrowing_of
 
 # An image of less than this part of the pixel's variance is left out: it would widen the pixel by half of that.
@@ -310,15 +311,13 @@ def axes_in_light(radial: str | None) -> wp.Function:
     return radial_axes
 
 
-def images_of(maps: list[PhotonMap], kernel: str, launcher: Launcher) -> LightImageArrays:
+def images_of(parts: Sequence[PhotonRows], kernel: str, launcher: Launcher) -> LightImageArrays:
     """What the lights of photons span, one row a photon; no rows where no light has an extent."""
     out = LightImageArrays()
     out.narrowing = 1.0
-    if all(len(photons.image) == len(photons) for photons in maps):
+    if all(part.has("image") for part in parts):
         if kernel == "bspline":
-            out.narrowing = narrowing_of(max(photons.light_parts for photons in maps))
-        out.dxda, out.dxdb = (
-            launcher.array(joined([getattr(photons, name) for photons in maps]), wp.vec3) for name in ("dxda", "dxdb")
-        )
-        out.image = launcher.array(joined([photons.image for photons in maps]), wp.int32)
+            out.narrowing = narrowing_of(max(part.photons.light_parts for part in parts))
+        out.dxda, out.dxdb = (launcher.array(stacked(parts, name), wp.vec3) for name in ("dxda", "dxdb"))
+        out.image = launcher.array(stacked(parts, "image"), wp.int32)
     return out

@@ -1,0 +1,67 @@
+"""Rows of photon maps that have footprints of one kind, taken column by column: ten million photons fill memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
+
+_OF_TRAJECTORIES = {field.name for field in fields(TrajectoryColumns)}
+
+
+@dataclass(frozen=True, eq=False)
+class PhotonRows:
+    """Some photons of a map.
+
+    Attributes:
+        photons: The map.
+        rows: Which, by index, shape [n]; None for all.
+        part: The part of its flux that each of them has here, shape [n]; None for all of it.
+    """
+
+    photons: PhotonMap
+    rows: np.ndarray | None = None
+    part: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.photons) if self.rows is None else len(self.rows)
+
+    def values(self, name: str) -> np.ndarray:
+        """A column of all photons of the map, or of how their trajectories curve, zero where they are straight."""
+        if name not in _OF_TRAJECTORIES:
+            return getattr(self.photons, name)
+        if self.photons.trajectory is not None:
+            return getattr(self.photons.trajectory, name)
+        shape = (len(self.photons),) if name == "gain" else self.photons.position.shape
+        return np.broadcast_to(np.float32(0.0), shape)
+
+    def has(self, name: str) -> bool:
+        """Whether there is such a column: some have no rows where no stage asks for them."""
+        return len(getattr(self.photons, name)) == len(self.photons)
+
+
+def stacked(parts: Sequence[PhotonRows], name: str, *, own: bool = False) -> np.ndarray:
+    """A column of all ``parts``, one below the other.
+
+    Args:
+        own: Whether it is to be written to: else that of a whole map alone is not copied.
+    """
+    first = parts[0].values(name)
+    if len(parts) == 1 and parts[0].rows is None and not own:
+        return first
+    out = np.empty((sum(map(len, parts)), *first.shape[1:]), first.dtype)
+    start = 0
+    for part in parts:
+        here = out[start : start + len(part)]
+        if part.rows is None:
+            here[:] = part.values(name)
+        else:
+            # With other modes NumPy takes them twice.
+            np.take(part.values(name), part.rows, axis=0, out=here, mode="clip")
+        if name == "flux" and part.part is not None:
+            here *= part.part[:, None]
+        start += len(part)
+    return out
