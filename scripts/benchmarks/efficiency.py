@@ -159,7 +159,7 @@ def view_rate() -> dict[str, float]:
     lights = light_arrays(loaded.scene.lights, context.normalization, launcher)
     areas = area_light_arrays(loaded.scene.lights, context.normalization, launcher)
     pixels = block_order(width, height)
-    positions = film_positions(pixels, np.zeros(len(pixels), int), width, 1, 0)
+    positions = film_positions(pixels, width, 1, 0)
     films = launcher.array(positions.astype(np.float32), wp.vec2)
     items = np.arange(len(pixels), dtype=np.int32)
     out, surfaces = launcher.zeros(len(pixels), wp.float32), loaded.geometry.at(0.0, launcher)

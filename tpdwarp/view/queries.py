@@ -24,7 +24,7 @@ from tpdwarp.view.camera import Camera, camera_of, pixel_size
 from tpdwarp.view.domes import DomeArrays, dome_arrays
 from tpdwarp.view.lights import LightArrays, light_arrays
 from tpdwarp.view.merging import merge
-from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_at, time_count
+from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_by_time, time_count
 from tpdwarp.view.visibility import PathFlag, VisiblePoints, visible_points
 
 # Samples that are looked at together, which limits memory: their arrays take some 200 MB.
@@ -177,16 +177,15 @@ class CameraView:
         """
         samples, seed, launcher = self._settings.samples, self._settings.seed, self._launcher
         with self._clock.stage("view"):
-            place, sample = np.divmod(np.arange(len(pixels) * samples, dtype=np.int32), samples)
-            films = film_positions(pixels[place], sample, self._size[0], samples, seed)
+            place = np.repeat(np.arange(len(pixels), dtype=np.int32), samples)
+            films = film_positions(pixels, self._size[0], samples, seed)
             spots = self._spots(films, pixels[place])
             device_films = launcher.array(films.astype(np.float32), wp.vec2)
             seen = VisiblePoints.empty(place, self._smooth, self._settings.aovs, True, launcher)
             pixel_of = numbers[place]
         slices = np.zeros(len(place), np.int32)
         later, moving_rows, disturbed = _Rows(), _Rows(), np.zeros(len(pixels), bool)
-        for number in range(self._times):
-            places, chosen = samples_at(number, self._times, pixels, samples, seed)
+        for number, (places, chosen) in enumerate(samples_by_time(self._times, pixels, samples, seed)):
             items = (places * samples + chosen).astype(np.int32)
             slices[items] = number
             for points in self._visible(number, device_films, items, seen):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -20,8 +21,8 @@ MIRRORED_BY = 3
 BLOCK, INNER_BLOCK = 8, 4
 
 
-def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: int, seed: int) -> np.ndarray:
-    """Film coordinates [n, 2] in pixels of the given samples of the given pixels.
+def film_positions(pixels: np.ndarray, width: int, samples: int, seed: int) -> np.ndarray:
+    """Film coordinates [n · samples, 2], in pixels, of all samples of ``pixels`` [n], pixel by pixel.
 
     Samples of each part of a pixel (:func:`part_count`) are a golden-ratio lattice that is symmetric about its centre:
     their mean is exact where light varies linearly, as that of the centre alone is, and scattered positions' is not.
@@ -36,12 +37,15 @@ def film_positions(pixels: np.ndarray, sample: np.ndarray, width: int, samples: 
     signs = 1.0 - 2.0 * (np.arange(4)[:, None] >> np.array([0, 1]) & 1)
     # One row for each of the eight ways to mirror it.
     offsets = np.concatenate([signs[:, None] * lattice, signs[:, None] * lattice[:, ::-1]])
-    order, part = np.divmod((sample + (_uniform(pixels, seed) * samples).astype(np.int64)) % samples, across**2)
-    mirrored = ((_uniform(pixels, seed + 1) * 8).astype(np.int64) + MIRRORED_BY * part) % 8
-    films = (np.stack([part % across, part // across], axis=1) + 0.5 + offsets[mirrored, order]) / across
-    films[:, 0] += pixels % width
-    films[:, 1] += pixels // width
-    return films
+    order, part = np.divmod(np.arange(samples), across**2)
+    mirrored = (np.arange(8)[:, None] + MIRRORED_BY * part) % 8
+    within = (np.stack([part % across, part // across], axis=1) + 0.5 + offsets[mirrored, order]) / across
+    # Twice, so that from whichever is first as many follow.
+    within = np.concatenate([within, within], axis=1).reshape(-1, 2)
+    first, mirror = ((_uniform(pixels, seed + k) * n).astype(np.int32) for k, n in enumerate((samples, 8)))
+    rows = (2 * samples * mirror + first)[:, None] + np.arange(samples, dtype=np.int32)
+    corners = np.stack([pixels % width, pixels // width], axis=1)
+    return (within.take(rows, axis=0) + corners[:, None]).reshape(-1, 2)
 
 
 def part_count(samples: int) -> int:
@@ -90,19 +94,22 @@ def pixel_grid(width: int, height: int, most: int, seed: int) -> np.ndarray:
     return np.unique(y * width + x)
 
 
-def samples_at(
-    slice_index: int, times: int, pixels: np.ndarray, samples: int, seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Places in ``pixels`` and sample numbers that look at time slice ``slice_index`` of ``times``.
+def samples_by_time(
+    times: int, pixels: np.ndarray, samples: int, seed: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """For each of ``times`` slices of the shutter, places in ``pixels`` and sample numbers that look at it.
 
     Each pixel's samples are spread evenly over the slices, starting at a random one.
     """
     if times == 1:
-        return np.repeat(np.arange(len(pixels)), samples), np.tile(np.arange(samples), len(pixels))
+        yield np.repeat(np.arange(len(pixels)), samples), np.tile(np.arange(samples), len(pixels))
+        return
     stride = times // samples
-    offset = (_uniform(pixels, seed + 2) * stride).astype(np.int64)
-    chosen = np.flatnonzero(offset == slice_index % stride)
-    return chosen, np.full(len(chosen), slice_index // stride)
+    offset = (_uniform(pixels, seed + 2) * stride).astype(np.int32)
+    starting = [np.flatnonzero(offset == start) for start in range(stride)]
+    for number in range(times):
+        chosen = starting[number % stride]
+        yield chosen, np.full(len(chosen), number // stride)
 
 
 def _uniform(index: np.ndarray, seed: int) -> np.ndarray:
