@@ -77,10 +77,10 @@ def edge_cells(
     resting: Cells = {}
     size = photons.size
     way = lengths(photons.dxdt - photons.receiver_motion)
-    fast = photons.rows(important & (way > LONGEST_WAY_AT_REST * size))
+    fast = important & (way > LONGEST_WAY_AT_REST * size)
     if not tell_apart:
         return _beside_edges(photons, plan, emitted_cells(plan, loaded.scene), important), resting
-    going = CellsOfLattices(fast, plan)
+    going = CellsOfLattices(photons, plan, fast)
     for number, cells in _beside_edges(photons, plan, emitted_cells(plan, loaded.scene), important).items():
         window = Window.around(cells, margin=1)
         moves = window.grid(dtype=bool)

@@ -235,9 +235,13 @@ def numbers_of(maps: Sequence[CellsOfLattices]) -> list[int]:
     return sorted(set().union(*(cells.numbers() for cells in maps)))
 
 
-def cell_of(photons: PhotonMap) -> np.ndarray:
-    """The cell that each photon stands for, shape [n, 2]."""
-    return np.floor(photons.emission).astype(np.int64)
+def cell_of(photons: PhotonMap, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+    """The cell that each photon stands for, shape [n, 2].
+
+    Args:
+        rows: Of which photons, by index; all without.
+    """
+    return np.floor(photons.emission[rows]).astype(np.int64)
 
 
 class CellsOfLattices:
@@ -246,16 +250,16 @@ class CellsOfLattices:
     Args:
         photons: Of which those of lattices that were made for one frame are left out.
         plan: The lattices.
+        among: Which of the photons count, shape [n]; all without.
     """
 
-    def __init__(self, photons: PhotonMap, plan: EmissionPlan) -> None:
+    def __init__(self, photons: PhotonMap, plan: EmissionPlan, among: np.ndarray | None = None) -> None:
         self.photons = photons
         _, lattice, planned = plan.paths_of(photons.ids)
-        rows = np.flatnonzero(planned)
+        rows = np.flatnonzero(planned if among is None else planned & among)
         rows = rows[np.argsort(lattice[rows], kind="stable")]
         numbers, starts = np.unique(lattice[rows], return_index=True)
         self._rows = dict(zip(numbers.tolist(), np.split(rows, starts[1:]), strict=True)) if len(rows) else {}
-        self._cells = cell_of(photons)
 
     def numbers(self) -> list[int]:
         """Numbers of the lattices that photons come from, in their order."""
@@ -264,7 +268,7 @@ class CellsOfLattices:
     def of(self, number: int) -> tuple[np.ndarray, np.ndarray]:
         """Rows of the photons of a lattice, shape [n], and their cells, shape [n, 2]."""
         rows = self._rows.get(number, np.zeros(0, np.int64))
-        return rows, self._cells[rows]
+        return rows, cell_of(self.photons, rows)
 
 
 def typical_area(photons: PhotonMap) -> float:
