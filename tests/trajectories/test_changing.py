@@ -263,3 +263,31 @@ def test_light_that_curves_of_third_order_hardly_follow_is_traced_in_parts(first
     # .02 to .04; on curves that keyframes agree with within .25 it is .06 to .13.
     assert error < 0.05 * exact.mean()
     assert frame.energy.counts[RETRACED] > 1000
+
+
+@pytest.mark.parametrize(("tilt", "segments"), [(88.0, 1), (90.0, 1), (90.0, 2)])
+def test_a_mirror_that_turns_over_sends_each_way_what_it_catches(tilt, segments):
+    """A thin mirror turns by 20 degrees about an axis through its middle, past the light that it lies along."""
+    height, half, turn, columns = 0.8, 0.3, math.radians(20.0), 48
+
+    def sides(s: np.ndarray) -> np.ndarray:
+        """Its side across the axis at the parts ``s`` of the shutter, shape [n, 2] by x and z: vertices go straight."""
+        angle = math.radians(tilt)
+        along, across = np.array([math.cos(angle), -math.sin(angle)]), np.array([-math.sin(angle), -math.cos(angle)])
+        return along + turn * s[:, None] * across
+
+    upright = quad("/mirror", (-half, -half), (half, half), 0.0, MIRROR)
+    places = upright.points[:, :1] * np.insert(sides(np.zeros(1)), 1, 0.0, axis=1) + upright.points[:, 1:2] * [0, 1, 0]
+    motions = upright.points[:, :1] * np.insert(sides(np.ones(1)) - sides(np.zeros(1)), 1, 0.0, axis=1)
+    mirror = replace(upright, points=places + np.array([0, 0, height]), motions=motions)
+    source = steady([floor(), mirror], (sun(),), looking_down((-0.5, 0.5, -0.25, 0.25), height=0.1))
+    # Strips of the mirror at many times: downward light turns by twice the slope of the mirror.
+    r = half * ((np.arange(400) + 0.5) / 200 - 1)
+    x, z = sides((np.arange(800) + 0.5) / 800 - 0.5).T
+    lands = r * x[:, None] + (height + r * z[:, None]) * np.tan(2.0 * np.arctan2(x, -z))[:, None]
+    caught = np.broadcast_to(np.abs(x)[:, None], lands.shape) * (r[1] - r[0]) / 800
+    exact = np.histogram(lands, bins=columns, range=(-0.5, 0.5), weights=caught)[0] * columns
+    found = irradiance(rendered(source, columns, photons=16384, segments=segments)).mean(axis=0)
+    assert found.mean() == pytest.approx(exact.mean(), rel=5e-3)
+    # As it rides, light is twice as bright on one side, and half as bright on the other.
+    assert np.sqrt(np.mean((found - exact) ** 2)) < 0.06 * exact.mean()

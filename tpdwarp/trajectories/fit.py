@@ -18,8 +18,8 @@ s · shift, and that of another area: if the shift grows from cell to cell, so d
 
     Φ (1 + s (∂_u shift_u + ∂_v shift_v + D_t ln Φ))
 
-where D_t ln Φ is what keyframes say of the flux at the place where it rides: solid angle, Fresnel and all. The mean
-over the shutter is Φ, so that energy is as it was.
+where D_t ln Φ is what keyframes say of the flux at the place where it rides: solid angle, Fresnel and all. Φ is the
+mean over the shutter (:mod:`.mean_flux`).
 
 Beyond the paper, whose footprints go straight and keep their shape and flux.
 """
@@ -45,6 +45,7 @@ from tpdwarp.trajectories.keyframes import (
     ShutterKeyframes,
     disagreement,
 )
+from tpdwarp.trajectories.mean_flux import CellGrowth, over_mean
 from tpdwarp.trajectories.neighbours import differences, neighbours
 
 # Beside what lights themselves do, flux grows by no more than half of this part to either end, as axes do. Chosen, not
@@ -80,22 +81,26 @@ def fit_trajectories(
         follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT
         photons, shortened = _shortened(photons, follows)
         changes = _acceleration_and_jerk(before, middle, after, follows)
-        rates, growth = [np.zeros_like(photons.dxdt)] * 2, np.zeros(len(photons))
+        rates, cells = [np.zeros_like(photons.dxdt)] * 2, CellGrowth.none(len(photons))
         if keyframes.tracer.settings.emission == "lattice":
             beside = neighbours(photons, plan)
             rates = [differences(photons.dxdt, pairs) for pairs in beside]
-            growth = sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
+            cells = CellGrowth.of(photons, before, after, follows, beside)
         # Of flux that goes along a line, over its mean.
         change = 2.0 * np.tanh(0.5 * (after.log_flux - before.log_flux)) / (2.0 * END)
-        gain = np.clip(growth + np.where(follows, change, 0.0), -LARGEST_GROWTH, LARGEST_GROWTH).astype(np.float32)
+        change = np.where(follows, change, 0.0)
+        gain = np.clip(cells.first + change, -LARGEST_GROWTH, LARGEST_GROWTH).astype(np.float32)
+        mean = over_mean(before, middle, after, cells, change, follows)
         account = EnergyAccount(counts={"keyframes": keyframes.emitted})
         if shortened:
             account.counts["ways shortened for want of keyframes"] = shortened
         if not follows.all():
             account.counts["straight for want of keyframes"] = int(np.sum(~follows))
-        photons = replace(photons, trajectory=TrajectoryColumns(*changes, *rates, gain))
+        flux = photons.flux * mean[:, None].astype(np.float32)
+        over_middle = float((flux - photons.flux).sum(dtype=np.float64))
+        photons = replace(photons, flux=flux, trajectory=TrajectoryColumns(*changes, *rates, gain))
         photons = replace(photons, power_curves=keyframes.power_curves(photons.light_paths))
-        gained = plan.normalization.power * gained_flux(photons)
+        gained = plan.normalization.power * (gained_flux(photons) + over_middle)
         account.add(EnergyAccount(sent=gained, deposited=gained))
         return photons, account
 

@@ -1,4 +1,4 @@
-"""Grids of keyframes: D_t x, x and ln Φ as functions of the place on a light, interpolated on the device."""
+"""Grids of keyframes: D_t x, x, ln Φ and shift as functions of the place on a light, interpolated on the device."""
 
 from __future__ import annotations
 
@@ -29,13 +29,15 @@ class Grid:
 class GridArrays:
     """The photons of all grids, cell by cell.
 
-    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ.
+    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ; ``shift`` counts steps of the
+    grid's own lattice.
     """
 
     path: wp.array(dtype=wp.int64)
     dxdt: wp.array(dtype=wp.vec3)
     position: wp.array(dtype=wp.vec3)
     log_flux: wp.array(dtype=wp.float32)
+    shift: wp.array(dtype=wp.vec2)
 
 
 @wp.struct
@@ -56,11 +58,13 @@ class Riders:
 
 @wp.struct
 class StateArrays:
-    """What was found, one row a photon; ``drift`` is how far it has moved over the light, in cells of the grid."""
+    """What was found, one row a photon; ``drift`` is how far it has moved over the light, in cells of the grid, and
+    ``shift`` counts steps of the lattice of the photons."""
 
     dxdt: wp.array(dtype=wp.vec3d)
     position: wp.array(dtype=wp.vec3d)
     log_flux: wp.array(dtype=wp.float64)
+    shift: wp.array(dtype=wp.vec2d)
     drift: wp.array(dtype=wp.float64)
     valid: wp.array(dtype=wp.int32)
 
@@ -72,6 +76,7 @@ class Corner:
     dxdt: wp.vec3d
     position: wp.vec3d
     log_flux: wp.float64
+    shift: wp.vec2d
     valid: int
 
 
@@ -85,6 +90,7 @@ def corner_at(cells: GridArrays, grid: Grid, u: int, v: int, path: wp.uint32) ->
             out.dxdt = wp.vec3d(cells.dxdt[k])
             out.position = wp.vec3d(cells.position[k])
             out.log_flux = wp.float64(cells.log_flux[k])
+            out.shift = wp.vec2d(cells.shift[k])
             out.valid = 1
     return out
 
@@ -97,6 +103,7 @@ def on_plane_of(missing: Corner, a: Corner, b: Corner, opposite: Corner) -> Corn
         out.dxdt = a.dxdt + b.dxdt - opposite.dxdt
         out.position = a.position + b.position - opposite.position
         out.log_flux = a.log_flux + b.log_flux - opposite.log_flux
+        out.shift = a.shift + b.shift - opposite.shift
     return out
 
 
@@ -153,6 +160,8 @@ def interpolate(
             out.log_flux[i] = (one - y) * ((one - x) * p.log_flux + x * q.log_flux) + y * (
                 (one - x) * r.log_flux + x * s.log_flux
             )
+            shift = (one - y) * ((one - x) * p.shift + x * q.shift) + y * ((one - x) * r.shift + x * s.shift)
+            out.shift[i] = wp.cw_div(shift, scale)
             out.valid[i] = 1
 
 
@@ -186,4 +195,5 @@ def grids_of(
     out.path = column(photons.path[rows].astype(np.int64), wp.int64, -1)
     out.dxdt, out.position = (column(getattr(photons, name)[rows], wp.vec3) for name in ("dxdt", "position"))
     out.log_flux = column(flux.astype(np.float32), wp.float32)
+    out.shift = column(photons.shift[rows], wp.vec2)
     return wp.array(table, dtype=Grid, device=launcher.device), out

@@ -48,8 +48,8 @@ def rift_cells(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return rift, field
     width = math.ceil(min(float(np.quantile(widths, WIDTH_QUANTILE)), max(field.shape[:2])))
     if any(2 * width + 1 > size for size, apart in zip(field.shape, across, strict=False) if len(apart)):
-        # The mean over more than the lattice is none that cells can ride along: light that grazes waves drifts so.
-        return np.zeros_like(rift), field
+        # The mean over more than the lattice is none that cells can ride along: they rest.
+        return np.zeros_like(rift), np.zeros_like(field)
     return _mean_over(rift[..., None].astype(np.float64), width)[..., 0] > 0.0, _mean_over(field, width)
 
 
