@@ -32,6 +32,7 @@ class Requirements:
         textures: Whether an albedo, a normal or what a surface gives off differs over it by a texture.
         normal_maps: Whether a normal does.
         specular_maps: Whether what a surface reflects or refracts does: its share, its tint or its roughness.
+        metals: Whether there is metal too rough for a mirror.
         partial: Whether light passes through a part of a surface, or meets one that is both clear and diffuse.
         tinted: Whether dielectrics take from the light that they refract.
         emission: Whether a surface gives off light.
@@ -67,11 +68,12 @@ class Requirements:
     clipped: bool = False
     normal_maps: bool = False
     specular_maps: bool = False
+    metals: bool = False
 
     @property
     def material_arrays(self) -> bool:
         """Whether kernels look up more of a material than its interaction, colour and index."""
-        shown = self.textures, self.partial, self.tinted, self.emission, self.thin_walls, self.rough
+        shown = self.textures, self.partial, self.tinted, self.emission, self.thin_walls, self.rough, self.metals
         return any(shown) or self.specular_maps
 
     @property
@@ -149,4 +151,5 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         clipped=scene.camera is not None and len(scene.camera.clipping_planes) > 0,
         normal_maps=normal_maps,
         specular_maps=any(material.specular_maps for material in placed),
+        metals=any(material.metallic for material in materials),
     )

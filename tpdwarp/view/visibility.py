@@ -34,6 +34,7 @@ from tpdwarp.scene.device.textures import (
     diffuse_share_at,
     emission_at,
     mapped_normal,
+    metal_at,
     mirror_tint,
     on_plane,
     roughness_at,
@@ -45,6 +46,8 @@ from tpdwarp.settings import ViewSettings
 from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
+from tpdwarp.view.ggx import lobe_at
+from tpdwarp.view.glossy_lights import area_reflection, dome_reflection, point_reflection
 from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
 from tpdwarp.view.shared_branches import follows, samples_served
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
@@ -153,12 +156,14 @@ def visible_kernel(
     clipped: bool = False,
     normal_maps: bool = False,
     mapped: bool = False,
+    metals: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular, branches = refraction and reflection, refraction or reflection, refraction or partial
-    placed = textured or mapped or partial
+    placed = textured or mapped or partial or metals
     arrives = share_that_arrives(linked, partial)
     from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
+    off_points, off_areas = point_reflection(arrives, linked), area_reflection(arrives, linked)
 
     @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
     def see(
@@ -368,32 +373,53 @@ def visible_kernel(
                         if wp.static(normal_maps):
                             n = mapped_normal(textures, material, hit, n, across, down)
                     weight = wp.cw_mul(throughput, albedo) * INV_PI
-                    irradiance = from_points(
-                        surfaces, textures, lights, beam.x, n, n_g, hit.offset * n_g, surfaces.object_of[hit.triangle]
-                    )
-                    if wp.static(extended):
-                        irradiance += from_areas(
-                            surfaces, textures, area_lights, beam.x, n, n_g, hit.offset * n_g, place_for(films[item]),
-                            surfaces.object_of[hit.triangle],
-                        )  # fmt: skip
-                    if wp.static(domed):
-                        # Neighbours in the image choose other parts of the dome.
-                        scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
-                        place = scattered - wp.floor(scattered)
-                        irradiance += dome_irradiance(
-                            surfaces, textures, wp.static(partial), domes, beam.x, n, n_g, hit.offset * n_g, place
-                        )
+                    object = surfaces.object_of[hit.triangle]
+                    offset = hit.offset * n_g
+                    metal = float(0.0)
+                    if wp.static(metals):
+                        metal = metal_at(textures, material, hit, across, down)
+                    irradiance = wp.vec3(0.0, 0.0, 0.0)
+                    if metal < 1.0:
+                        irradiance = from_points(surfaces, textures, lights, beam.x, n, n_g, offset, object)
+                        if wp.static(extended):
+                            irradiance += from_areas(
+                                surfaces, textures, area_lights, beam.x, n, n_g, offset, place_for(films[item]), object
+                            )
+                        if wp.static(domed):
+                            # Neighbours in the image choose other parts of the dome.
+                            scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
+                            place = scattered - wp.floor(scattered)
+                            irradiance += dome_irradiance(
+                                surfaces, textures, wp.static(partial), domes, beam.x, n, n_g, offset, place
+                            )
+                    direct = wp.cw_mul(weight, irradiance)
+                    if wp.static(metals):
+                        if metal > 0.0:
+                            width = roughness_at(textures, material, hit, across, down)
+                            lobe = lobe_at(n, -beam.w, width, albedo)
+                            glossy = off_points(surfaces, textures, lights, lobe, beam.x, n_g, offset, object)
+                            if wp.static(extended):
+                                glossy += off_areas(
+                                    surfaces, textures, area_lights, lobe, beam.x, n_g, offset, place_for(films[item]),
+                                    object,
+                                )  # fmt: skip
+                            if wp.static(domed):
+                                glossy += dome_reflection(
+                                    surfaces, textures, wp.static(partial), domes, lobe, beam.x, n_g, offset,
+                                    place_for(films[item]),
+                                )  # fmt: skip
+                            direct = (1.0 - metal) * direct + metal * wp.cw_mul(throughput, glossy)
                     if wp.static(named):
                         out.albedo[i] = albedo
                         out.triangle[i] = hit.triangle
                     out.weight[i] = weight
-                    out.direct[i] = wp.cw_mul(weight, irradiance)
+                    out.direct[i] = direct
                     if wp.static(emission):
                         shining = textures.emissions[material]
                         if wp.static(textured):
                             shining = emission_at(textures, material, hit, across, down)
                         out.direct[i] += wp.cw_mul(throughput, shining)
-                    queries.receiver[i] = surfaces.object_of[hit.triangle]
+                    queries.receiver[i] = object
                     queries.normal[i] = n_g
                     if wp.static(smooth_receivers):
                         queries.shading_normal[i] = n
@@ -597,6 +623,7 @@ def visible_points(
         clipped=needs.clipped,
         normal_maps=needs.normal_maps,
         mapped=needs.specular_maps,
+        metals=needs.metals,
     )
     first = True
     while len(items):
