@@ -52,7 +52,7 @@ def eye(cosine: float, window: float = 1e-5) -> CameraAtShutter:
 
 def radiance(meshes, light, cosine: float, films=PLACES, **compiled) -> np.ndarray:
     """Mean radiance [3] of the origin in direct light."""
-    (seen,) = see(SceneAtShutter(SHUTTER, tuple(meshes), (light,), eye(cosine)), 1, 1, films, **compiled)
+    seen = see(SceneAtShutter(SHUTTER, tuple(meshes), (light,), eye(cosine)), 1, 1, films, **compiled)[0]
     assert np.isfinite(seen.direct).all()
     return seen.direct.mean(axis=0)
 
@@ -94,7 +94,7 @@ def test_a_light_with_extent_is_seen_as_the_integral_over_it(name, alpha):
 def test_a_light_where_the_lobe_looks_is_seen_without_much_noise():
     """A wide panel over a narrow lobe: nearly all directions of the lobe meet it, and it is as bright everywhere."""
     light = lamp(ExtentShape.RECT, (-0.5, 0.0, 0.7), sizes=(2.0, 2.0))
-    (seen,) = see(SceneAtShutter(SHUTTER, (floor(material=metal(0.1)),), (light,), eye(0.8)), 1, 1, PLACES)
+    seen = see(SceneAtShutter(SHUTTER, (floor(material=metal(0.1)),), (light,), eye(0.8)), 1, 1, PLACES)[0]
     values = seen.direct[:, 0]
     assert values.mean() == pytest.approx(by_quadrature(light, 0.8, 0.1), rel=WITHIN)
     assert values.std() < 0.2 * values.mean()
@@ -132,9 +132,7 @@ def test_the_same_pixel_sees_the_same_in_every_frame():
 def under_dome(dome: DomeAtShutter, alpha: float, cosine: float, *others) -> np.ndarray:
     """Radiance [3] of metal under a dome, the mean of 16² pixels that look at one point."""
     source = Source(
-        lambda shutter: SceneAtShutter(
-            shutter, (floor(material=metal(alpha)), *others), (), eye(cosine), (dome,)
-        )
+        lambda shutter: SceneAtShutter(shutter, (floor(material=metal(alpha)), *others), (), eye(cosine), (dome,))
     )
     frame = render_frame(RenderContext(source, Settings(samples=4, photons=64, threads=1)), SHUTTER, 16, 16)
     return np.stack([frame.channels[c] for c in "RGB"], axis=-1).astype(float).mean(axis=(0, 1))
@@ -174,3 +172,54 @@ def test_what_stands_before_a_dome_is_not_lit_by_it():
     hidden, free = (under_dome(sky(0.0), 0.3, 0.8, replace(board, points=board.points - z * UP)) for z in (0, 2))
     # It ends 6° above the horizon.
     assert np.all(hidden < 0.02 * free)
+
+
+WHITE_METAL = Material(color=(1.0, 1.0, 1.0), metal=1.0, roughness=0.3)
+GLOW = Material(color=(0.0, 0.0, 0.0), emission=(2.0, 1.0, 0.5))
+
+
+def seen_in_metal(material: Material, *others, cosine: float = 0.8, **compiled) -> np.ndarray:
+    """Mean radiance [3] of metal at the origin, on all paths of 32² pixels with four samples each."""
+    ground = quad("/ground", (-400, -400), (400, 400), 0.0, material)
+    scene = SceneAtShutter(SHUTTER, (ground, *others), (), eye(cosine))
+    k = np.arange(4 * 32**2)
+    films = np.stack([k // 4 % 32, k // 128], axis=1) + 0.25 + 0.5 * np.stack([k % 2, k // 2 % 2], axis=1)
+    total = np.zeros((len(films), 3))
+    for seen in see(scene, 32, 32, films, samples=4, **compiled):
+        np.add.at(total, seen.items, seen.direct)
+    return total.mean(axis=0)
+
+
+def test_rough_metal_shows_the_surfaces_around_it():
+    ceiling = quad("/ceiling", (-400, -400), (400, 400), 0.9, GLOW, up=False)
+    found = seen_in_metal(WHITE_METAL, ceiling)
+    # A white furnace from above, but for .002 rad above the horizon: all of it, within what the table loses.
+    np.testing.assert_allclose(found, GLOW.emission, rtol=0.02)
+    coloured = seen_in_metal(metal(0.3), ceiling)
+    w, solid_angle = sphere(400_000)
+    truth = (lobe(w, 0.8, 0.3) * np.array(GLOW.emission)).sum(axis=0) * solid_angle
+    # 4096 facets, of which four each are spread evenly.
+    np.testing.assert_allclose(coloured, truth, rtol=0.01)
+
+
+def test_what_lights_stand_for_is_not_seen_twice_in_rough_metal():
+    ceiling = quad("/ceiling", (-400, -400), (400, 400), 0.9, replace(GLOW, lamp=True), up=False)
+    assert seen_in_metal(WHITE_METAL, ceiling).max() == 0
+
+
+def test_under_a_uniform_dome_white_metal_is_as_bright_as_the_dome():
+    """Of which its branches, which meet nothing, see nothing again."""
+    dome = DomeAtShutter("/dome", np.full((32, 64, 3), 3.0, np.float32))
+    source = Source(lambda shutter: SceneAtShutter(shutter, (floor(material=WHITE_METAL),), (), eye(0.8), (dome,)))
+    frame = render_frame(RenderContext(source, Settings(samples=4, photons=64, threads=1)), SHUTTER, 16, 16)
+    assert frame.channels["R"].mean() == pytest.approx(3.0, rel=0.02)
+
+
+def test_metal_that_sees_metal_sees_what_that_sees():
+    """Between two sheets of white metal light goes on until it leaves or is too faint to be followed."""
+    shining = replace(WHITE_METAL, emission=(1.0, 1.0, 1.0))
+    wall = quad("/wall", (-400, -400), (400, 400), 0.9, shining, up=False)
+    for bounces in (1, 2, 3):
+        found = seen_in_metal(shining, wall, bounces=bounces)
+        # 1 + 1 + …, of which the table takes up to .02 each time.
+        assert (1 + bounces) * 0.98 < found.min() and found.max() < 1 + bounces

@@ -113,9 +113,10 @@ class Material:
         roughness: Width α of the microfacet distribution (GGX) of a dielectric or mirror, 0 for smooth, and of what is
             ``metal`` of a diffuse surface.
         abbe: Abbe number (n_d − 1)/(n_F − n_C) of a dielectric that disperses, whose ``ior`` is n_d; 0 for none.
-        metal: Share of what is diffuse that is metal instead, too rough for a mirror: it reflects lights and domes
-            towards the camera in a lobe of GGX, ``color`` at normal incidence. Photons find it diffuse.
+        metal: Share of what is diffuse that is metal instead, too rough for a mirror: to the camera it reflects in a
+            lobe of GGX, ``color`` at normal incidence. Photons find it diffuse.
         metal_map: That share over the surface, as ``diffuse_map`` is.
+        lamp: Whether its emission is that of lights of their own, which stand for it: rough metal finds them.
     """
 
     interaction: Interaction = Interaction.DIFFUSE
@@ -140,6 +141,7 @@ class Material:
     emission_map: Texture | None = None
     metal: float = 0.0
     metal_map: Texture | None = None
+    lamp: bool = False
 
     @property
     def partial(self) -> bool:
@@ -171,6 +173,13 @@ class Material:
     def shines(self) -> bool:
         """Whether it gives off light anywhere."""
         return any(self.emission) or self.emission_map is not None
+
+    @property
+    def has_maps(self) -> bool:
+        """Whether anything but its colour, its normal and its presence differs over the surface."""
+        if self.metal_map is not None or self.roughness_map is not None or self.emission_map is not None:
+            return True
+        return self.specular_maps
 
     @property
     def specular_maps(self) -> bool:

@@ -125,6 +125,7 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
     shared = {id(mesh.materials): mesh.materials for mesh in scene.meshes}
     materials = {material for group in shared.values() for material in group}
     partial = any(material.partial for material in materials)
+    metals = any(material.metallic for material in materials)
     placed = {material for mesh in scene.meshes if mesh.coordinates is not None for material in mesh.materials}
     normal_maps = any(material.normal_map is not None for material in placed)
     return Requirements(
@@ -135,7 +136,7 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         reflection=mirrors,
         nested=nesting_of(scene) is not None,
         smooth_receivers=(dielectrics or mirrors) and (normal_maps or any(map(is_smooth_receiver, scene.meshes))),
-        bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors or partial else 0,
+        bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors or partial or metals else 0,
         textures=normal_maps
         or any(material.texture is not None or material.emission_map is not None for material in placed),
         partial=partial,
@@ -151,5 +152,5 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         clipped=scene.camera is not None and len(scene.camera.clipping_planes) > 0,
         normal_maps=normal_maps,
         specular_maps=any(material.specular_maps for material in placed),
-        metals=any(material.metallic for material in materials),
+        metals=metals,
     )

@@ -47,7 +47,8 @@ class Lobe:
     """How a point of rough metal reflects towards the viewer.
 
     ``n`` is the normal, ``to_viewer`` the direction there and ``cosine`` its cosine, ``alpha`` the width of the
-    distribution, ``color`` the reflectance at normal incidence, ``gain`` what bounces between facets adds, ``t1`` and ``t2`` lie across n.
+    distribution, ``color`` the reflectance at normal incidence, ``gain`` what bounces between facets adds, ``t1`` and
+    ``t2`` lie across n.
     """
 
     n: wp.vec3
@@ -131,6 +132,15 @@ def chance_of(lobe: Lobe, w: wp.vec3) -> float:
         return 0.0
     h = wp.normalize(lobe.to_viewer + w)
     return 0.5 * _facet_density(lobe, h) / (lobe.cosine + _slant(lobe.cosine, lobe.alpha))
+
+
+@wp.func
+def share_of_facet(lobe: Lobe, w: wp.vec3) -> wp.vec3:
+    """What the surface reflects of light from ω, by how often :func:`mirrored_by_a_facet` looks there."""
+    chance = chance_of(lobe, w)
+    if chance <= 0.0:
+        return wp.vec3(0.0, 0.0, 0.0)
+    return reflected(lobe, w) / chance
 
 
 @wp.func

@@ -18,7 +18,7 @@ from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import Beam, interface_at, passed, relative_index, scatter, transfer_to
-from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
+from tpdwarp.photons.branching import MOST_DECISIONS, first_open_decision, reported_paths, take_branch, take_share
 from tpdwarp.photons.path_state import KEPT_STATES, keep_state, kept_rows
 from tpdwarp.photons.rough_lobes import behind_sheet, facet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
@@ -43,10 +43,10 @@ from tpdwarp.scene.device.textures import (
 )
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
-from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance
+from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, within
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
-from tpdwarp.view.ggx import lobe_at
+from tpdwarp.view.ggx import lobe_at, mirrored_by_a_facet, share_of_facet
 from tpdwarp.view.glossy_lights import area_reflection, dome_reflection, point_reflection
 from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
 from tpdwarp.view.shared_branches import follows, samples_served
@@ -62,8 +62,9 @@ FASTEST_QUERY = wp.constant(0.25)
 INV_PI = wp.constant(0.3183098861837907)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
-# Random numbers that choose places on the lens are others than those that keep rays off edges.
+# Random numbers that choose places on the lens, and facets, are others than those that keep rays off edges.
 OF_LENS = wp.constant(104729)
+OF_FACETS = wp.constant(1299709)
 TURN = wp.constant(6.283185307179586)
 
 
@@ -74,6 +75,7 @@ class PathFlag(IntFlag):
     TOO_FAST = 2  # races over the receiver, and is slowed down
     NOT_FINITE = 4  # has a motion that is none, and counts as at rest
     CULLED = 8  # had a branch below the cutoff
+    OFF_METAL = 16  # comes from rough metal, which has seen lights and domes
 
 
 # Kernels know no enumerations.
@@ -81,6 +83,9 @@ MET_MOTION = wp.constant(int(PathFlag.MET_MOTION))
 TOO_FAST = wp.constant(int(PathFlag.TOO_FAST))
 NOT_FINITE = wp.constant(int(PathFlag.NOT_FINITE))
 CULLED = wp.constant(int(PathFlag.CULLED))
+OFF_METAL = wp.constant(int(PathFlag.OFF_METAL))
+# What goes on with a branch.
+INHERITED = wp.constant(int(PathFlag.MET_MOTION | PathFlag.OFF_METAL))
 
 
 @wp.struct
@@ -113,6 +118,16 @@ def place_for(film: wp.vec2) -> wp.vec2:
     row = wp.floor(film[1])
     chance = wp.rand_init(int(OF_LIGHTS), int(column) * 65537 + int(row))
     return wp.vec2(film[0] - column + wp.randf(chance), film[1] - row + wp.randf(chance))
+
+
+@wp.func
+def facet_for(film: wp.vec2, sample: int, bounce: int) -> wp.vec2:
+    """Which facet of rough metal a camera sample looks at: those of a pixel are spread evenly (Roberts 2018), moved by
+    random steps, which those that choose places on lights know nothing of."""
+    chance = wp.rand_init(int(OF_FACETS) + bounce, int(wp.floor(film[0])) * 65537 + int(wp.floor(film[1])))
+    u = wp.randf(chance) + 0.754877666 * float(sample)
+    v = wp.randf(chance) + 0.569840291 * float(sample)
+    return within(wp.vec2(u, v))
 
 
 @wp.func
@@ -159,7 +174,7 @@ def visible_kernel(
     metals: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
-    both, specular, branches = refraction and reflection, refraction or reflection, refraction or partial
+    both, specular, branches = refraction and reflection, refraction or reflection, refraction or partial or metals
     placed = textured or mapped or partial or metals
     arrives = share_that_arrives(linked, partial)
     from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
@@ -270,7 +285,7 @@ def visible_kernel(
                     # ---- Where another share of the surface acts, a path begins here
                     state = view_state(
                         beam, throughput, stream, start, end, passed_by, travelled, depth_scale, out.first_depth[i],
-                        inside, decision, bounce, flags & MET_MOTION,
+                        inside, decision, bounce, flags & INHERITED,
                     )  # fmt: skip
                 # ---- Transfer to the next surface
                 hit = closest_hit(
@@ -278,7 +293,8 @@ def visible_kernel(
                 )
                 if hit.triangle < 0:
                     if wp.static(domed):
-                        out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
+                        if (flags & OFF_METAL) == 0:
+                            out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                     if wp.static(partial):
                         if straight and branch_of < 0:
                             out.weight[i] = throughput
@@ -378,6 +394,37 @@ def visible_kernel(
                     metal = float(0.0)
                     if wp.static(metals):
                         metal = metal_at(textures, material, hit, across, down)
+                        if metal > 0.0:
+                            # ---- Rough metal: what other surfaces send off one of its facets is a branch
+                            width = roughness_at(textures, material, hit, across, down)
+                            lobe = lobe_at(n, -beam.w, width, albedo)
+                            facing = mirrored_by_a_facet(lobe, facet_for(films[item], item % samples, bounce))
+                            if decision < MOST_DECISIONS and bounce < bounces and wp.dot(n_g, facing) > 0.0:
+                                off = wp.cw_mul(metal * throughput, share_of_facet(lobe, facing))
+                                mirror = interface_at(surfaces, hit, beam.w, False, 1.0, wp.static(moves))
+                                mirror.n = wp.normalize(facing - beam.w)
+                                turned = scatter(beam, hit, mirror, True, False, wp.static(moves))
+                                served = samples_served(off, samples)
+                                bit = 1 << decision
+                                if (mask & bit) != 0:
+                                    # It is the branch, begun at the camera again.
+                                    throughput = float(served) * off
+                                    beam = turned
+                                    flags = flags | OFF_METAL
+                                    decision += 1
+                                    straight = False
+                                    start = 0.0
+                                    end = FAR
+                                    continue
+                                if decision >= first_open and wp.max(off) >= smallest_throughput:
+                                    if follows(films[item], item % samples, mask | bit, served):
+                                        reported = reported | bit
+                                        of_branch = view_state(
+                                            turned, float(served) * off, stream, 0.0, FAR, passed_by, travelled,
+                                            depth_scale, out.first_depth[i], inside, decision + 1, bounce + 1,
+                                            (flags & MET_MOTION) | OFF_METAL,
+                                        )  # fmt: skip
+                                        kept = keep_state(states, tid, kept, of_branch)
                     irradiance = wp.vec3(0.0, 0.0, 0.0)
                     if metal < 1.0:
                         irradiance = from_points(surfaces, textures, lights, beam.x, n, n_g, offset, object)
@@ -395,8 +442,6 @@ def visible_kernel(
                     direct = wp.cw_mul(weight, irradiance)
                     if wp.static(metals):
                         if metal > 0.0:
-                            width = roughness_at(textures, material, hit, across, down)
-                            lobe = lobe_at(n, -beam.w, width, albedo)
                             glossy = off_points(surfaces, textures, lights, lobe, beam.x, n_g, offset, object)
                             if wp.static(extended):
                                 glossy += off_areas(
@@ -418,6 +463,9 @@ def visible_kernel(
                         shining = textures.emissions[material]
                         if wp.static(textured):
                             shining = emission_at(textures, material, hit, across, down)
+                        if wp.static(metals):
+                            if (flags & OFF_METAL) != 0 and textures.lamps[material] == 1:
+                                shining = wp.vec3(0.0, 0.0, 0.0)
                         out.direct[i] += wp.cw_mul(throughput, shining)
                     queries.receiver[i] = object
                     queries.normal[i] = n_g
@@ -464,11 +512,11 @@ def visible_kernel(
                     reflected = True
                     if dielectric:
                         if wp.static(tinted):
-                            within = at.side < 0.0
+                            contained = at.side < 0.0
                             if wp.static(nested):
                                 # That of nested media is taken along the way.
-                                within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
-                            if within:
+                                contained = contained and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
+                            if contained:
                                 throughput = wp.cw_mul(throughput, absorbed_within(textures, material, hit.distance))
                         reflectance = float(at.reflectance)
                         if wp.static(thin_walls):
@@ -507,6 +555,9 @@ def visible_kernel(
                         if wp.static(mapped):
                             tint = mirror_tint(textures, material, hit, tint, across, down)
                         throughput = wp.cw_mul(throughput, tint)
+                    if wp.static(metals):
+                        if reflected:
+                            flags = flags & ~OFF_METAL
                     if wp.static(nested):
                         if not reflected:
                             inside = beyond
@@ -602,7 +653,8 @@ def visible_points(
     """
     masks = np.zeros(len(items), np.int32)
     sources, states = np.zeros(0, np.int32), launcher.zeros(0, ViewState)
-    needs, branches = requirements, requirements.refraction or requirements.partial
+    needs = requirements
+    branches = needs.refraction or needs.partial or needs.metals
     kernel = visible_kernel(
         moves,
         needs.refraction,

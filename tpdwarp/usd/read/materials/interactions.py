@@ -98,7 +98,10 @@ def _rough_metal(
             physical.images.get("roughness", np.array([float(physical.roughness)])),
             clear if isinstance(clear, Image) else np.array([clear]),
         ]
-        share = _over(lambda m, r, c: np.where(r > MIRROR_LIKE * HALF_UP, m / np.maximum(np.maximum(1.0 - c, m), NEARLY), 0.0), values)
+        share = _over(
+            lambda m, r, c: np.where(r > MIRROR_LIKE * HALF_UP, m / np.maximum(np.maximum(1.0 - c, m), NEARLY), 0.0),
+            values,
+        )
     if share is None:
         rest = max(1.0 - (_mean(clear) if isinstance(clear, Image) else clear), physical.metalness, NEARLY)
         share = physical.metalness / rest if physical.roughness > MIRROR_LIKE else 0.0
@@ -106,14 +109,12 @@ def _rough_metal(
         if share <= NEARLY:
             return {}
         share = 1.0 if share > 1.0 - NEARLY else share
-    warn("metalness", f"what metal rougher than {MIRROR_LIKE:g} throws onto other surfaces is left out")
+    warn("metalness", f"what metal rougher than {MIRROR_LIKE:.3g} throws onto other surfaces is left out")
     found = {"metal": share} if not isinstance(share, Image) else {"metal": _mean(share), "metal_map": share.texture()}
     return {**found, **_roughness(physical)}
 
 
-def _partly(
-    whole: Material, share: float | Image, physical: Physical, rough: dict[str, float | Texture]
-) -> Material:
+def _partly(whole: Material, share: float | Image, physical: Physical, rough: dict[str, float | Texture]) -> Material:
     """What is specular in that share of the surface, and in the rest diffuse and of ``rough`` metal."""
     if isinstance(share, Image):
         rest = share.mapped(lambda pixels: 1.0 - pixels)
@@ -180,7 +181,7 @@ def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None])
         warn("ior", f"holds an index of refraction of {ior:g}; {ITS_DEFAULT}, {Physical.ior:g} (author one above 0)")
         ior = Physical.ior
     if physical.roughness > MIRROR_LIKE and "roughness" not in physical.images:
-        warn("roughness", f"transmission as rough as this (above {MIRROR_LIKE:g}) is rendered as a wide beam")
+        warn("roughness", f"transmission as rough as this (above {MIRROR_LIKE:.3g}) is rendered as a wide beam")
     inside = {
         "thin_walled": physical.thin_walled,
         **_roughness(physical),
