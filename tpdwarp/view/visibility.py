@@ -178,7 +178,9 @@ def visible_kernel(
     placed = textured or mapped or partial or metals
     arrives = share_that_arrives(linked, partial)
     from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
-    off_points, off_areas = point_reflection(arrives, linked), area_reflection(arrives, linked)
+    # To make functions takes a while: only those that are called.
+    off_points = point_reflection(arrives, linked) if metals else None
+    off_areas = area_reflection(arrives, linked) if metals and extended else None
 
     @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
     def see(
