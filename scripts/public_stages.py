@@ -36,8 +36,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 # What is no loss: stand-ins that a viewer adds too, choices, the stage's own faults (files that are not there, arrays
-# that do not fit), approximations that show nothing else than what is authored, and light of materials, which usdview
-# shows likewise.
+# that do not fit), approximations that show nothing else than what is authored, and light of materials and what rough
+# metal throws onto other surfaces, which usdview shows likewise.
 SOFT = tuple(
     map(
         re.compile,
@@ -64,7 +64,7 @@ SOFT = tuple(
             r"does not fit its interpolation",
             r"has no .*: projected along",
             r"until then the mesh is left out",
-            r"light that a surface gives off",
+            r"light that a surface gives off|throws onto other surfaces is left out",
             r"is named as before USD|names no surface|has a material for previews alone",
             r"is not there for textures",
             r"to UsdUVTexture, which is not read",

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.view.scenes import SHUTTER, WATER, floor, looking_down, quad, see, turned
+from tests.view.lit_by_surfaces import LIGHTS, expected, lamp, sun
+from tests.view.scenes import SHUTTER, WATER, floor, looking_down, quad, see
 from tpdwarp.scene.description import (
     PROFILE_COUNT,
-    EmissionProfile,
-    Extent,
     ExtentShape,
     LightAtShutter,
     LightKind,
@@ -24,88 +23,8 @@ SIZE = 16
 FILMS = np.random.default_rng(5).uniform(0, SIZE, (200, 2))
 # Of the camera, below whatever stands between the lights and the floor.
 BELOW = 0.4
-UP = np.array([0.0, 0.0, 1.0])
 # What tests ask of closed forms in single precision, and of the polygon that stands for a disk which is cut.
 WITHIN = 5e-3
-
-
-def lamp(shape: ExtentShape, position, rotation=(0.0, 0.0, 1e-12), sizes=(0.4, 0.4), radius=0.0) -> LightAtShutter:
-    """A lamp of intensity one that shines down if it is not turned."""
-    axes = turned(rotation)
-    spans = np.array([sizes[0] * axes[0], sizes[1] * axes[1]])
-    profile = EmissionProfile.UNIFORM if shape == ExtentShape.ROUND else EmissionProfile.COSINE
-    if shape == ExtentShape.CYLINDER:
-        spans, profile = np.array([sizes[0] * axes[0], np.zeros(3)]), EmissionProfile.SINE
-    return LightAtShutter(
-        "/lamp", LightKind.POINT, (1.0, 2.0, 4.0), np.array(position, float), axes, profile=profile,
-        extent=Extent(shape, radius, spans),
-    )  # fmt: skip
-
-
-def sun(degrees: float, tilt: float) -> LightAtShutter:
-    extent = Extent(ExtentShape.ROUND, math.radians(0.5 * degrees))
-    return LightAtShutter("/sun", LightKind.DISTANT, (1.0, 2.0, 4.0), axes=turned((0, tilt, 1e-12)), extent=extent)
-
-
-LIGHTS = {
-    "sphere overhead": lamp(ExtentShape.ROUND, (0.2, 0.1, 1.0), radius=0.5),
-    "sphere far off": lamp(ExtentShape.ROUND, (3.0, 1.0, 20.0), radius=0.3),
-    "sphere that dips below the horizon": lamp(ExtentShape.ROUND, (-1.5, 0.2, 0.2), radius=0.4),
-    "small sphere that dips below the horizon": lamp(ExtentShape.ROUND, (-4.0, 0.2, 0.02), radius=0.1),
-    "sphere below the horizon by its middle": lamp(ExtentShape.ROUND, (-1.5, 0.2, -0.1), radius=0.4),
-    "disk overhead": lamp(ExtentShape.DISK, (0.2, 0.1, 0.5)),
-    "disk far off": lamp(ExtentShape.DISK, (0.2, 0.1, 40.0)),
-    "tilted disk": lamp(ExtentShape.DISK, (-0.8, 0.1, 0.7), (0.3, -0.8, 0.2)),
-    "disk cut by the horizon": lamp(ExtentShape.DISK, (-1.3, 0.1, 0.2), (0.2, -1.4, 0.1)),
-    "elliptical disk": lamp(ExtentShape.DISK, (0.1, 0.2, 0.6), (0.4, 0.1, 0.0), (0.5, 0.2)),
-    "rectangle overhead": lamp(ExtentShape.RECT, (0.2, 0.1, 0.5), sizes=(0.6, 0.3)),
-    "tilted rectangle": lamp(ExtentShape.RECT, (-0.8, 0.1, 0.7), (0.3, -0.8, 0.2), (0.6, 0.3)),
-    "rectangle cut by the horizon": lamp(ExtentShape.RECT, (-1.3, 0.1, 0.2), (0.2, -1.4, 0.1), (0.6, 0.3)),
-    "rectangle far off": lamp(ExtentShape.RECT, (0.2, 0.1, 40.0), sizes=(0.6, 0.3)),
-    "tube": lamp(ExtentShape.CYLINDER, (0.2, 0.1, 1.2), (0.1, 0.3, 0.4), (0.6, 0.0), 0.05),
-    "sun": sun(0.53, 0.4),
-    "wide sun": sun(30.0, 0.4),
-    "sun at the horizon": sun(5.0, math.pi / 2 - 0.02),
-}
-
-
-def grid(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Middles of the cells of the unit square, each shape [count²]."""
-    middles = (np.arange(count) + 0.5) / count
-    return tuple(values.ravel() for values in np.meshgrid(middles, middles))
-
-
-def expected(light: LightAtShutter, points: np.ndarray, count: int = 400) -> np.ndarray:
-    """Irradiance of a floor by a light of one radiance, shape [n], by the midpoint rule over its surface."""
-    u, v = grid(count)
-    extent, found = light.extent, []
-    turn = 2 * math.pi * v
-    disc = np.stack([np.sqrt(u) * np.cos(turn), np.sqrt(u) * np.sin(turn)], axis=1)
-    for x in points:
-        if extent.shape == ExtentShape.ROUND:
-            d = light.axes[2] if light.kind == LightKind.DISTANT else light.position - x
-            sine = math.sin(extent.radius) if light.kind == LightKind.DISTANT else extent.radius / np.linalg.norm(d)
-            middle = d / np.linalg.norm(d)
-            frame = np.linalg.svd(middle[None])[2][1:]
-            forward = np.sqrt(1 - sine**2 * u)
-            w = forward[:, None] * middle + sine * disc @ frame
-            # Equal areas of the disc of sines are solid angles times the cosine to the middle.
-            mean = np.mean(np.maximum(w @ UP, 0) / forward)
-            found.append(mean if light.kind == LightKind.DISTANT else mean / (d @ d))
-            continue
-        if extent.shape == ExtentShape.CYLINDER:
-            # Its side, turned to x and away from it; a surface of radiance L and area A has L A/π for its intensity.
-            axes = light.axes
-            normal = np.cos(turn)[:, None] * axes[1] + np.sin(turn)[:, None] * axes[2]
-            d = light.position + (2 * u - 1)[:, None] * extent.spans[0] + extent.radius * normal - x
-            scale = math.pi
-        else:
-            place = disc if extent.shape == ExtentShape.DISK else np.stack([2 * u - 1, 2 * v - 1], axis=1)
-            d, normal, scale = light.position + place @ extent.spans - x, -light.axes[2], 1.0
-        d2 = np.einsum("ni,ni->n", d, d)
-        emitted = np.maximum(-(d * normal).sum(axis=1), 0)
-        found.append(scale * np.mean(np.maximum(d @ UP, 0) * emitted / d2**2))
-    return np.array(found)
 
 
 def irradiance(meshes, light: LightAtShutter, films=FILMS, size: int = SIZE) -> tuple[np.ndarray, np.ndarray]:

@@ -110,8 +110,13 @@ class Material:
         absorption: Of light inside a dielectric, exp(−absorption · distance) is left (Beer's law) [1/scene unit].
         thin_walled: Whether a dielectric is a sheet with the same medium on both of its sides: it reflects, and what
             it does not reflect goes straight on.
-        roughness: Width α of the microfacet distribution (GGX) of a dielectric or mirror; 0 for smooth.
+        roughness: Width α of the microfacet distribution (GGX) of a dielectric or mirror, 0 for smooth, and of what is
+            ``metal`` of a diffuse surface.
         abbe: Abbe number (n_d − 1)/(n_F − n_C) of a dielectric that disperses, whose ``ior`` is n_d; 0 for none.
+        metal: Share of what is diffuse that is metal instead, too rough for a mirror: to the camera it reflects in a
+            lobe of GGX, ``color`` at normal incidence. Photons find it diffuse.
+        metal_map: That share over the surface, as ``diffuse_map`` is.
+        lamp: Whether its emission is that of lights of their own, which stand for it: rough metal finds them.
     """
 
     interaction: Interaction = Interaction.DIFFUSE
@@ -134,6 +139,9 @@ class Material:
     transmittance_map: Texture | None = None
     roughness_map: Texture | None = None
     emission_map: Texture | None = None
+    metal: float = 0.0
+    metal_map: Texture | None = None
+    lamp: bool = False
 
     @property
     def partial(self) -> bool:
@@ -151,8 +159,15 @@ class Material:
 
     @property
     def rough(self) -> bool:
-        """Whether it is rough anywhere."""
+        """Whether what is specular is rough anywhere."""
+        if self.interaction == Interaction.DIFFUSE:
+            return False
         return self.roughness > 0.0 or self.roughness_map is not None
+
+    @property
+    def metallic(self) -> bool:
+        """Whether there is rough metal anywhere."""
+        return self.metal > 0.0 or self.metal_map is not None
 
     @property
     def shines(self) -> bool:
@@ -160,11 +175,20 @@ class Material:
         return any(self.emission) or self.emission_map is not None
 
     @property
+    def has_maps(self) -> bool:
+        """Whether anything but its colour, its normal and its presence differs over the surface."""
+        if self.metal_map is not None or self.roughness_map is not None or self.emission_map is not None:
+            return True
+        return self.specular_maps
+
+    @property
     def specular_maps(self) -> bool:
         """Whether what it reflects or refracts differs over the surface."""
         if self.interaction == Interaction.MIRROR and self.texture is not None:
             return True
-        return any(map is not None for map in (self.diffuse_map, self.transmittance_map, self.roughness_map))
+        if self.diffuse_map is not None or self.transmittance_map is not None:
+            return True
+        return self.interaction != Interaction.DIFFUSE and self.roughness_map is not None
 
 
 @dataclass(frozen=True, eq=False)

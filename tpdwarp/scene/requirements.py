@@ -32,6 +32,7 @@ class Requirements:
         textures: Whether an albedo, a normal or what a surface gives off differs over it by a texture.
         normal_maps: Whether a normal does.
         specular_maps: Whether what a surface reflects or refracts does: its share, its tint or its roughness.
+        metals: Whether there is metal too rough for a mirror.
         partial: Whether light passes through a part of a surface, or meets one that is both clear and diffuse.
         tinted: Whether dielectrics take from the light that they refract.
         emission: Whether a surface gives off light.
@@ -67,11 +68,12 @@ class Requirements:
     clipped: bool = False
     normal_maps: bool = False
     specular_maps: bool = False
+    metals: bool = False
 
     @property
     def material_arrays(self) -> bool:
         """Whether kernels look up more of a material than its interaction, colour and index."""
-        shown = self.textures, self.partial, self.tinted, self.emission, self.thin_walls, self.rough
+        shown = self.textures, self.partial, self.tinted, self.emission, self.thin_walls, self.rough, self.metals
         return any(shown) or self.specular_maps
 
     @property
@@ -123,6 +125,7 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
     shared = {id(mesh.materials): mesh.materials for mesh in scene.meshes}
     materials = {material for group in shared.values() for material in group}
     partial = any(material.partial for material in materials)
+    metals = any(material.metallic for material in materials)
     placed = {material for mesh in scene.meshes if mesh.coordinates is not None for material in mesh.materials}
     normal_maps = any(material.normal_map is not None for material in placed)
     return Requirements(
@@ -133,7 +136,7 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         reflection=mirrors,
         nested=nesting_of(scene) is not None,
         smooth_receivers=(dielectrics or mirrors) and (normal_maps or any(map(is_smooth_receiver, scene.meshes))),
-        bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors or partial else 0,
+        bounces=(bounces or MOST_BOUNCES) if dielectrics or mirrors or partial or metals else 0,
         textures=normal_maps
         or any(material.texture is not None or material.emission_map is not None for material in placed),
         partial=partial,
@@ -149,4 +152,5 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         clipped=scene.camera is not None and len(scene.camera.clipping_planes) > 0,
         normal_maps=normal_maps,
         specular_maps=any(material.specular_maps for material in placed),
+        metals=metals,
     )

@@ -178,6 +178,25 @@ def dome_radiance(domes: DomeArrays, w: wp.vec3) -> wp.vec3:
 
 
 @wp.func
+def dome_radiance_about(domes: DomeArrays, w: wp.vec3, solid_angle: float) -> wp.vec3:
+    """Mean radiance over so much of the sky about the direction against which it arrives."""
+    total = wp.vec3(0.0, 0.0, 0.0)
+    side = wp.sqrt(solid_angle)
+    for k in range(domes.units.shape[0]):
+        local = domes.axes[k] * w
+        # 1/π and 1/(2π).
+        st = wp.vec2(
+            0.5 - 0.15915494 * wp.atan2(local[0], local[2]),
+            0.5 + 0.31830989 * wp.asin(wp.clamp(local[1], -1.0, 1.0)),
+        )
+        round = wp.sqrt(wp.max(1.0 - local[1] * local[1], 0.0))
+        across = wp.vec2(wp.min(0.15915494 * side / wp.max(round, 1.0e-6), 1.0), 0.0)
+        down = wp.vec2(0.0, 0.31830989 * side)
+        total += domes.units[k] * filtered(domes.pictures, k, st, across, down, 0.0)
+    return total
+
+
+@wp.func
 def hidden_from_dome(
     surfaces: Surfaces, textures: TextureArrays, partial: bool, x: wp.vec3, w: wp.vec3, offset: wp.vec3
 ) -> bool:

@@ -18,7 +18,7 @@ from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import Beam, interface_at, passed, relative_index, scatter, transfer_to
-from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
+from tpdwarp.photons.branching import MOST_DECISIONS, first_open_decision, reported_paths, take_branch, take_share
 from tpdwarp.photons.path_state import KEPT_STATES, keep_state, kept_rows
 from tpdwarp.photons.rough_lobes import behind_sheet, facet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
@@ -34,6 +34,7 @@ from tpdwarp.scene.device.textures import (
     diffuse_share_at,
     emission_at,
     mapped_normal,
+    metal_at,
     mirror_tint,
     on_plane,
     roughness_at,
@@ -42,9 +43,11 @@ from tpdwarp.scene.device.textures import (
 )
 from tpdwarp.scene.requirements import Requirements
 from tpdwarp.settings import ViewSettings
-from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance
+from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance, within
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
+from tpdwarp.view.ggx import lobe_at, mirrored_by_a_facet, share_of_facet
+from tpdwarp.view.glossy_lights import area_reflection, dome_reflection, point_reflection
 from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
 from tpdwarp.view.shared_branches import follows, samples_served
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
@@ -59,8 +62,9 @@ FASTEST_QUERY = wp.constant(0.25)
 INV_PI = wp.constant(0.3183098861837907)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
-# Random numbers that choose places on the lens are others than those that keep rays off edges.
+# Random numbers that choose places on the lens, and facets, are others than those that keep rays off edges.
 OF_LENS = wp.constant(104729)
+OF_FACETS = wp.constant(1299709)
 TURN = wp.constant(6.283185307179586)
 
 
@@ -71,6 +75,7 @@ class PathFlag(IntFlag):
     TOO_FAST = 2  # races over the receiver, and is slowed down
     NOT_FINITE = 4  # has a motion that is none, and counts as at rest
     CULLED = 8  # had a branch below the cutoff
+    OFF_METAL = 16  # comes from rough metal, which has seen lights and domes
 
 
 # Kernels know no enumerations.
@@ -78,6 +83,9 @@ MET_MOTION = wp.constant(int(PathFlag.MET_MOTION))
 TOO_FAST = wp.constant(int(PathFlag.TOO_FAST))
 NOT_FINITE = wp.constant(int(PathFlag.NOT_FINITE))
 CULLED = wp.constant(int(PathFlag.CULLED))
+OFF_METAL = wp.constant(int(PathFlag.OFF_METAL))
+# What goes on with a branch.
+INHERITED = wp.constant(int(PathFlag.MET_MOTION | PathFlag.OFF_METAL))
 
 
 @wp.struct
@@ -110,6 +118,16 @@ def place_for(film: wp.vec2) -> wp.vec2:
     row = wp.floor(film[1])
     chance = wp.rand_init(int(OF_LIGHTS), int(column) * 65537 + int(row))
     return wp.vec2(film[0] - column + wp.randf(chance), film[1] - row + wp.randf(chance))
+
+
+@wp.func
+def facet_for(film: wp.vec2, sample: int, bounce: int) -> wp.vec2:
+    """Which facet of rough metal a camera sample looks at: those of a pixel are spread evenly (Roberts 2018), moved by
+    random steps, which those that choose places on lights know nothing of."""
+    chance = wp.rand_init(int(OF_FACETS) + bounce, int(wp.floor(film[0])) * 65537 + int(wp.floor(film[1])))
+    u = wp.randf(chance) + 0.754877666 * float(sample)
+    v = wp.randf(chance) + 0.569840291 * float(sample)
+    return within(wp.vec2(u, v))
 
 
 @wp.func
@@ -153,12 +171,16 @@ def visible_kernel(
     clipped: bool = False,
     normal_maps: bool = False,
     mapped: bool = False,
+    metals: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
-    both, specular, branches = refraction and reflection, refraction or reflection, refraction or partial
-    placed = textured or mapped or partial
+    both, specular, branches = refraction and reflection, refraction or reflection, refraction or partial or metals
+    placed = textured or mapped or partial or metals
     arrives = share_that_arrives(linked, partial)
     from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
+    # To make functions takes a while: only those that are called.
+    off_points = point_reflection(arrives, linked) if metals else None
+    off_areas = area_reflection(arrives, linked) if metals and extended else None
 
     @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
     def see(
@@ -265,7 +287,7 @@ def visible_kernel(
                     # ---- Where another share of the surface acts, a path begins here
                     state = view_state(
                         beam, throughput, stream, start, end, passed_by, travelled, depth_scale, out.first_depth[i],
-                        inside, decision, bounce, flags & MET_MOTION,
+                        inside, decision, bounce, flags & INHERITED,
                     )  # fmt: skip
                 # ---- Transfer to the next surface
                 hit = closest_hit(
@@ -273,7 +295,8 @@ def visible_kernel(
                 )
                 if hit.triangle < 0:
                     if wp.static(domed):
-                        out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
+                        if (flags & OFF_METAL) == 0:
+                            out.direct[i] = wp.cw_mul(throughput, dome_radiance(domes, beam.w))
                     if wp.static(partial):
                         if straight and branch_of < 0:
                             out.weight[i] = throughput
@@ -368,32 +391,85 @@ def visible_kernel(
                         if wp.static(normal_maps):
                             n = mapped_normal(textures, material, hit, n, across, down)
                     weight = wp.cw_mul(throughput, albedo) * INV_PI
-                    irradiance = from_points(
-                        surfaces, textures, lights, beam.x, n, n_g, hit.offset * n_g, surfaces.object_of[hit.triangle]
-                    )
-                    if wp.static(extended):
-                        irradiance += from_areas(
-                            surfaces, textures, area_lights, beam.x, n, n_g, hit.offset * n_g, place_for(films[item]),
-                            surfaces.object_of[hit.triangle],
-                        )  # fmt: skip
-                    if wp.static(domed):
-                        # Neighbours in the image choose other parts of the dome.
-                        scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
-                        place = scattered - wp.floor(scattered)
-                        irradiance += dome_irradiance(
-                            surfaces, textures, wp.static(partial), domes, beam.x, n, n_g, hit.offset * n_g, place
-                        )
+                    object = surfaces.object_of[hit.triangle]
+                    offset = hit.offset * n_g
+                    metal = float(0.0)
+                    if wp.static(metals):
+                        metal = metal_at(textures, material, hit, across, down)
+                        if metal > 0.0:
+                            # ---- Rough metal: what other surfaces send off one of its facets is a branch
+                            width = roughness_at(textures, material, hit, across, down)
+                            lobe = lobe_at(n, -beam.w, width, albedo)
+                            facing = mirrored_by_a_facet(lobe, facet_for(films[item], item % samples, bounce))
+                            if decision < MOST_DECISIONS and bounce < bounces and wp.dot(n_g, facing) > 0.0:
+                                off = wp.cw_mul(metal * throughput, share_of_facet(lobe, facing))
+                                mirror = interface_at(surfaces, hit, beam.w, False, 1.0, wp.static(moves))
+                                mirror.n = wp.normalize(facing - beam.w)
+                                turned = scatter(beam, hit, mirror, True, False, wp.static(moves))
+                                served = samples_served(off, samples)
+                                bit = 1 << decision
+                                if (mask & bit) != 0:
+                                    # It is the branch, begun at the camera again.
+                                    throughput = float(served) * off
+                                    beam = turned
+                                    flags = flags | OFF_METAL
+                                    decision += 1
+                                    straight = False
+                                    start = 0.0
+                                    end = FAR
+                                    continue
+                                if decision >= first_open and wp.max(off) >= smallest_throughput:
+                                    if follows(films[item], item % samples, mask | bit, served):
+                                        reported = reported | bit
+                                        of_branch = view_state(
+                                            turned, float(served) * off, stream, 0.0, FAR, passed_by, travelled,
+                                            depth_scale, out.first_depth[i], inside, decision + 1, bounce + 1,
+                                            (flags & MET_MOTION) | OFF_METAL,
+                                        )  # fmt: skip
+                                        kept = keep_state(states, tid, kept, of_branch)
+                    irradiance = wp.vec3(0.0, 0.0, 0.0)
+                    if metal < 1.0:
+                        irradiance = from_points(surfaces, textures, lights, beam.x, n, n_g, offset, object)
+                        if wp.static(extended):
+                            irradiance += from_areas(
+                                surfaces, textures, area_lights, beam.x, n, n_g, offset, place_for(films[item]), object
+                            )
+                        if wp.static(domed):
+                            # Neighbours in the image choose other parts of the dome.
+                            scattered = wp.randf(stream) + 0.754877666 * films[item][0] + 0.569840291 * films[item][1]
+                            place = scattered - wp.floor(scattered)
+                            irradiance += dome_irradiance(
+                                surfaces, textures, wp.static(partial), domes, beam.x, n, n_g, offset, place
+                            )
+                    direct = wp.cw_mul(weight, irradiance)
+                    if wp.static(metals):
+                        if metal > 0.0:
+                            glossy = off_points(surfaces, textures, lights, lobe, beam.x, n_g, offset, object)
+                            if wp.static(extended):
+                                glossy += off_areas(
+                                    surfaces, textures, area_lights, lobe, beam.x, n_g, offset, place_for(films[item]),
+                                    object,
+                                )  # fmt: skip
+                            if wp.static(domed):
+                                glossy += dome_reflection(
+                                    surfaces, textures, wp.static(partial), domes, lobe, beam.x, n_g, offset,
+                                    place_for(films[item]),
+                                )  # fmt: skip
+                            direct = (1.0 - metal) * direct + metal * wp.cw_mul(throughput, glossy)
                     if wp.static(named):
                         out.albedo[i] = albedo
                         out.triangle[i] = hit.triangle
                     out.weight[i] = weight
-                    out.direct[i] = wp.cw_mul(weight, irradiance)
+                    out.direct[i] = direct
                     if wp.static(emission):
                         shining = textures.emissions[material]
                         if wp.static(textured):
                             shining = emission_at(textures, material, hit, across, down)
+                        if wp.static(metals):
+                            if (flags & OFF_METAL) != 0 and textures.lamps[material] == 1:
+                                shining = wp.vec3(0.0, 0.0, 0.0)
                         out.direct[i] += wp.cw_mul(throughput, shining)
-                    queries.receiver[i] = surfaces.object_of[hit.triangle]
+                    queries.receiver[i] = object
                     queries.normal[i] = n_g
                     if wp.static(smooth_receivers):
                         queries.shading_normal[i] = n
@@ -438,11 +514,11 @@ def visible_kernel(
                     reflected = True
                     if dielectric:
                         if wp.static(tinted):
-                            within = at.side < 0.0
+                            contained = at.side < 0.0
                             if wp.static(nested):
                                 # That of nested media is taken along the way.
-                                within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
-                            if within:
+                                contained = contained and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
+                            if contained:
                                 throughput = wp.cw_mul(throughput, absorbed_within(textures, material, hit.distance))
                         reflectance = float(at.reflectance)
                         if wp.static(thin_walls):
@@ -481,6 +557,9 @@ def visible_kernel(
                         if wp.static(mapped):
                             tint = mirror_tint(textures, material, hit, tint, across, down)
                         throughput = wp.cw_mul(throughput, tint)
+                    if wp.static(metals):
+                        if reflected:
+                            flags = flags & ~OFF_METAL
                     if wp.static(nested):
                         if not reflected:
                             inside = beyond
@@ -576,7 +655,8 @@ def visible_points(
     """
     masks = np.zeros(len(items), np.int32)
     sources, states = np.zeros(0, np.int32), launcher.zeros(0, ViewState)
-    needs, branches = requirements, requirements.refraction or requirements.partial
+    needs = requirements
+    branches = needs.refraction or needs.partial or needs.metals
     kernel = visible_kernel(
         moves,
         needs.refraction,
@@ -597,6 +677,7 @@ def visible_points(
         clipped=needs.clipped,
         normal_maps=needs.normal_maps,
         mapped=needs.specular_maps,
+        metals=needs.metals,
     )
     first = True
     while len(items):

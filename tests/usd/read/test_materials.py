@@ -238,6 +238,32 @@ def test_other_surfaces_are_read_by_their_plain_inputs(small, kind, inputs, inte
         assert found.color == (0.25, 0.25, 0.25)
 
 
+@pytest.mark.parametrize(
+    ("inputs", "interaction", "metal"),
+    [
+        ({"metallic": 1.0, "roughness": 0.5}, Interaction.DIFFUSE, 1.0),
+        ({"metallic": 0.25, "roughness": 0.5}, Interaction.DIFFUSE, 0.25),
+        ({"metallic": 1.0, "roughness": 0.3}, Interaction.MIRROR, 0.0),
+        ({"roughness": 0.5}, Interaction.DIFFUSE, 0.0),
+        # Half of it is metal, and all of the rest is clear: so all that is not clear is metal.
+        ({"metallic": 0.5, "roughness": 0.5, "opacity": 0.0}, Interaction.DIELECTRIC, 1.0),
+    ],
+)
+def test_metal_too_rough_for_a_mirror_has_a_lobe(small, inputs, interaction, metal):
+    material, warnings = read_preview(small, diffuseColor=(0.9, 0.6, 0.2), **inputs)
+    assert (material.interaction, material.metal) == (interaction, pytest.approx(metal))
+    if metal:
+        assert material.roughness == pytest.approx(0.25)
+        assert material.color == pytest.approx((0.9, 0.6, 0.2))
+    assert metal == 0 or any("throws onto other surfaces" in warning for warning in warnings)
+
+
+def test_an_index_that_reflects_as_metal_does_is_rough_metal_where_it_is_rough(small):
+    material, _ = read_preview(small, diffuseColor=(0.1, 0.1, 0.1), ior=5.0, roughness=0.6)
+    assert (material.interaction, material.metal) == (Interaction.DIFFUSE, 1.0)
+    assert material.color == pytest.approx(((4.0 / 6.0) ** 2,) * 3)
+
+
 @pytest.mark.parametrize("surface", ["none", "unknown"])
 def test_materials_that_cannot_be_read_are_said(small, surface):
     material = UsdShade.Material.Define(small.stage, "/Material")

@@ -300,7 +300,7 @@ def spread(small, shader_id, plain, name, pixels, kind=TYPES.Float, output="r"):
     small.bind(mesh, "/Material")
     source = small.open()
     found = mesh_named(source.at(Shutter.still(1)), "/Mesh")
-    assert found.coordinates is not None or not found.materials[0].specular_maps
+    assert found.coordinates is not None or not found.materials[0].has_maps
     return found.materials[0], [message for message in source.warnings.messages if "/Material" in message]
 
 
@@ -314,12 +314,14 @@ PREVIEW, STANDARD = "UsdPreviewSurface", "ND_standard_surface_surfaceshader"
 RAMP = np.array([[[0.0], [0.5]], [[0.75], [1.0]]], np.float32)
 
 
-def test_roughness_over_a_mirror_is_its_width_and_what_is_too_rough_is_diffuse(small):
+def test_roughness_over_a_mirror_is_its_width_and_what_is_too_rough_is_a_lobe(small):
     rough = np.array([[[0.0], [0.2]], [[0.3], [0.8]]], np.float32)
     material, said = spread(small, PREVIEW, {"metallic": 1.0}, "roughness", rough)
-    assert (material.interaction, said) == (Interaction.MIRROR, [])
+    assert material.interaction == Interaction.MIRROR
+    assert ["throws onto other surfaces" in message for message in said] == [True]
     np.testing.assert_allclose(tile(material.roughness_map)[..., 0], np.minimum(rough[..., 0], 1) ** 2, rtol=2 * HALF)
-    np.testing.assert_allclose(tile(material.diffuse_map)[..., 0], [[0, 0], [0, 1]])
+    for too_rough in (material.diffuse_map, material.metal_map):
+        np.testing.assert_allclose(tile(too_rough)[..., 0], [[0, 0], [0, 1]])
 
 
 def test_metal_over_a_surface_leaves_the_rest_of_it_diffuse(small):
@@ -331,7 +333,10 @@ def test_metal_over_a_surface_leaves_the_rest_of_it_diffuse(small):
 
 def test_a_metal_texture_that_shows_nothing_but_rough_metal_or_none_makes_no_mirror(small):
     material, said = spread(small, PREVIEW, {"roughness": 0.6}, "metallic", RAMP)
-    assert (material.interaction, material.diffuse_map, said) == (Interaction.DIFFUSE, None, [])
+    assert (material.interaction, material.diffuse_map) == (Interaction.DIFFUSE, None)
+    assert ["throws onto other surfaces" in message for message in said] == [True]
+    np.testing.assert_allclose(tile(material.metal_map)[..., 0], RAMP[..., 0])
+    assert material.roughness == pytest.approx(0.36)
 
 
 def test_noise_in_a_black_metal_texture_makes_no_mirror(small):

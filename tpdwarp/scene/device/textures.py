@@ -22,7 +22,9 @@ MOST_TAPS = wp.constant(16)
 # Less than this of a surface is nothing of it, and all but this is all of it. Half a step of eight bits.
 LEAST_SHARE = wp.constant(2.0e-3)
 # What differs over a surface, by its name in the description of a material.
-MAPS = ("texture", "cutout", "normal_map", "diffuse_map", "transmittance_map", "roughness_map", "emission_map")
+MAPS = (
+    "texture", "cutout", "normal_map", "diffuse_map", "transmittance_map", "roughness_map", "emission_map", "metal_map",
+)  # fmt: skip
 # A surface seen at less than this cosine is filtered as if at it. Chosen, not derived.
 STEEPEST = wp.constant(1.0e-3)
 
@@ -32,12 +34,12 @@ class TextureArrays:
     """Texture coordinates of triangles, and the textures of materials.
 
     ``texture_of``, ``cutout_of`` and the like are −1 for a material without one; ``presences``, ``thresholds``,
-    ``diffuse_shares``, ``transmittances``, ``absorptions`` (by the tracer's unit of length) and
+    ``diffuse_shares``, ``metals``, ``transmittances``, ``absorptions`` (by the tracer's unit of length) and
     ``emissions`` (in its unit of radiance) are as in :class:`tpdwarp.scene.description.Material`, and so are
-    ``thin_walls`` (1 for a sheet) and ``roughnesses``; ``medium_absorptions`` are those of nested media. A texture has
-    a grid of tiles (its columns, rows and first tile), a tile its levels (the first of them and their number; none
-    where it is missing), a level its width, height and first texel. Rows of texels go from t = 1 down. Of a
-    cut-out with a threshold the first level is the picture, and the others hold what part of each texel reaches it.
+    ``thin_walls`` (1 for a sheet), ``lamps`` and ``roughnesses``; ``medium_absorptions`` are those of nested media. A
+    texture has a grid of tiles (its columns, rows and first tile), a tile its levels (the first of them and their
+    number; none where it is missing), a level its width, height and first texel. Rows of texels go from t = 1 down. Of
+    a cut-out with a threshold the first level is the picture, and the others hold what part of each texel reaches it.
     """
 
     coordinates: wp.array(dtype=wp.vec2)
@@ -49,14 +51,17 @@ class TextureArrays:
     transmittance_map_of: wp.array(dtype=wp.int32)
     roughness_map_of: wp.array(dtype=wp.int32)
     emission_map_of: wp.array(dtype=wp.int32)
+    metal_map_of: wp.array(dtype=wp.int32)
     presences: wp.array(dtype=wp.float32)
     thresholds: wp.array(dtype=wp.float32)
     diffuse_shares: wp.array(dtype=wp.float32)
+    metals: wp.array(dtype=wp.float32)
     transmittances: wp.array(dtype=wp.vec3)
     absorptions: wp.array(dtype=wp.vec3)
     emissions: wp.array(dtype=wp.vec3)
     radiance_unit: float
     thin_walls: wp.array(dtype=wp.int32)
+    lamps: wp.array(dtype=wp.int32)
     roughnesses: wp.array(dtype=wp.float32)
     medium_absorptions: wp.array(dtype=wp.vec3)
     grids: wp.array(dtype=wp.vec3i)
@@ -115,11 +120,12 @@ class TextureStore:
             textures = [getattr(material, name) for material in materials]
             of = np.array([-1 if texture is None else numbers[texture] for texture in textures], np.int32)
             setattr(arrays, f"{name}_of", launcher.array(of, wp.int32))
-        for name in ("presence", "threshold", "diffuse_share"):
+        for name in ("presence", "threshold", "diffuse_share", "metal"):
             values = np.array([getattr(material, name) for material in materials], np.float32)
             setattr(arrays, f"{name}s", launcher.array(values, wp.float32))
-        thin = np.array([material.thin_walled for material in materials], np.int32)
-        arrays.thin_walls = launcher.array(thin, wp.int32)
+        for name, own in (("thin_walls", "thin_walled"), ("lamps", "lamp")):
+            values = np.array([getattr(material, own) for material in materials], np.int32)
+            setattr(arrays, name, launcher.array(values, wp.int32))
         widths = np.array([material.roughness for material in materials], np.float32)
         arrays.roughnesses = launcher.array(widths, wp.float32)
         inside = np.array([material.absorption for material in media]).reshape(-1, 3) / scale
@@ -342,11 +348,24 @@ def diffuse_share_at(textures: TextureArrays, material: int, hit: Hit, across: w
     map = textures.diffuse_map_of[material]
     if not is_mapped(textures, map, hit):
         return textures.diffuse_shares[material]
-    share = looked_up(textures, map, hit, across, down)[0]
+    return _share(looked_up(textures, map, hit, across, down)[0])
+
+
+@wp.func
+def metal_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, down: wp.vec3) -> float:
+    """Share of what is diffuse there that is rough metal; nearly none is none, and nearly all is all of it."""
+    map = textures.metal_map_of[material]
+    if not is_mapped(textures, map, hit):
+        return textures.metals[material]
+    return _share(looked_up(textures, map, hit, across, down)[0])
+
+
+@wp.func
+def _share(share: float) -> float:
     if share < LEAST_SHARE:
-        share = 0.0
+        return 0.0
     if share > 1.0 - LEAST_SHARE:
-        share = 1.0
+        return 1.0
     return share
 
 

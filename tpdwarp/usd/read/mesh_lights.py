@@ -76,11 +76,13 @@ class MeshLight(Light):
         radiance = self._radiance(mesh, shutter)
         if self._seen is None or self._seen[0] is not mesh or self._seen[1] != radiance:
             materials = tuple(
-                replace(material, emission=radiance) if material.interaction == Interaction.DIFFUSE else material
+                replace(material, emission=radiance, lamp=True)
+                if material.interaction == Interaction.DIFFUSE
+                else material
                 for material in mesh.materials
             )
             if text_at(self.prim.GetAttribute("light:materialSyncMode")) == "noMaterialResponse":
-                materials = (Material(color=(0.0, 0.0, 0.0), emission=radiance),) * len(materials)
+                materials = (Material(color=(0.0, 0.0, 0.0), emission=radiance, lamp=True),) * len(materials)
                 self._seen = mesh, radiance, replace(mesh, materials=materials, colors=None, color_indices=None)
             else:
                 self._seen = mesh, radiance, replace(mesh, materials=materials)

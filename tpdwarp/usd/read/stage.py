@@ -32,6 +32,7 @@ from tpdwarp.usd.read.instance_limits import check_native_instances, refuse_too_
 from tpdwarp.usd.read.instanced_lights import InstancedLights, InstancedMeshLight
 from tpdwarp.usd.read.instances import InstancedMeshes
 from tpdwarp.usd.read.layer_limits import checked_layers
+from tpdwarp.usd.read.layer_rates import check_rates, mend_rates, rate_or_default
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.materialx_files import bring_in, references_materialx
@@ -56,7 +57,6 @@ from tpdwarp.usd.read.visibilities import visibility_varies
 
 # Of images of stages that say nothing else: usdrecord's width, and the height of the default aperture for it.
 DEFAULT_WIDTH, DEFAULT_HEIGHT = 960, 700
-HIGHEST_RATE, DEFAULT_RATE = 1e6, 24.0
 REFERENCE_COUNT = 9
 # What is made anew for each frame and is no points or curves.
 SURFACES: dict[type, type[Blobs]] = {UsdGeom.NurbsPatch: Patch, UsdGeom.TetMesh: Solid}
@@ -101,8 +101,10 @@ class StageScene:
         self._stage, self._settings = stage, settings
         # Layers in memory that the stage is composed of.
         self._kept: list[Sdf.Layer] = []
-        self.time_codes_per_second = self._rate("timeCodesPerSecond", stage.GetTimeCodesPerSecond())
-        self.frames_per_second = self._rate("framesPerSecond", stage.GetFramesPerSecond())
+        rates = {"timeCodesPerSecond": stage.GetTimeCodesPerSecond(), "framesPerSecond": stage.GetFramesPerSecond()}
+        self.time_codes_per_second, self.frames_per_second = (
+            rate_or_default(f"the stage's {name}", value, warnings) for name, value in rates.items()
+        )
         self.up_axis = str(UsdGeom.GetStageUpAxis(stage))
         if self.up_axis not in ("Y", "Z"):
             warnings("the stage's upAxis", f"holds {self.up_axis!r}; {ITS_DEFAULT}, Y (author Y or Z)")
@@ -197,7 +199,9 @@ class StageScene:
             # Kept until the stage is open, so that USD does not read them again.
             layers = checked_layers(name, max_memory) if isinstance(stage, str) else []
             refuse_too_many_prims(composed_prims(layers))
+            mend_rates(layers, warnings)
             opened = _open_stage(stage, name, settings)
+            check_rates(opened, name)
             if isinstance(stage, Usd.Stage) and references_materialx(opened):
                 opened = _with_session_of_its_own(opened)
             kept = bring_in(opened, warnings)
@@ -560,13 +564,6 @@ class StageScene:
     @property
     def _animation(self) -> tuple[float, float]:
         return self.start, self.end
-
-    def _rate(self, name: str, value: float) -> float:
-        if 1 / HIGHEST_RATE <= value <= HIGHEST_RATE:
-            return value
-        wanted = f"author a rate above 0, at most {HIGHEST_RATE:g}"
-        self.warnings(f"the stage's {name}", f"holds {value:g}; {ITS_DEFAULT}, {DEFAULT_RATE:g} ({wanted})")
-        return DEFAULT_RATE
 
     def _described_meshes(self) -> list[dict[str, Any]]:
         described: dict[str, dict[str, Any]] = {}

@@ -65,28 +65,65 @@ def _present(physical: Physical, path: str, warn: Callable[[str, str], None]) ->
     shown = {"emission": physical.emission, "normal_map": normal_map}
     if (image := physical.images.get("emission")) is not None and image.most > 0:
         shown["emission_map"] = image.texture()
-    diffuse = Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, _texture(physical), **shown)
-    if isinstance(clear, Image) or clear > NEARLY:
-        return _partly(_dielectric(physical, path, warn), clear, physical)
-    if isinstance(metal, Image) or metal >= LEAST_METAL:
-        return _partly(_mirror(physical, path, warn), metal, physical)
     reflectance = ((physical.ior - 1.0) / (physical.ior + 1.0)) ** 2 if physical.ior > 0 else 0.0
-    if reflectance > max(MOST_DIELECTRIC_REFLECTANCE, *physical.base_color) and physical.roughness <= MIRROR_LIKE:
+    specular = isinstance(clear, Image) or clear > NEARLY or isinstance(metal, Image) or metal >= LEAST_METAL
+    if not specular and reflectance > max(MOST_DIELECTRIC_REFLECTANCE, *physical.base_color):
         # What is darker than it shines is a metal that is authored by its index.
-        grey = replace(physical, base_color=(min(reflectance, 1.0),) * 3, base_image=None)
-        return _mirror(grey, path, warn)
-    if physical.metalness > NEARLY and not physical.images.keys() & {"metalness", "roughness"}:
-        warn("metalness", "metal that is rough, or hardly any, is rendered as diffuse")
-    return diffuse
+        images = {name: image for name, image in physical.images.items() if name != "metalness"}
+        grey = (min(reflectance, 1.0),) * 3
+        physical = replace(physical, base_color=grey, base_image=None, metalness=1.0, images=images)
+        clear, metal = _shares(physical, warn)
+    rough = _rough_metal(physical, clear, warn)
+    if isinstance(clear, Image) or clear > NEARLY:
+        return _partly(_dielectric(physical, path, warn), clear, physical, rough)
+    if isinstance(metal, Image) or metal >= LEAST_METAL:
+        return _partly(_mirror(physical, path, warn), metal, physical, rough)
+    if metal > NEARLY:
+        warn("metalness", "metal that is hardly any is rendered as diffuse")
+    return Material(Interaction.DIFFUSE, physical.base_color, physical.ior, path, _texture(physical), **shown, **rough)
 
 
-def _partly(whole: Material, share: float | Image, physical: Physical) -> Material:
-    """What is specular in that share of the surface, and diffuse in the rest."""
+def _rough_metal(
+    physical: Physical, clear: float | Image, warn: Callable[[str, str], None]
+) -> dict[str, float | Texture]:
+    """The share that is metal too rough for a mirror, of what is not clear, and its width; nothing where there is none.
+
+    Args:
+        clear: Share of the surface that is clear.
+    """
+    share: float | Image | None = None
+    if physical.images.keys() & {"metalness", "roughness"}:
+        values = [
+            physical.images.get("metalness", np.array([float(physical.metalness)])),
+            physical.images.get("roughness", np.array([float(physical.roughness)])),
+            clear if isinstance(clear, Image) else np.array([clear]),
+        ]
+        share = _over(
+            lambda m, r, c: np.where(r > MIRROR_LIKE * HALF_UP, m / np.maximum(np.maximum(1.0 - c, m), NEARLY), 0.0),
+            values,
+        )
+    if share is None:
+        rest = max(1.0 - (_mean(clear) if isinstance(clear, Image) else clear), physical.metalness, NEARLY)
+        share = physical.metalness / rest if physical.roughness > MIRROR_LIKE else 0.0
+    if not isinstance(share, Image):
+        if share <= NEARLY:
+            return {}
+        share = 1.0 if share > 1.0 - NEARLY else share
+    warn("metalness", f"what metal rougher than {MIRROR_LIKE:.3g} throws onto other surfaces is left out")
+    found = {"metal": share} if not isinstance(share, Image) else {"metal": _mean(share), "metal_map": share.texture()}
+    return {**found, **_roughness(physical)}
+
+
+def _partly(whole: Material, share: float | Image, physical: Physical, rough: dict[str, float | Texture]) -> Material:
+    """What is specular in that share of the surface, and in the rest diffuse and of ``rough`` metal."""
     if isinstance(share, Image):
         rest = share.mapped(lambda pixels: 1.0 - pixels)
-        return replace(whole, diffuse_share=_mean(rest), diffuse_map=rest.texture(), texture=_texture(physical))
-    rest = 1.0 - share
-    return replace(whole, diffuse_share=rest, texture=_texture(physical)) if rest > NEARLY else whole
+        shares = {"diffuse_share": _mean(rest), "diffuse_map": rest.texture()}
+    elif share < 1.0 - NEARLY:
+        shares = {"diffuse_share": 1.0 - share}
+    else:
+        return whole
+    return replace(whole, **shares, **rough, texture=_texture(physical))
 
 
 def _shares(physical: Physical, warn: Callable[[str, str], None]) -> tuple[float | Image, float | Image]:
@@ -144,7 +181,7 @@ def _dielectric(physical: Physical, path: str, warn: Callable[[str, str], None])
         warn("ior", f"holds an index of refraction of {ior:g}; {ITS_DEFAULT}, {Physical.ior:g} (author one above 0)")
         ior = Physical.ior
     if physical.roughness > MIRROR_LIKE and "roughness" not in physical.images:
-        warn("roughness", f"transmission as rough as this (above {MIRROR_LIKE:g}) is rendered as a wide beam")
+        warn("roughness", f"transmission as rough as this (above {MIRROR_LIKE:.3g}) is rendered as a wide beam")
     inside = {
         "thin_walled": physical.thin_walled,
         **_roughness(physical),

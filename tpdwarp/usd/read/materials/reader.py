@@ -192,7 +192,7 @@ class Materials:
             physical.base_image if found.texture else None,
             physical.cutout,
             physical.normal_image if found.normal_map else None,
-            *(physical.images.values() if found.specular_maps or found.emission_map else ()),
+            *(physical.images.values() if found.has_maps else ()),
         ]
         lie = [image.coordinates for image in images if image is not None]
         tiled = [frozenset(image.tiles) for image in images if image is not None and image.tiled]
