@@ -19,7 +19,7 @@ BODY = ball("/ball", (0, 0, 0.9), 0.4, 24, glass())
 
 
 def gliding() -> Source:
-    body = replace(moving(BODY, (0.3, 0.1, 0.0)), normal_motions=np.zeros_like(BODY.normals))
+    body = replace(moving(BODY, (0.15, 0.05, 0.0)), normal_motions=np.zeros_like(BODY.normals))
     return steady([floor(), body], (lamp((0.3, 0.2, 2.5)),), looking_down(height=0.05))
 
 
