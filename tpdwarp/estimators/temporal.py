@@ -112,7 +112,7 @@ def _along_keyframes(
         Photons of mid segment, those of finer cells at edges, and those of each part of it that has its own, with their
         lattices; where their flux went.
     """
-    keyframes = ShutterKeyframes.over(tracer, plan, seen, clock)
+    keyframes = ShutterKeyframes.over(tracer, plan, seen, clock, weight)
     tagged = {"tags": keyframes.tags.of(seen.scene), "weight": weight, **options}
     photons, account = tracer.trace(seen, plan, clock, **tagged)
     states = keyframes.states(photons, plan)

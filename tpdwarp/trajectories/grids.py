@@ -1,4 +1,4 @@
-"""Grids of keyframes: D_t x, x and ln Φ as functions of the place on a light, interpolated on the device."""
+"""Grids of keyframes: D_t x, x, ln Φ and ∇·S as functions of the place on a light, interpolated on the device."""
 
 from __future__ import annotations
 
@@ -29,13 +29,15 @@ class Grid:
 class GridArrays:
     """The photons of all grids, cell by cell.
 
-    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ.
+    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ, ``growth`` how fast a cell grows that
+    rides on the surface that its light meets first.
     """
 
     path: wp.array(dtype=wp.int64)
     dxdt: wp.array(dtype=wp.vec3)
     position: wp.array(dtype=wp.vec3)
     log_flux: wp.array(dtype=wp.float32)
+    growth: wp.array(dtype=wp.float32)
 
 
 @wp.struct
@@ -61,6 +63,7 @@ class StateArrays:
     dxdt: wp.array(dtype=wp.vec3d)
     position: wp.array(dtype=wp.vec3d)
     log_flux: wp.array(dtype=wp.float64)
+    growth: wp.array(dtype=wp.float64)
     drift: wp.array(dtype=wp.float64)
     valid: wp.array(dtype=wp.int32)
 
@@ -72,6 +75,7 @@ class Corner:
     dxdt: wp.vec3d
     position: wp.vec3d
     log_flux: wp.float64
+    growth: wp.float64
     valid: int
 
 
@@ -85,6 +89,7 @@ def corner_at(cells: GridArrays, grid: Grid, u: int, v: int, path: wp.uint32) ->
             out.dxdt = wp.vec3d(cells.dxdt[k])
             out.position = wp.vec3d(cells.position[k])
             out.log_flux = wp.float64(cells.log_flux[k])
+            out.growth = wp.float64(cells.growth[k])
             out.valid = 1
     return out
 
@@ -97,6 +102,7 @@ def on_plane_of(missing: Corner, a: Corner, b: Corner, opposite: Corner) -> Corn
         out.dxdt = a.dxdt + b.dxdt - opposite.dxdt
         out.position = a.position + b.position - opposite.position
         out.log_flux = a.log_flux + b.log_flux - opposite.log_flux
+        out.growth = a.growth + b.growth - opposite.growth
     return out
 
 
@@ -153,17 +159,21 @@ def interpolate(
             out.log_flux[i] = (one - y) * ((one - x) * p.log_flux + x * q.log_flux) + y * (
                 (one - x) * r.log_flux + x * s.log_flux
             )
+            out.growth[i] = (one - y) * ((one - x) * p.growth + x * q.growth) + y * (
+                (one - x) * r.growth + x * s.growth
+            )
             out.valid[i] = 1
 
 
 def grids_of(
-    photons: PhotonMap, rows: np.ndarray, starts: np.ndarray, launcher: Launcher
+    photons: PhotonMap, rows: np.ndarray, starts: np.ndarray, growth: np.ndarray, launcher: Launcher
 ) -> tuple[wp.array, GridArrays]:
     """The grids of photons, each of one lattice and on one path, and their cells.
 
     Args:
         rows: Rows of the photons, those of a grid side by side, shape [n].
         starts: Where in ``rows`` those of each grid begin, shape [k].
+        growth: How fast the cell of each photon grows, shape [n].
     """
     cell = np.floor(photons.emission[rows]).astype(np.int64)
     first = np.minimum.reduceat(cell, starts, axis=0)
@@ -186,4 +196,5 @@ def grids_of(
     out.path = column(photons.path[rows].astype(np.int64), wp.int64, -1)
     out.dxdt, out.position = (column(getattr(photons, name)[rows], wp.vec3) for name in ("dxdt", "position"))
     out.log_flux = column(flux.astype(np.float32), wp.float32)
+    out.growth = column(growth[rows].astype(np.float32), wp.float32)
     return wp.array(table, dtype=Grid, device=launcher.device), out

@@ -28,6 +28,7 @@ from tpdwarp.scene.description import LightAtShutter, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.brightening import lights_change, power_curves, steady_lights
 from tpdwarp.trajectories.grids import Riders, StateArrays, grids_of, interpolate
+from tpdwarp.trajectories.neighbours import growth_of, neighbours
 from tpdwarp.trajectories.retraced import LEAST_SHARE, CellsOfLattices, riding
 
 # Part of the shutter over which keyframes take D_t x at either end of it. Chosen, not derived: a difference over it
@@ -78,6 +79,7 @@ class KeyframeState:
         valid: Whether the keyframes around each photon took its path to its receiver, shape [n].
         drift: How many of the keyframes' cells photons have moved over the light since mid shutter, shape [n].
         log_flux: Logarithm of the flux of the keyframes' photons there, shape [n].
+        growth: How fast cells that ride grow then, over the whole shutter and by their size then, shape [n].
     """
 
     dxdt: np.ndarray
@@ -85,6 +87,7 @@ class KeyframeState:
     valid: np.ndarray
     drift: np.ndarray
     log_flux: np.ndarray
+    growth: np.ndarray
 
     def rows(self, chosen: np.ndarray) -> KeyframeState:
         """The same of some of the photons."""
@@ -103,6 +106,7 @@ class ShutterKeyframes:
         tags: Tell paths apart, for keyframes and photons alike.
         clock: Where the time goes.
         lights_change: Whether lights change their power over the shutter.
+        weight: Part of the light that photons are traced with which keyframes are asked about; they have all of it.
 
     Attributes:
         emitted: Number of photons traced for them.
@@ -118,10 +122,11 @@ class ShutterKeyframes:
         tags: PathTags,
         clock: Clock,
         lights_change: bool = False,
+        weight: float = 1.0,
     ) -> None:
         self.tracer, self.plan, self.tags, self.emitted = tracer, plan, tags, 0
         self.middle, self.opening, self.closing = middle, opening, closing
-        self._clock, self._lights_change = clock, lights_change
+        self._clock, self._lights_change, self._weight = clock, lights_change, weight
         self._grids: dict[float, _KeyframeGrids] = {}
         # The scenes of the first and of the last instant, once they are wanted.
         self._instants: dict[float, LoadedScene] = {}
@@ -130,8 +135,10 @@ class ShutterKeyframes:
         self._curves: dict[tuple[str, ...], tuple[PowerCurve | None, ...]] = {}
 
     @classmethod
-    def over(cls, tracer: PhotonTracer, plan: EmissionPlan, loaded: LoadedScene, clock: Clock) -> ShutterKeyframes:
-        """Keyframes of the shutter of ``loaded``, for photons on the lattices of ``plan``."""
+    def over(
+        cls, tracer: PhotonTracer, plan: EmissionPlan, loaded: LoadedScene, clock: Clock, weight: float = 1.0
+    ) -> ShutterKeyframes:
+        """Keyframes of the shutter of ``loaded``, for photons on the lattices of ``plan`` with that ``weight``."""
         sparse = tracer.plan(
             min(plan.photons, max(FEWEST_KEYFRAME_PHOTONS, plan.photons // PHOTONS_PER_KEYFRAME_PHOTON)),
             clock,
@@ -142,7 +149,7 @@ class ShutterKeyframes:
         (opening, closing), changes = steadily_lit(tracer, [opening, closing], [-END, END], loaded.scene.lights)
         with clock.stage("plan"):
             tags = PathTags(loaded.scene, plan.photons)
-        return cls(tracer, sparse, loaded, opening, closing, tags, clock, changes)
+        return cls(tracer, sparse, loaded, opening, closing, tags, clock, changes, weight)
 
     def around(self, photons: PhotonMap, plan: EmissionPlan) -> tuple[KeyframeState, KeyframeState]:
         """Photons of mid shutter, as it opens and as it closes; ``photons.shift`` is that over the whole of it."""
@@ -176,14 +183,17 @@ class ShutterKeyframes:
             both = (at[0] >= 0) & (at[1] >= 0)
             rows = rows[both]
             own = [end.rows(found[both]) for end, found in zip(ends, at, strict=True)]
-            for state, end, rate in (
-                (before, own[0], KEYFRAME_DURATION),
-                (middle, photons.rows(rows), 1.0),
-                (after, own[1], KEYFRAME_DURATION),
+            for state, end, rate, weight in (
+                (before, own[0], KEYFRAME_DURATION, 1.0),
+                (middle, photons.rows(rows), 1.0, self._weight),
+                (after, own[1], KEYFRAME_DURATION, 1.0),
             ):
                 state.dxdt[rows], state.position[rows] = end.dxdt / rate, end.position
                 state.valid[rows] = True
-                state.log_flux[rows] = np.log(np.maximum(end.flux.max(axis=1), np.finfo(np.float32).tiny))
+                flux = end.flux.max(axis=1) / np.float32(weight)
+                state.log_flux[rows] = np.log(np.maximum(flux, np.finfo(np.float32).tiny))
+                # What is not known of them is how their growth changes.
+                state.growth[rows] = 0.0
         return before, middle, after
 
     def photons(self, part: float) -> PhotonMap:
@@ -287,7 +297,8 @@ class _KeyframeGrids:
         rows, keys = rows_by_path(photons, plan)
         starts = np.flatnonzero(np.diff(keys, prepend=-1))
         self._keys = keys[starts]
-        self._grids = grids_of(photons, rows, starts, launcher) if len(rows) else None
+        growth = growth_of(photons, neighbours(photons, plan))
+        self._grids = grids_of(photons, rows, starts, growth, launcher) if len(rows) else None
 
     def looked_up(self, photons: PhotonMap, plan: EmissionPlan, part: float) -> KeyframeState:
         """What they say of photons at the part ``part`` of the shutter."""
@@ -302,7 +313,7 @@ class _KeyframeGrids:
             launcher(interpolate, len(which), [*self._grids, riders, which, float(part), out], in_turn=True)
         valid = out.valid.numpy() > 0
         columns = [out.position.numpy(), valid, out.drift.numpy(), out.log_flux.numpy()]
-        return KeyframeState(self._rate * out.dxdt.numpy(), *columns)
+        return KeyframeState(self._rate * out.dxdt.numpy(), *columns, self._rate * out.growth.numpy())
 
     def _riders(self, photons: PhotonMap, plan: EmissionPlan, rows: np.ndarray, numbers: np.ndarray) -> Riders:
         """Photons on the lattices of ``plan``, of which ``rows`` are looked up in the grids ``numbers``, both [n]."""

@@ -66,3 +66,8 @@ def differences(values: np.ndarray, pairs: Pairs) -> np.ndarray:
     ahead[a], behind[b] = b, a
     between = np.where((ahead != rows) & (behind != rows), 0.5, 1.0).astype(values.dtype)
     return (values.take(ahead, axis=0) - values.take(behind, axis=0)) * between[:, None]
+
+
+def growth_of(photons: PhotonMap, beside: tuple[Pairs, Pairs]) -> np.ndarray:
+    """∂_u S_u + ∂_v S_v of the shifts S of photons: by which part cells that ride grow, shape [n]."""
+    return sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
