@@ -18,8 +18,9 @@ s · shift, and that of another area: if the shift grows from cell to cell, so d
 
     Φ (1 + s (∂_u shift_u + ∂_v shift_v + D_t ln Φ))
 
-where D_t ln Φ is what keyframes say of the flux at the place where it rides: solid angle, Fresnel and all. The mean
-over the shutter is Φ, so that energy is as it was.
+where D_t ln Φ is what keyframes say of the flux at the place where it rides: solid angle, Fresnel and all. Φ is the
+mean over the shutter, not what there is in its middle: what nears a lamp takes more light by second order. It is that
+of a parabola through the middle and the keyframes at either end, where cells have the integral of their growth.
 
 Beyond the paper, whose footprints go straight and keep their shape and flux.
 """
@@ -50,9 +51,12 @@ from tpdwarp.trajectories.neighbours import differences, growth_of, neighbours
 # Beside what lights themselves do, flux grows by no more than half of this part to either end, as axes do. Chosen, not
 # derived: with 2 a ball that rolls by 57 degrees within a segment errs by .137, with 1 by .123.
 LARGEST_GROWTH = 1.0
-# The mean flux of a photon by what it is at mid shutter, at least and at most. Chosen, not derived: what is beyond is no
-# parabola.
+# The mean flux of a photon by what it is at mid shutter, at least and at most. Chosen, not derived: what is beyond is
+# no parabola.
 LEAST_MEAN, MOST_MEAN = 0.5, 1.5
+# Where ln Φ bends by more than this from one of the keyframes' cells to the next, as near rims, its changes are what
+# the grid misses of it. Chosen, not derived.
+LARGEST_ROUGHNESS = 0.1
 # What flux may be at either end by what it is in the middle, as a logarithm. Chosen, not derived.
 LARGEST_LOGARITHM = 1.0
 # Of the ways of light that keyframes follow, this quantile is as far as any other may go. Chosen, not derived: the last
@@ -121,10 +125,12 @@ def _flux_over_the_shutter(
     # ---- The size of a cell is the integral of its growth
     faster = 0.25 * END * (after.growth - before.growth)
     bend = END / 6.0 * (before.growth + after.growth - 2.0 * middle.growth)
+    known = np.maximum(np.maximum(before.rough, after.rough), middle.rough) < LARGEST_ROUGHNESS
     ends = []
     for state, side in ((before, -1.0), (after, 1.0)):
         size = side * END * growth + faster + side * bend
-        ends.append(np.exp(np.minimum(size + state.log_flux - middle.log_flux, LARGEST_LOGARITHM)))
+        light = np.where(known, state.log_flux - middle.log_flux, 0.0)
+        ends.append(np.exp(np.minimum(size + light, LARGEST_LOGARITHM)))
     # Of the parabola through them.
     mean = 1.0 + (ends[0] + ends[1] - 2.0) / (24.0 * END**2)
     return gain, np.where(follows, np.clip(mean, LEAST_MEAN, MOST_MEAN), 1.0)

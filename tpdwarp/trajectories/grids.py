@@ -8,6 +8,7 @@ import warp as wp
 from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.trajectories.neighbours import Pairs, growth_of, second_differences
 
 # Photons of the four around a place that have to have taken a path for its values to be valid.
 FEWEST_CORNERS = wp.constant(3)
@@ -29,14 +30,15 @@ class Grid:
 class GridArrays:
     """The photons of all grids, cell by cell.
 
-    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ, ``growth`` how fast a cell grows that
-    rides on the surface that its light meets first.
+    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ, ``bend`` its second differences
+    along u and v, ``growth`` how fast a cell grows that rides on the surface that its light meets first.
     """
 
     path: wp.array(dtype=wp.int64)
     dxdt: wp.array(dtype=wp.vec3)
     position: wp.array(dtype=wp.vec3)
     log_flux: wp.array(dtype=wp.float32)
+    bend: wp.array(dtype=wp.vec2)
     growth: wp.array(dtype=wp.float32)
 
 
@@ -58,12 +60,14 @@ class Riders:
 
 @wp.struct
 class StateArrays:
-    """What was found, one row a photon; ``drift`` is how far it has moved over the light, in cells of the grid."""
+    """What was found, one row a photon; ``drift`` is how far it has moved over the light, in cells of the grid,
+    ``rough`` the second differences of ln Φ there."""
 
     dxdt: wp.array(dtype=wp.vec3d)
     position: wp.array(dtype=wp.vec3d)
     log_flux: wp.array(dtype=wp.float64)
     growth: wp.array(dtype=wp.float64)
+    rough: wp.array(dtype=wp.float64)
     drift: wp.array(dtype=wp.float64)
     valid: wp.array(dtype=wp.int32)
 
@@ -75,6 +79,7 @@ class Corner:
     dxdt: wp.vec3d
     position: wp.vec3d
     log_flux: wp.float64
+    bend: wp.vec2d
     growth: wp.float64
     valid: int
 
@@ -89,6 +94,7 @@ def corner_at(cells: GridArrays, grid: Grid, u: int, v: int, path: wp.uint32) ->
             out.dxdt = wp.vec3d(cells.dxdt[k])
             out.position = wp.vec3d(cells.position[k])
             out.log_flux = wp.float64(cells.log_flux[k])
+            out.bend = wp.vec2d(cells.bend[k])
             out.growth = wp.float64(cells.growth[k])
             out.valid = 1
     return out
@@ -102,6 +108,7 @@ def on_plane_of(missing: Corner, a: Corner, b: Corner, opposite: Corner) -> Corn
         out.dxdt = a.dxdt + b.dxdt - opposite.dxdt
         out.position = a.position + b.position - opposite.position
         out.log_flux = a.log_flux + b.log_flux - opposite.log_flux
+        out.bend = a.bend + b.bend - opposite.bend
         out.growth = a.growth + b.growth - opposite.growth
     return out
 
@@ -159,6 +166,10 @@ def interpolate(
             out.log_flux[i] = (one - y) * ((one - x) * p.log_flux + x * q.log_flux) + y * (
                 (one - x) * r.log_flux + x * s.log_flux
             )
+            bend = (one - y) * ((one - x) * p.bend + x * q.bend) + y * ((one - x) * r.bend + x * s.bend)
+            # What a line misses of a parabola, which differs by where in its cells a photon rides.
+            out.log_flux[i] -= half * (x * (one - x) * bend[0] + y * (one - y) * bend[1])
+            out.rough[i] = wp.abs(bend[0]) + wp.abs(bend[1])
             out.growth[i] = (one - y) * ((one - x) * p.growth + x * q.growth) + y * (
                 (one - x) * r.growth + x * s.growth
             )
@@ -166,14 +177,14 @@ def interpolate(
 
 
 def grids_of(
-    photons: PhotonMap, rows: np.ndarray, starts: np.ndarray, growth: np.ndarray, launcher: Launcher
+    photons: PhotonMap, rows: np.ndarray, starts: np.ndarray, beside: tuple[Pairs, Pairs], launcher: Launcher
 ) -> tuple[wp.array, GridArrays]:
     """The grids of photons, each of one lattice and on one path, and their cells.
 
     Args:
         rows: Rows of the photons, those of a grid side by side, shape [n].
         starts: Where in ``rows`` those of each grid begin, shape [k].
-        growth: How fast the cell of each photon grows, shape [n].
+        beside: Photons one cell on in u, and in v.
     """
     cell = np.floor(photons.emission[rows]).astype(np.int64)
     first = np.minimum.reduceat(cell, starts, axis=0)
@@ -191,10 +202,11 @@ def grids_of(
         filled[at] = values
         return launcher.array(filled, dtype)
 
-    flux = np.log(np.maximum(photons.flux[rows].max(axis=1), np.finfo(np.float32).tiny))
+    log_flux = np.log(np.maximum(photons.flux.max(axis=1), np.finfo(np.float32).tiny))
+    bend = np.stack([second_differences(log_flux, pairs) for pairs in beside], axis=1)
     out = GridArrays()
     out.path = column(photons.path[rows].astype(np.int64), wp.int64, -1)
     out.dxdt, out.position = (column(getattr(photons, name)[rows], wp.vec3) for name in ("dxdt", "position"))
-    out.log_flux = column(flux.astype(np.float32), wp.float32)
-    out.growth = column(growth[rows].astype(np.float32), wp.float32)
+    out.log_flux, out.growth = (column(values[rows], wp.float32) for values in (log_flux, growth_of(photons, beside)))
+    out.bend = column(bend[rows].astype(np.float32), wp.vec2)
     return wp.array(table, dtype=Grid, device=launcher.device), out

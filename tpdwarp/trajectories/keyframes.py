@@ -28,7 +28,7 @@ from tpdwarp.scene.description import LightAtShutter, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.brightening import lights_change, power_curves, steady_lights
 from tpdwarp.trajectories.grids import Riders, StateArrays, grids_of, interpolate
-from tpdwarp.trajectories.neighbours import growth_of, neighbours
+from tpdwarp.trajectories.neighbours import neighbours
 from tpdwarp.trajectories.retraced import LEAST_SHARE, CellsOfLattices, riding
 
 # Part of the shutter over which keyframes take D_t x at either end of it. Chosen, not derived: a difference over it
@@ -80,6 +80,7 @@ class KeyframeState:
         drift: How many of the keyframes' cells photons have moved over the light since mid shutter, shape [n].
         log_flux: Logarithm of the flux of the keyframes' photons there, shape [n].
         growth: How fast cells that ride grow then, over the whole shutter and by their size then, shape [n].
+        rough: Second differences of that logarithm from one of the keyframes' cells to the next, shape [n].
     """
 
     dxdt: np.ndarray
@@ -88,6 +89,7 @@ class KeyframeState:
     drift: np.ndarray
     log_flux: np.ndarray
     growth: np.ndarray
+    rough: np.ndarray
 
     def rows(self, chosen: np.ndarray) -> KeyframeState:
         """The same of some of the photons."""
@@ -193,7 +195,7 @@ class ShutterKeyframes:
                 flux = end.flux.max(axis=1) / np.float32(weight)
                 state.log_flux[rows] = np.log(np.maximum(flux, np.finfo(np.float32).tiny))
                 # What is not known of them is how their growth changes.
-                state.growth[rows] = 0.0
+                state.growth[rows] = state.rough[rows] = 0.0
         return before, middle, after
 
     def photons(self, part: float) -> PhotonMap:
@@ -297,8 +299,7 @@ class _KeyframeGrids:
         rows, keys = rows_by_path(photons, plan)
         starts = np.flatnonzero(np.diff(keys, prepend=-1))
         self._keys = keys[starts]
-        growth = growth_of(photons, neighbours(photons, plan))
-        self._grids = grids_of(photons, rows, starts, growth, launcher) if len(rows) else None
+        self._grids = grids_of(photons, rows, starts, neighbours(photons, plan), launcher) if len(rows) else None
 
     def looked_up(self, photons: PhotonMap, plan: EmissionPlan, part: float) -> KeyframeState:
         """What they say of photons at the part ``part`` of the shutter."""
@@ -313,7 +314,8 @@ class _KeyframeGrids:
             launcher(interpolate, len(which), [*self._grids, riders, which, float(part), out], in_turn=True)
         valid = out.valid.numpy() > 0
         columns = [out.position.numpy(), valid, out.drift.numpy(), out.log_flux.numpy()]
-        return KeyframeState(self._rate * out.dxdt.numpy(), *columns, self._rate * out.growth.numpy())
+        columns += [self._rate * out.growth.numpy(), out.rough.numpy()]
+        return KeyframeState(self._rate * out.dxdt.numpy(), *columns)
 
     def _riders(self, photons: PhotonMap, plan: EmissionPlan, rows: np.ndarray, numbers: np.ndarray) -> Riders:
         """Photons on the lattices of ``plan``, of which ``rows`` are looked up in the grids ``numbers``, both [n]."""
