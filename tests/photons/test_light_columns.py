@@ -180,6 +180,34 @@ def test_photons_land_where_the_middle_of_their_light_does_with_its_mean_flux(na
     np.testing.assert_allclose((whole.positions - middle.positions)[kept], shift, atol=0.05 * size)
 
 
+@pytest.mark.parametrize("height", [1.1, 1.6])
+@pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT])
+def test_light_of_a_lamp_nearly_as_wide_as_it_is_far_off_deviates_as_its_places_do_by_their_flux(shape, height):
+    """Below its middle through a sheet of index one: flux, and second moments where light lands."""
+    half, level = 0.4, 2.0
+    clear = quad("/clear", (-0.1, -0.1), (0.1, 0.1), level, Material(Interaction.DIELECTRIC, ior=1.0))
+    lamp = LightAtShutter(
+        "/lamp", LightKind.POINT, (1.0,) * 3, np.array([0.0, 0.0, level + height]),
+        profile=EmissionProfile.COSINE, extent=Extent(shape, 0.0, half * np.eye(3)[:2]),
+    )  # fmt: skip
+    scene = scene_of(lamp, [floor(), clear])
+    middle, whole = (traced(Written(scene), 64, shutter=STILL, place=p).photons for p in ((0.0, 0.0), None))
+    near = np.argmin(np.linalg.norm(whole.positions[:, :2], axis=1))
+    steps = half * ((2 * np.arange(100) + 1) / 100 - 1)
+    x, y = (values.ravel() for values in np.meshgrid(steps, steps))
+    within = x**2 + y**2 < half**2 if shape == ExtentShape.DISK else np.ones(len(x), bool)
+    x, y = x[within], y[within]
+    # cos θ_l cos θ / d², and where that light lands, x/height of the level aside.
+    sent = height**2 / (height**2 + x**2 + y**2) ** 2
+    assert whole.flux[near, 0] / middle.flux[near, 0] == pytest.approx(sent.mean() * height**2, rel=0.015)
+    width = np.sqrt(np.sum(sent * (x * level / height) ** 2) / sent.sum())
+    k = 0.25 if shape == ExtentShape.DISK else 1.0 / 3.0
+    derivative = math.sqrt(k) * half * level / height
+    found = math.sqrt(k) * np.linalg.norm(whole.dxda[near])
+    # Places spread farther by their tangents than by their chords.
+    assert abs(found - width) < 0.5 * (derivative - width)
+
+
 def test_spheres_and_suns_send_as_much_through_a_sheet_as_their_middles_would_and_more_where_that_grazes():
     """Irradiance of a sphere is a point's, as its places lie in its depth, too, but for what the horizon hides."""
     clear = quad("/clear", (-3, -3), (3, 3), 2.0, Material(Interaction.DIELECTRIC, ior=1.0))

@@ -94,6 +94,31 @@ def test_a_number_of_parts_whose_light_errs_far_more_than_another_is_told_of(hei
     assert (energy.counts.get(COARSE_PARTS, 0) > 25) == told
 
 
+@pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT, ExtentShape.CYLINDER])
+def test_few_parts_of_a_lamp_beside_glass_send_as_much_light_through_it_as_many(shape):
+    """In one part 22 to 34 % less without: its middle does not see what the rim does."""
+    points, triangles, normals = shapes.sphere()
+    triangles = np.ascontiguousarray(triangles, np.int32)
+    glass = Material(Interaction.DIELECTRIC, ior=1.5)
+    ball = MeshAtShutter(
+        "/ball", 0.4 * points + (0.0, 0.0, 0.8), triangles,
+        normals=normals, normal_indices=triangles, materials=(glass,),
+    )  # fmt: skip
+    lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.1, 0.05, 1.5]))
+    spans, radius, profile = 0.3 * np.eye(3)[:2], 0.0, EmissionProfile.COSINE
+    if shape == ExtentShape.CYLINDER:
+        spans, radius, profile = spans * [[1.2], [0.0]], 0.08, EmissionProfile.SINE
+    light = replace(lamp, profile=profile, extent=Extent(shape, radius, spans))
+    source = steady([floor(), ball], (light,), looking_down((-0.8, 0.8, -0.8, 0.8), height=0.3))
+    means = {}
+    for splits in ("auto", 1, 4):
+        settings = Settings(photons=1 << 14, samples=4, threads=1, light_splits=splits, aovs=("irradiance",))
+        frame = render_frame(RenderContext(source, settings), Shutter(0, 0, 0), 24, 24)
+        means[splits] = frame.channels["irradiance.R"].mean(), frame.energy.deposited
+    for splits in (1, 4):
+        np.testing.assert_allclose(means[splits], means["auto"], rtol=0.03)
+
+
 def test_errors_between_the_numbers_looked_at_lie_between_theirs():
     foreseen = Foreseen(np.array([1, 7, 19]), np.array([0.3, 0.1, 0.03]), 19)
     assert foreseen.error_of(7) == pytest.approx(0.1)

@@ -51,7 +51,7 @@ class EnergyWatch:
             self._warned_of_parts = True
             logger.warning(
                 f"{self._source.file}: frame {frame_text(frame)}: light of lights with extent is foreseen to err by "
-                f"{error / 1000.0:.0%} in as many parts as were asked for, in brightness too (leave out --light-splits)"
+                f"{error / 1000.0:.0%} in as many parts as were asked for (leave out --light-splits)"
             )
         # Only a frame to which no flux was sent can lack a specular surface, so that most scenes are not read twice.
         if not self._warned_of_no_caustic and energy.sent == 0:

@@ -10,7 +10,7 @@ Beyond the paper, whose photons start at random: with a lattice, the error of fo
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from weakref import WeakKeyDictionary
 
@@ -109,6 +109,8 @@ class EmissionPlan:
         normalization: The tracer's units.
         candidates: What the stills showed, from which lattices for any number of photons are laid out.
         splits: Parts that each light with extent is cut into; each of them has lattices of its own.
+        gains: What the photons of some lights are brighter by, by the paths of their prims
+            (:class:`tpdwarp.photons.tracer.LightSplits`).
     """
 
     lattices: tuple[Lattice, ...]
@@ -117,6 +119,7 @@ class EmissionPlan:
     normalization: Normalization
     candidates: tuple[_Candidate, ...] = ()
     splits: int = 1
+    gains: Mapping[str, float] = field(default_factory=dict, compare=False)
     # What scenes that are still in use emit is found once: it is asked for by each that traces or looks for edges.
     _found: WeakKeyDictionary[SceneAtShutter, _Emitted] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False, compare=False
@@ -129,7 +132,7 @@ class EmissionPlan:
     def with_photons(self, photons: int) -> EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
         plan = _planned(self.candidates, photons, self.normalization, self.splits)
-        return replace(plan, _bounds=self._bounds)
+        return replace(plan, gains=self.gains, _bounds=self._bounds)
 
     def foreseeing(self, scene: SceneAtShutter) -> EmissionPlan:
         """The plan with lattices for those lights of ``scene`` that shine in none of the stills; just it where all do.
@@ -207,9 +210,14 @@ class EmissionPlan:
             if aimed:
                 self._found[scene] = found
         return [
-            (lattice, _patch(lattice, light, bounds, found.behind, found.magnitude, self.normalization))
+            (lattice, _patch(lattice, self._as_seen(light), bounds, found.behind, found.magnitude, self.normalization))
             for lattice, light, bounds in found.parts
         ]
+
+    def _as_seen(self, light: LightAtShutter) -> LightAtShutter:
+        """A light or part of one with the power that its photons have."""
+        gain = self.gains.get(prim_of(light.path), 1.0)
+        return light if gain == 1.0 else replace(light, power=tuple(gain * channel for channel in light.power))
 
     def _emitted(self, sight: _Sight, aimed: bool) -> _Emitted:
         """What the lights of a scene emit; all of each planned lattice if it is not ``aimed``."""

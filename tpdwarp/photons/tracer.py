@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from tpdwarp.clock import Clock
@@ -18,55 +18,69 @@ from tpdwarp.scene.device.loading import LoadedScene, SceneLoader
 from tpdwarp.settings import LightSettings
 
 
+@dataclass(frozen=True)
+class LightSplits:
+    """The parts that lights with extent are cut into.
+
+    Attributes:
+        count: Their number.
+        error: The error that is foreseen of it where another number would err far less; else 0.
+        gains: What light of so few parts is brighter by, by the paths of lights, so that it is as much as that of many.
+    """
+
+    count: int
+    error: float = 0.0
+    gains: Mapping[str, float] = field(default_factory=dict)
+
+
 class PhotonTracer:
     """Traces photons through any shutter of an animation, from lattices that stay the same from frame to frame.
 
     Args:
         loader: Loads the scenes.
         settings: How photons are emitted and what they ride on.
-        choose_splits: What gives the number of parts that lights with extent are cut into, by a tracer with one part a
-            light and what the settings ask for, and the error that it foresees of a number that is far from the best.
-            Without, it is what the settings ask for, or one part.
+        choose_splits: What gives the parts that lights with extent are cut into, by a tracer with one part a light and
+            what the settings ask for. Without, there are as many as those ask for, or one.
     """
 
     def __init__(
         self,
         loader: SceneLoader,
         settings: LightSettings,
-        choose_splits: Callable[[PhotonTracer, int | str], tuple[int, float]] | None = None,
+        choose_splits: Callable[[PhotonTracer, int | str], LightSplits] | None = None,
     ) -> None:
         self.loader, self.settings, self._choose_splits = loader, settings, choose_splits
         self.source, self.launcher, self.normalization = loader.source, loader.launcher, loader.normalization
         self._plans: dict[int, EmissionPlan] = {}
         # What was chosen for which settings, also by tracers with others.
-        self._chosen_splits: dict[tuple[int, str, int | str], tuple[int, float]] = {}
+        self._chosen_splits: dict[tuple[int, str, int | str], LightSplits] = {}
 
     def with_settings(self, settings: LightSettings) -> PhotonTracer:
         """The same tracer with other settings; stills are not read again where lattices keep their shape."""
         other = copy(self)
         other.settings = settings
-        if other._square != self._square or other.splits != self.splits:
+        if other._square != self._square or other._split != self._split:
             other._plans = {}
         return other
 
     @property
     def splits(self) -> int:
         """Parts that a light with extent is cut into; each has lattices and columns of its own."""
-        return self._split[0]
+        return self._split.count
 
     @property
     def split_error(self) -> float:
         """The error that is foreseen of light with extent where the settings ask for a bad number of parts."""
-        return self._split[1]
+        return self._split.error
 
     @property
-    def _split(self) -> tuple[int, float]:
+    def _split(self) -> LightSplits:
         settings = self.settings
         # Accumulation goes through places on lights by itself.
         if not self.loader.extended_lights or settings.estimator == "accumulation":
-            return 1, 0.0
+            return LightSplits(1)
         if self._choose_splits is None:
-            return 1 if settings.light_splits == "auto" else int(settings.light_splits), 0.0
+            return LightSplits(1 if settings.light_splits == "auto" else int(settings.light_splits))
         key = settings.photons, settings.estimator, settings.light_splits
         if key not in self._chosen_splits:
             whole = copy(self)
@@ -138,4 +152,5 @@ class PhotonTracer:
         if self._plans:
             return next(iter(self._plans.values())).with_photons(photons)
         options = {"square": self._square, "splits": self.splits, "stills": self.loader.stills_once()}
-        return plan_emission(self.source, photons, self.normalization, **options)
+        plan = plan_emission(self.source, photons, self.normalization, **options)
+        return replace(plan, gains=self._split.gains) if self._split.gains else plan

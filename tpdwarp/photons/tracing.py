@@ -438,6 +438,8 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         elif patch.extent_shape >= 0:
                             places = flux_of_places(patch, beam, columns, hit.n_g, from_middle)
                             columns.gain = places.gain
+                            columns.dwda *= places.narrowing[0]
+                            columns.dwdb *= places.narrowing[1]
                             flux *= places.mean
                             emitted *= places.mean
                             entering *= places.mean

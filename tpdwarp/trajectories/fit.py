@@ -19,7 +19,8 @@ s · shift, and that of another area: if the shift grows from cell to cell, so d
     Φ (1 + s (∂_u shift_u + ∂_v shift_v + D_t ln Φ))
 
 where D_t ln Φ is what keyframes say of the flux at the place where it rides: solid angle, Fresnel and all. Φ is the
-mean over the shutter (:mod:`.mean_flux`).
+mean over the shutter, not what there is in its middle: what nears a lamp takes more light by second order. It is that
+of a parabola through the middle and the keyframes at either end, where cells have the integral of their growth.
 
 Beyond the paper, whose footprints go straight and keep their shape and flux.
 """
@@ -45,12 +46,19 @@ from tpdwarp.trajectories.keyframes import (
     ShutterKeyframes,
     disagreement,
 )
-from tpdwarp.trajectories.mean_flux import CellGrowth, over_mean
-from tpdwarp.trajectories.neighbours import differences, neighbours
+from tpdwarp.trajectories.neighbours import differences, growth_of, neighbours
 
 # Beside what lights themselves do, flux grows by no more than half of this part to either end, as axes do. Chosen, not
 # derived: with 2 a ball that rolls by 57 degrees within a segment errs by .137, with 1 by .123.
 LARGEST_GROWTH = 1.0
+# The mean flux of a photon by what it is at mid shutter, at least and at most. Chosen, not derived: what is beyond is
+# no parabola.
+LEAST_MEAN, MOST_MEAN = 0.5, 1.5
+# Where ln Φ bends by more than this from one of the keyframes' cells to the next, as near rims, its changes are what
+# the grid misses of it. Chosen, not derived.
+LARGEST_ROUGHNESS = 0.1
+# What flux may be at either end by what it is in the middle, as a logarithm. Chosen, not derived.
+LARGEST_LOGARITHM = 1.0
 # Of the ways of light that keyframes follow, this quantile is as far as any other may go. Chosen, not derived: the last
 # hundredth may be as far off as those others.
 LONGEST_QUANTILE = 0.99
@@ -81,28 +89,51 @@ def fit_trajectories(
         follows &= disagreement(photons, before.dxdt, after.dxdt) <= LARGEST_DISAGREEMENT
         photons, shortened = _shortened(photons, follows)
         changes = _acceleration_and_jerk(before, middle, after, follows)
-        rates, cells = [np.zeros_like(photons.dxdt)] * 2, CellGrowth.none(len(photons))
+        rates, growth = [np.zeros_like(photons.dxdt)] * 2, np.zeros(len(photons))
         if keyframes.tracer.settings.emission == "lattice":
             beside = neighbours(photons, plan)
             rates = [differences(photons.dxdt, pairs) for pairs in beside]
-            cells = CellGrowth.of(photons, before, after, follows, beside)
-        # Of flux that goes along a line, over its mean.
-        change = 2.0 * np.tanh(0.5 * (after.log_flux - before.log_flux)) / (2.0 * END)
-        change = np.where(follows, change, 0.0)
-        gain = np.clip(cells.first + change, -LARGEST_GROWTH, LARGEST_GROWTH).astype(np.float32)
-        mean = over_mean(before, middle, after, cells, change, follows)
+            growth = growth_of(photons, beside)
+        gain, mean = _flux_over_the_shutter(before, middle, after, follows, growth)
         account = EnergyAccount(counts={"keyframes": keyframes.emitted})
         if shortened:
             account.counts["ways shortened for want of keyframes"] = shortened
         if not follows.all():
             account.counts["straight for want of keyframes"] = int(np.sum(~follows))
-        flux = photons.flux * mean[:, None].astype(np.float32)
-        over_middle = float((flux - photons.flux).sum(dtype=np.float64))
-        photons = replace(photons, flux=flux, trajectory=TrajectoryColumns(*changes, *rates, gain))
+        gained = float(((mean - 1.0) * photons.flux.sum(axis=1, dtype=np.float64)).sum())
+        photons = replace(photons, flux=photons.flux * mean[:, None].astype(np.float32))
+        photons = replace(photons, trajectory=TrajectoryColumns(*changes, *rates, gain))
         photons = replace(photons, power_curves=keyframes.power_curves(photons.light_paths))
-        gained = plan.normalization.power * (gained_flux(photons) + over_middle)
+        gained = plan.normalization.power * (gained + gained_flux(photons))
         account.add(EnergyAccount(sent=gained, deposited=gained))
         return photons, account
+
+
+def _flux_over_the_shutter(
+    before: KeyframeState, middle: KeyframeState, after: KeyframeState, follows: np.ndarray, growth: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """How the flux of photons grows over the shutter, by its mean, and that by what it is in the middle, both [n].
+
+    Args:
+        before, middle, after: Keyframes.
+        follows: Photons that follow them, shape [n].
+        growth: How fast cells grow that ride, in the middle, shape [n].
+    """
+    # Of flux that goes along a line, over its mean.
+    change = 2.0 * np.tanh(0.5 * (after.log_flux - before.log_flux)) / (2.0 * END)
+    gain = np.clip(growth + np.where(follows, change, 0.0), -LARGEST_GROWTH, LARGEST_GROWTH).astype(np.float32)
+    # ---- The size of a cell is the integral of its growth
+    faster = 0.25 * END * (after.growth - before.growth)
+    bend = END / 6.0 * (before.growth + after.growth - 2.0 * middle.growth)
+    known = np.maximum(np.maximum(before.rough, after.rough), middle.rough) < LARGEST_ROUGHNESS
+    ends = []
+    for state, side in ((before, -1.0), (after, 1.0)):
+        size = side * END * growth + faster + side * bend
+        light = np.where(known, state.log_flux - middle.log_flux, 0.0)
+        ends.append(np.exp(np.minimum(size + light, LARGEST_LOGARITHM)))
+    # Of the parabola through them.
+    mean = 1.0 + (ends[0] + ends[1] - 2.0) / (24.0 * END**2)
+    return gain, np.where(follows, np.clip(mean, LEAST_MEAN, MOST_MEAN), 1.0)
 
 
 def _shortened(photons: PhotonMap, follows: np.ndarray) -> tuple[PhotonMap, int]:

@@ -1,4 +1,4 @@
-"""Grids of keyframes: D_t x, x, ln Φ and shift as functions of the place on a light, interpolated on the device."""
+"""Grids of keyframes: D_t x, x, ln Φ and ∇·S as functions of the place on a light, interpolated on the device."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import warp as wp
 from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.trajectories.neighbours import Pairs, growth_of, second_differences
 
 # Photons of the four around a place that have to have taken a path for its values to be valid.
 FEWEST_CORNERS = wp.constant(3)
@@ -29,15 +30,16 @@ class Grid:
 class GridArrays:
     """The photons of all grids, cell by cell.
 
-    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ; ``shift`` counts steps of the
-    grid's own lattice.
+    ``path`` is that of the cell's photon, −1 where there is none; ``log_flux`` is ln Φ, ``bend`` its second differences
+    along u and v, ``growth`` how fast a cell grows that rides on the surface that its light meets first.
     """
 
     path: wp.array(dtype=wp.int64)
     dxdt: wp.array(dtype=wp.vec3)
     position: wp.array(dtype=wp.vec3)
     log_flux: wp.array(dtype=wp.float32)
-    shift: wp.array(dtype=wp.vec2)
+    bend: wp.array(dtype=wp.vec2)
+    growth: wp.array(dtype=wp.float32)
 
 
 @wp.struct
@@ -58,13 +60,14 @@ class Riders:
 
 @wp.struct
 class StateArrays:
-    """What was found, one row a photon; ``drift`` is how far it has moved over the light, in cells of the grid, and
-    ``shift`` counts steps of the lattice of the photons."""
+    """What was found, one row a photon; ``drift`` is how far it has moved over the light, in cells of the grid,
+    ``rough`` the second differences of ln Φ there."""
 
     dxdt: wp.array(dtype=wp.vec3d)
     position: wp.array(dtype=wp.vec3d)
     log_flux: wp.array(dtype=wp.float64)
-    shift: wp.array(dtype=wp.vec2d)
+    growth: wp.array(dtype=wp.float64)
+    rough: wp.array(dtype=wp.float64)
     drift: wp.array(dtype=wp.float64)
     valid: wp.array(dtype=wp.int32)
 
@@ -76,7 +79,8 @@ class Corner:
     dxdt: wp.vec3d
     position: wp.vec3d
     log_flux: wp.float64
-    shift: wp.vec2d
+    bend: wp.vec2d
+    growth: wp.float64
     valid: int
 
 
@@ -90,7 +94,8 @@ def corner_at(cells: GridArrays, grid: Grid, u: int, v: int, path: wp.uint32) ->
             out.dxdt = wp.vec3d(cells.dxdt[k])
             out.position = wp.vec3d(cells.position[k])
             out.log_flux = wp.float64(cells.log_flux[k])
-            out.shift = wp.vec2d(cells.shift[k])
+            out.bend = wp.vec2d(cells.bend[k])
+            out.growth = wp.float64(cells.growth[k])
             out.valid = 1
     return out
 
@@ -103,7 +108,8 @@ def on_plane_of(missing: Corner, a: Corner, b: Corner, opposite: Corner) -> Corn
         out.dxdt = a.dxdt + b.dxdt - opposite.dxdt
         out.position = a.position + b.position - opposite.position
         out.log_flux = a.log_flux + b.log_flux - opposite.log_flux
-        out.shift = a.shift + b.shift - opposite.shift
+        out.bend = a.bend + b.bend - opposite.bend
+        out.growth = a.growth + b.growth - opposite.growth
     return out
 
 
@@ -160,19 +166,25 @@ def interpolate(
             out.log_flux[i] = (one - y) * ((one - x) * p.log_flux + x * q.log_flux) + y * (
                 (one - x) * r.log_flux + x * s.log_flux
             )
-            shift = (one - y) * ((one - x) * p.shift + x * q.shift) + y * ((one - x) * r.shift + x * s.shift)
-            out.shift[i] = wp.cw_div(shift, scale)
+            bend = (one - y) * ((one - x) * p.bend + x * q.bend) + y * ((one - x) * r.bend + x * s.bend)
+            # What a line misses of a parabola, which differs by where in its cells a photon rides.
+            out.log_flux[i] -= half * (x * (one - x) * bend[0] + y * (one - y) * bend[1])
+            out.rough[i] = wp.abs(bend[0]) + wp.abs(bend[1])
+            out.growth[i] = (one - y) * ((one - x) * p.growth + x * q.growth) + y * (
+                (one - x) * r.growth + x * s.growth
+            )
             out.valid[i] = 1
 
 
 def grids_of(
-    photons: PhotonMap, rows: np.ndarray, starts: np.ndarray, launcher: Launcher
+    photons: PhotonMap, rows: np.ndarray, starts: np.ndarray, beside: tuple[Pairs, Pairs], launcher: Launcher
 ) -> tuple[wp.array, GridArrays]:
     """The grids of photons, each of one lattice and on one path, and their cells.
 
     Args:
         rows: Rows of the photons, those of a grid side by side, shape [n].
         starts: Where in ``rows`` those of each grid begin, shape [k].
+        beside: Photons one cell on in u, and in v.
     """
     cell = np.floor(photons.emission[rows]).astype(np.int64)
     first = np.minimum.reduceat(cell, starts, axis=0)
@@ -190,10 +202,11 @@ def grids_of(
         filled[at] = values
         return launcher.array(filled, dtype)
 
-    flux = np.log(np.maximum(photons.flux[rows].max(axis=1), np.finfo(np.float32).tiny))
+    log_flux = np.log(np.maximum(photons.flux.max(axis=1), np.finfo(np.float32).tiny))
+    bend = np.stack([second_differences(log_flux, pairs) for pairs in beside], axis=1)
     out = GridArrays()
     out.path = column(photons.path[rows].astype(np.int64), wp.int64, -1)
     out.dxdt, out.position = (column(getattr(photons, name)[rows], wp.vec3) for name in ("dxdt", "position"))
-    out.log_flux = column(flux.astype(np.float32), wp.float32)
-    out.shift = column(photons.shift[rows], wp.vec2)
+    out.log_flux, out.growth = (column(values[rows], wp.float32) for values in (log_flux, growth_of(photons, beside)))
+    out.bend = column(bend[rows].astype(np.float32), wp.vec2)
     return wp.array(table, dtype=Grid, device=launcher.device), out

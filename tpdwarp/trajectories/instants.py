@@ -22,10 +22,12 @@ import numpy as np
 
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
 from tpdwarp.trajectories.fit import LARGEST_GROWTH
-from tpdwarp.trajectories.mean_flux import LARGEST_BULGE
 
 # Parts follow each other where one begins as the other ends, up to rounding [shutters].
 SAME_TIME = 1e-6
+# The mean of a part is within half of what it has in the middle: what is far fainter than before and after follows no
+# parabola. Chosen, not derived.
+LARGEST_BULGE = 0.5
 
 
 def joined_in_time(maps: Sequence[PhotonMap]) -> list[PhotonMap]:

@@ -28,6 +28,7 @@ from tpdwarp.scene.description import LightAtShutter, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.brightening import lights_change, power_curves, steady_lights
 from tpdwarp.trajectories.grids import Riders, StateArrays, grids_of, interpolate
+from tpdwarp.trajectories.neighbours import neighbours
 from tpdwarp.trajectories.retraced import LEAST_SHARE, CellsOfLattices, riding
 
 # Part of the shutter over which keyframes take D_t x at either end of it. Chosen, not derived: a difference over it
@@ -78,7 +79,8 @@ class KeyframeState:
         valid: Whether the keyframes around each photon took its path to its receiver, shape [n].
         drift: How many of the keyframes' cells photons have moved over the light since mid shutter, shape [n].
         log_flux: Logarithm of the flux of the keyframes' photons there, shape [n].
-        shift: Lattice steps over the whole shutter by which photons that ride there move over the light, shape [n, 2].
+        growth: How fast cells that ride grow then, over the whole shutter and by their size then, shape [n].
+        rough: Second differences of that logarithm from one of the keyframes' cells to the next, shape [n].
     """
 
     dxdt: np.ndarray
@@ -86,7 +88,8 @@ class KeyframeState:
     valid: np.ndarray
     drift: np.ndarray
     log_flux: np.ndarray
-    shift: np.ndarray
+    growth: np.ndarray
+    rough: np.ndarray
 
     def rows(self, chosen: np.ndarray) -> KeyframeState:
         """The same of some of the photons."""
@@ -105,7 +108,7 @@ class ShutterKeyframes:
         tags: Tell paths apart, for keyframes and photons alike.
         clock: Where the time goes.
         lights_change: Whether lights change their power over the shutter.
-        weight: Part of the exposure that the shutter is, whose flux the photons have; keyframes have that of all of it.
+        weight: Part of the light that photons are traced with which keyframes are asked about; they have all of it.
 
     Attributes:
         emitted: Number of photons traced for them.
@@ -137,8 +140,7 @@ class ShutterKeyframes:
     def over(
         cls, tracer: PhotonTracer, plan: EmissionPlan, loaded: LoadedScene, clock: Clock, weight: float = 1.0
     ) -> ShutterKeyframes:
-        """Keyframes of the shutter of ``loaded``, the part ``weight`` of the exposure, for photons on the lattices of
-        ``plan``."""
+        """Keyframes of the shutter of ``loaded``, for photons on the lattices of ``plan`` with that ``weight``."""
         sparse = tracer.plan(
             min(plan.photons, max(FEWEST_KEYFRAME_PHOTONS, plan.photons // PHOTONS_PER_KEYFRAME_PHOTON)),
             clock,
@@ -189,9 +191,11 @@ class ShutterKeyframes:
                 (after, own[1], KEYFRAME_DURATION, 1.0),
             ):
                 state.dxdt[rows], state.position[rows] = end.dxdt / rate, end.position
-                state.shift[rows] = end.shift / rate
                 state.valid[rows] = True
-                state.log_flux[rows] = np.log(np.maximum(end.flux.max(axis=1) / weight, np.finfo(np.float32).tiny))
+                flux = end.flux.max(axis=1) / np.float32(weight)
+                state.log_flux[rows] = np.log(np.maximum(flux, np.finfo(np.float32).tiny))
+                # What is not known of them is how their growth changes.
+                state.growth[rows] = state.rough[rows] = 0.0
         return before, middle, after
 
     def photons(self, part: float) -> PhotonMap:
@@ -295,7 +299,7 @@ class _KeyframeGrids:
         rows, keys = rows_by_path(photons, plan)
         starts = np.flatnonzero(np.diff(keys, prepend=-1))
         self._keys = keys[starts]
-        self._grids = grids_of(photons, rows, starts, launcher) if len(rows) else None
+        self._grids = grids_of(photons, rows, starts, neighbours(photons, plan), launcher) if len(rows) else None
 
     def looked_up(self, photons: PhotonMap, plan: EmissionPlan, part: float) -> KeyframeState:
         """What they say of photons at the part ``part`` of the shutter."""
@@ -310,7 +314,8 @@ class _KeyframeGrids:
             launcher(interpolate, len(which), [*self._grids, riders, which, float(part), out], in_turn=True)
         valid = out.valid.numpy() > 0
         columns = [out.position.numpy(), valid, out.drift.numpy(), out.log_flux.numpy()]
-        return KeyframeState(self._rate * out.dxdt.numpy(), *columns, self._rate * out.shift.numpy())
+        columns += [self._rate * out.growth.numpy(), out.rough.numpy()]
+        return KeyframeState(self._rate * out.dxdt.numpy(), *columns)
 
     def _riders(self, photons: PhotonMap, plan: EmissionPlan, rows: np.ndarray, numbers: np.ndarray) -> Riders:
         """Photons on the lattices of ``plan``, of which ``rows`` are looked up in the grids ``numbers``, both [n]."""

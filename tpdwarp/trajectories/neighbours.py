@@ -59,10 +59,30 @@ def _sheets(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
 
 def differences(values: np.ndarray, pairs: Pairs) -> np.ndarray:
     """Central differences of ``values`` [n, 3] per cell; one-sided at the ends of a row, zero without neighbours."""
+    ahead, behind, rows = _beside(len(values), pairs)
+    between = np.where((ahead != rows) & (behind != rows), 0.5, 1.0).astype(values.dtype)
+    return (values.take(ahead, axis=0) - values.take(behind, axis=0)) * between[:, None]
+
+
+def second_differences(values: np.ndarray, pairs: Pairs) -> np.ndarray:
+    """Second differences of ``values`` [n] per cell; at the ends of a row those of the one beside, zero where it has
+    fewer than three."""
+    ahead, behind, rows = _beside(len(values), pairs)
+    inside = (ahead != rows) & (behind != rows)
+    found = np.where(inside, values[ahead] + values[behind] - 2.0 * values, 0.0)
+    return np.where(inside, found, found[np.where(ahead != rows, ahead, behind)])
+
+
+def _beside(count: int, pairs: Pairs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of the photons one cell ahead and behind, of ``count`` photons, their own without; and all rows."""
     a, b = pairs
-    rows = np.arange(len(values))
+    rows = np.arange(count)
     ahead, behind = rows.copy(), rows.copy()
     # A photon has one neighbour at most on either side.
     ahead[a], behind[b] = b, a
-    between = np.where((ahead != rows) & (behind != rows), 0.5, 1.0).astype(values.dtype)
-    return (values.take(ahead, axis=0) - values.take(behind, axis=0)) * between[:, None]
+    return ahead, behind, rows
+
+
+def growth_of(photons: PhotonMap, beside: tuple[Pairs, Pairs]) -> np.ndarray:
+    """∂_u S_u + ∂_v S_v of the shifts S of photons: by which part cells that ride grow, shape [n]."""
+    return sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
