@@ -21,6 +21,7 @@ from tpdwarp.scene.description import SceneAtShutter, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.segments import most_breaks_inside
 from usd_scenes.oracle import Wave, irradiance_average
+from usd_scenes.solids import write
 
 SCENES = Path(__file__).resolve().parents[2] / "usd_scenes"
 FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
@@ -41,6 +42,16 @@ def test_more_photons_are_worth_more_segments():
 def test_a_longer_exposure_is_worth_more_segments():
     counts = [chosen(wave_source(Wave()), exposure, photons=65536) for exposure in (0.25, 1.0, 4.0)]
     assert counts == sorted(counts) and counts[-1] >= 2 * counts[0]
+
+
+def test_light_all_of_which_begins_or_ends_within_the_shutter_takes_more_segments_for_more_photons(tmp_path):
+    """A prism that turns past total reflection: keyframes know none of its photons at both ends."""
+    stage, counts = write("prism-turning", tmp_path), []
+    for photons in (4096, 65536):
+        settings = Settings(photons=photons, exposure=1.0, camera="/World/Camera")
+        source = open_scene(stage, settings, False)
+        counts.append(RenderContext(source, settings).segmentation.count(shutter_of(source, 1.0, settings), Clock()))
+    assert 1 < counts[0] < counts[1]
 
 
 @pytest.mark.parametrize("exposure", [0.0, 1.0])

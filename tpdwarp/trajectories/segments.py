@@ -240,7 +240,7 @@ def _keyframe_scenes(tracer: PhotonTracer, shutter: Shutter) -> list[LoadedScene
 
 
 def _errors_over(tracer: PhotonTracer, scenes: Sequence[LoadedScene], plan: EmissionPlan) -> SegmentErrors | None:
-    """Errors of the photons that land over the shutter of a frame; None where keyframes say nothing of any.
+    """Errors of the photons that land over the shutter of a frame; None where none do that keyframes say anything of.
 
     Args:
         scenes: At the keyframes of that shutter, in the order of time.
@@ -255,8 +255,12 @@ def _errors_over(tracer: PhotonTracer, scenes: Sequence[LoadedScene], plan: Emis
     before, after = keyframes.around(photons, plan)
     known = before.valid & after.valid
     # At borders of the lattice keyframes say nothing even in the middle of the shutter.
-    begins = keyframes.at_middle(photons, plan).valid & ~known
+    at_middle = keyframes.at_middle(photons, plan)
+    begins = at_middle.valid & ~known
     curves = settings.path == "curved" and settings.kernel == "bspline" and settings.trace_at == "middle"
+    if not known.any():
+        # All light begins or ends within the shutter, and of its way no more is known than in the middle.
+        known, before, after = begins, at_middle, at_middle
     rows = np.flatnonzero(known)
     if not len(rows):
         return None
