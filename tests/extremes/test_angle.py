@@ -37,10 +37,18 @@ def test_grazing_light_is_refracted_as_fresnel_has_it(left, motion):
     # Those asked for, and where neighbours drift apart, as on waves that they graze, cells traced again in time.
     again = frame.energy.counts.get("cells traced again in time", 0)
     assert frame.energy.counts["emitted"] == pytest.approx(1024 + (INSTANTS - 1) * again, rel=0.05)
-    assert frame.energy.sent == pytest.approx(3 * 4 * math.cos(angle), rel=1e-5 + 4 * EPS / left)
+    energy, sent = frame.energy, 3 * 4 * math.cos(angle)
     # The cosine is known to a rounding of one.
-    expected = 1 - fresnel_reflectance(angle, 1.0, 1.33)
-    assert frame.energy.deposited == pytest.approx(expected * frame.energy.sent, rel=1e-5 + 4 * EPS / left)
+    expected, rounding = 1 - fresnel_reflectance(angle, 1.0, 1.33), 1e-5 + 4 * EPS / left
+    if motion == "deforming" and left == 0.1:
+        # What deforms turns, and has another mean over the shutter: that of many instants.
+        instants = render(slab(towards(angle), 1.33, MOTIONS[motion]), estimator="accumulation").energy
+        assert instants.sent > 1.0005 * sent
+        assert energy.sent == pytest.approx(instants.sent, rel=1e-3)
+        assert energy.deposited == pytest.approx(instants.deposited, rel=1e-3)
+    else:
+        assert energy.sent == pytest.approx(sent, rel=rounding)
+        assert energy.deposited == pytest.approx(expected * energy.sent, rel=rounding)
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -148,9 +156,10 @@ def test_a_lamp_in_the_plane_of_a_face_or_on_it_is_harmless(beside, height):
     light = lamp((*beside, 1 + height), (0.01, 0, 0))
     frame = render(scene([pane, floor(half=6.0)], light, eye=looking_down((-2, 2, -2, 2), height=0.6)))
     assert frame.energy.sent <= 3 * 2 * math.pi
-    # Cells in the face's plane ride past each other without bound, and say so.
-    apart = frame.energy.counts.get("cells that ride too far apart to grow", 0)
-    assert (apart > 0) == (height > 0.0 and beside == (0.2, 0.1))
+    # Cells in the face's plane would ride past each other without bound: they rest, and are traced at each instant.
+    assert "cells that ride too far apart to grow" not in frame.energy.counts
+    again = frame.energy.counts.get("cells traced again in time", 0)
+    assert (again > 800) == (height > 0.0 and beside == (0.2, 0.1))
 
 
 @pytest.mark.parametrize("spread", [0.3, 1.0, 100.0, "opposed", "zero", "vanishing"])

@@ -104,7 +104,9 @@ def changing_cells(
     """
     suspects = _suspects(keyframes, plan, clock)
     with clock.stage("trace"):
-        photons, turned_over = resting_where_turned_over(photons, plan)
+        turned_over: dict[int, np.ndarray] = {}
+        if not _is_a_sheet_alone(keyframes, _at_keyframes(keyframes).values()):
+            photons, turned_over = resting_where_turned_over(photons, plan)
         here = CellsOfLattices(photons, plan)
         suspects = {
             number: ChosenCells(cells.cell, _shifts_of(cells.cell, here, number, cells))
@@ -244,9 +246,9 @@ def _field(found: CellsOfLattices, lattice: Lattice, number: int, given: ChosenC
 def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> dict[int, ChosenCells]:
     """The cells of ``plan`` around keyframes' cells that change, with their shift as offset."""
     sparse = keyframes.plan
-    maps = {part: keyframes.photons(part) for part in (-END, 0.0, END)}
-    maps[0.0] = resting_where_turned_over(maps[0.0], sparse)[0]
+    maps = _at_keyframes(keyframes)
     if not _is_a_sheet_alone(keyframes, maps.values()):
+        maps[0.0] = resting_where_turned_over(maps[0.0], sparse)[0]
         maps |= {part: keyframes.traced(part, sparse) for part in (OPENS, CLOSES)}
     with clock.stage("trace"):
         riders: dict[int, ChosenCells] = {}
@@ -274,6 +276,11 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
                 lattices = plan.lattices[number], sparse.lattices[number]
                 found[number] = _finer(*lattices, window, changing, shifts[number])
     return found
+
+
+def _at_keyframes(keyframes: ShutterKeyframes) -> dict[float, PhotonMap]:
+    """The photons of keyframes by when they were traced."""
+    return {part: keyframes.photons(part) for part in (-END, 0.0, END)}
 
 
 def _is_a_sheet_alone(keyframes: ShutterKeyframes, maps: Iterable[PhotonMap]) -> bool:

@@ -55,7 +55,7 @@ from tpdwarp.trajectories.keyframes import (
     keyframe_shutters,
     steadily_lit,
 )
-from tpdwarp.trajectories.neighbours import Pairs, differences, neighbours
+from tpdwarp.trajectories.neighbours import Pairs, growth_of, neighbours
 from tpdwarp.trajectories.retraced import PARTS
 from tpdwarp.trajectories.turns import least_segments
 
@@ -328,7 +328,7 @@ def _errors(
     if not curves:
         # Cells that ride grow and shrink on the light by ∂_u s_u + ∂_v s_v, and so does their flux. Straight
         # trajectories keep theirs, which tells where light has moved on by the time.
-        growth = sum(differences(photons.shift, pairs)[:, axis] for axis, pairs in enumerate(beside))
+        growth = growth_of(photons, beside)
         error += 0.25 * np.abs(growth) * np.minimum(1.0, change * first)
     return SegmentErrors(weight, *in_time, apart, blur**2 / 8.0, border, error)
 
