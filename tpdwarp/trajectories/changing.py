@@ -186,7 +186,7 @@ def resting_where_turned_over(photons: PhotonMap, plan: EmissionPlan) -> tuple[P
     paths, flux = paths.reshape(-1), photons.flux.sum(axis=1, dtype=np.float64)
     above = np.bincount(paths, flux * (growth > TURNS_OVER), len(names))
     rests = (above > 0.5 * np.bincount(paths, flux, len(names)))[paths]
-    cells = CellsOfLattices(photons.rows(rests), plan)
+    cells = CellsOfLattices(photons, plan, rests)
     shift = np.where(rests[:, None], np.float32(0.0), photons.shift)
     return replace(photons, shift=shift), {number: np.unique(cells.of(number)[1], axis=0) for number in cells.numbers()}
 
@@ -209,7 +209,7 @@ def _unfollowed(
     off = (apart > LARGEST_DISAGREEMENT) & (sagitta > LARGEST_SAGITTA * photons.size)
     off |= (apart > LEAST_DISAGREEMENT) & (np.minimum(miss, sagitta) > LARGEST_MISS * photons.size)
     off &= before.valid & after.valid
-    lost = CellsOfLattices(photons.rows(off & matters(photons, typical, LEAST_SHARE)), plan)
+    lost = CellsOfLattices(photons, plan, off & matters(photons, typical, LEAST_SHARE))
     return {number: np.unique(lost.of(number)[1], axis=0) for number in lost.numbers()}
 
 

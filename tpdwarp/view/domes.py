@@ -29,6 +29,8 @@ MOST_LAYERS = wp.constant(16)
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Beyond a layer of glass a shadow ray begins so much farther on, in scenes of unit size: some roundings.
 STEP = wp.constant(1.0e-5)
+# An angle as a part of a whole turn and of half of one: 1/(2π) and 1/π.
+PART_OF_TURN, PART_OF_HALF_TURN = wp.constant(0.15915494), wp.constant(0.31830989)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
@@ -164,16 +166,21 @@ def _half(sums: np.ndarray) -> int:
 
 
 @wp.func
+def place_in_picture(local: wp.vec3) -> wp.vec2:
+    """Coordinates (s, t) in a picture by latitude and longitude, of a direction in the dome's own axes."""
+    return wp.vec2(
+        0.5 - PART_OF_TURN * wp.atan2(local[0], local[2]),
+        0.5 + PART_OF_HALF_TURN * wp.asin(wp.clamp(local[1], -1.0, 1.0)),
+    )
+
+
+@wp.func
 def dome_radiance(domes: DomeArrays, w: wp.vec3) -> wp.vec3:
     """Radiance that arrives against the direction ω."""
     total = wp.vec3(0.0, 0.0, 0.0)
     none = wp.vec2(0.0, 0.0)
     for k in range(domes.units.shape[0]):
-        local = domes.axes[k] * w
-        # 1/π and 1/(2π).
-        s = 0.5 - 0.15915494 * wp.atan2(local[0], local[2])
-        t = 0.5 + 0.31830989 * wp.asin(wp.clamp(local[1], -1.0, 1.0))
-        total += domes.units[k] * filtered(domes.pictures, k, wp.vec2(s, t), none, none, 0.0)
+        total += domes.units[k] * filtered(domes.pictures, k, place_in_picture(domes.axes[k] * w), none, none, 0.0)
     return total
 
 
@@ -184,15 +191,10 @@ def dome_radiance_about(domes: DomeArrays, w: wp.vec3, solid_angle: float) -> wp
     side = wp.sqrt(solid_angle)
     for k in range(domes.units.shape[0]):
         local = domes.axes[k] * w
-        # 1/π and 1/(2π).
-        st = wp.vec2(
-            0.5 - 0.15915494 * wp.atan2(local[0], local[2]),
-            0.5 + 0.31830989 * wp.asin(wp.clamp(local[1], -1.0, 1.0)),
-        )
         round = wp.sqrt(wp.max(1.0 - local[1] * local[1], 0.0))
-        across = wp.vec2(wp.min(0.15915494 * side / wp.max(round, 1.0e-6), 1.0), 0.0)
-        down = wp.vec2(0.0, 0.31830989 * side)
-        total += domes.units[k] * filtered(domes.pictures, k, st, across, down, 0.0)
+        across = wp.vec2(wp.min(PART_OF_TURN * side / wp.max(round, 1.0e-6), 1.0), 0.0)
+        down = wp.vec2(0.0, PART_OF_HALF_TURN * side)
+        total += domes.units[k] * filtered(domes.pictures, k, place_in_picture(local), across, down, 0.0)
     return total
 
 

@@ -362,6 +362,7 @@ def metal_at(textures: TextureArrays, material: int, hit: Hit, across: wp.vec3, 
 
 @wp.func
 def _share(share: float) -> float:
+    """A share that is looked up: all or none of a surface where it nearly is."""
     if share < LEAST_SHARE:
         return 0.0
     if share > 1.0 - LEAST_SHARE:
