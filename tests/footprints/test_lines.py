@@ -11,7 +11,7 @@ from tpdwarp.footprints.bspline import Trajectory, bspline_weight
 from tpdwarp.footprints.lanes import CPU_LANES as LANE_COUNT
 from tpdwarp.footprints.lanes import Lanes as AnyLanes
 from tpdwarp.footprints.lines import is_line
-from tpdwarp.footprints.lines import line_weight as any_line_weight
+from tpdwarp.footprints.lines import line_weights as any_line_weights
 
 # In parts of the light: what nodes err by at the edges of pixels, and a hundredth at the ends of a line, where its
 # profile along itself is taken for a box.
@@ -20,7 +20,7 @@ LARGEST_ERROR = 0.015
 SLANTED = 0.035
 
 Lanes = AnyLanes.of(LANE_COUNT)
-line_weight = any_line_weight.of(LANE_COUNT)
+line_weights = any_line_weights.of(LANE_COUNT)
 along_nodes = bspline_weight(LANE_COUNT, True, True)
 
 
@@ -35,7 +35,7 @@ def weigh(
     chosen: wp.array(dtype=wp.int32),
 ):
     i = base + wp.tid()
-    lines[i] = line_weight(u[i], v[i], trajectory)
+    lines[i] = line_weights(u[i], v[i], trajectory)
     nodes[i] = along_nodes(u[i], v[i], trajectory)
     chosen[i] = int(is_line(trajectory))
 

@@ -9,8 +9,8 @@ folds and costs nine sixteenths more; the linear one errs less there, but leaves
 (measured with ``scripts/benchmarks/run.py accuracy`` while there were all three). Averaged over the filter width of a
 query, its translates still sum to one; those of a B-spline that is stretched beyond its cells do not.
 
-All of it is evaluated for sixteen queries at once (:mod:`tpdwarp.footprints.lanes`), without branches that differ
-between them.
+What depends on a query is evaluated for sixteen of them at once (:mod:`tpdwarp.footprints.lanes`), without branches
+that differ between them.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from functools import cache
 
 import warp as wp
 
-from tpdwarp.footprints.cells import cell_weights, pixel_extent
+from tpdwarp.footprints.cells import cell_weight, pixel_extent
 from tpdwarp.footprints.lane_counts import func_of_lanes, lane_func
-from tpdwarp.footprints.lanes import Lanes, between, greater, greatest, least, lesser, not_negative, roots
+from tpdwarp.footprints.lanes import LANES, Lanes, between, greater, greatest, least, lesser
 
 # Half the width of the B-spline of degree two, in cells: (degree + 1)/2.
 SUPPORT = 1.5
@@ -45,62 +45,61 @@ RIM_SAG = wp.constant(1.0 / (12.0 * 2.0 * 2.0))
 RIM_EXCESS = wp.constant(1.0 / (8.0 * 4.0 * 2.0**4))
 
 
-@lane_func
-def quadratic_bspline(x: Lanes) -> Lanes:
+@wp.func
+def quadratic_bspline(x: float) -> float:
     """b(x), centred, with support (−3/2, 3/2) and ∫ b = 1: beyond the paper, beside the kernels of Table 1."""
-    distance = wp.abs(x)
-    outer = greater(Lanes(1.5) - distance, Lanes(0.0))
-    inner = greater(Lanes(0.5) - distance, Lanes(0.0))
-    return 0.5 * wp.cw_mul(outer, outer) - 1.5 * wp.cw_mul(inner, inner)
+    outer = greater(1.5 - wp.abs(x), 0.0)
+    inner = greater(0.5 - wp.abs(x), 0.0)
+    return 0.5 * outer * outer - 1.5 * inner * inner
 
 
-@lane_func
-def bspline_tail(x: Lanes) -> Lanes:
+@wp.func
+def bspline_tail(x: float) -> float:
     """∫ b from x ≥ 0 to the end of its support, for averages over a box (beyond the paper)."""
-    outer = greater(Lanes(1.5) - x, Lanes(0.0))
-    inner = greater(Lanes(0.5) - x, Lanes(0.0))
-    return SIXTH * wp.cw_mul(wp.cw_mul(outer, outer), outer) - 0.5 * wp.cw_mul(wp.cw_mul(inner, inner), inner)
+    outer = greater(1.5 - x, 0.0)
+    inner = greater(0.5 - x, 0.0)
+    return SIXTH * outer * outer * outer - 0.5 * inner * inner * inner
 
 
-@lane_func
-def averaged_bspline(x: Lanes, width: float) -> Lanes:
+@wp.func
+def averaged_bspline(x: float, width: float) -> float:
     """Mean of b over an interval of ``width`` around x: a pixel's average along one axis (beyond the paper).
 
     It is a difference of tails, so that it is exact near the rim.
     """
     distance = wp.abs(x)
-    half = Lanes(0.5 * width)
+    half = 0.5 * width
     near = bspline_tail(wp.abs(distance - half))
-    inside = not_negative(half - distance)
-    return (near + wp.cw_mul(inside, Lanes(1.0) - 2.0 * near) - bspline_tail(distance + half)) / width
+    beyond = bspline_tail(distance + half)
+    return (wp.where(distance <= half, 1.0 - near, near) - beyond) / width
 
 
-@lane_func
-def double_tail(x: Lanes) -> Lanes:
+@wp.func
+def double_tail(x: float) -> float:
     """∫ of the tail from |x| on, plus |x|/2, which second differences do not see: even, convex (beyond the paper)."""
     distance = wp.abs(x)
-    outer = greater(Lanes(1.5) - distance, Lanes(0.0))
-    inner = greater(Lanes(0.5) - distance, Lanes(0.0))
-    outer = wp.cw_mul(outer, outer)
-    inner = wp.cw_mul(inner, inner)
-    return wp.cw_mul(outer, outer) / 24.0 - 0.125 * wp.cw_mul(inner, inner) + 0.5 * distance
+    outer = greater(1.5 - distance, 0.0)
+    inner = greater(0.5 - distance, 0.0)
+    outer = outer * outer
+    inner = inner * inner
+    return outer * outer / 24.0 - 0.125 * inner * inner + 0.5 * distance
 
 
-@lane_func
-def twice_averaged_bspline(x: Lanes, width: float, second: float) -> Lanes:
+@wp.func
+def twice_averaged_bspline(x: float, width: float, second: float) -> float:
     """Mean of b over an interval of ``width``, and of that over one of ``second`` (beyond the paper).
 
     Across a line, a pixel is two such boxes: the projections of its sides.
     """
-    both = Lanes(0.5 * (width + second))
-    apart = Lanes(0.5 * (width - second))
+    both = 0.5 * (width + second)
+    apart = 0.5 * (width - second)
     outer = double_tail(x + both) + double_tail(x - both)
     inner = double_tail(x + apart) + double_tail(x - apart)
-    return greater(outer - inner, Lanes(0.0)) / (width * second)
+    return greater(outer - inner, 0.0) / (width * second)
 
 
-@lane_func
-def averaged_disc(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
+@wp.func
+def averaged_disc(u: float, v: float, pixel: wp.mat22) -> float:
     """A disc of radius 2 averaged over a parallelogram around (u, v), with ∫ = 1 (beyond the paper).
 
     It is the image of a round light as pixels see it. Within the parallelogram the rim is a parabola about its tangent
@@ -111,28 +110,25 @@ def averaged_disc(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
     Args:
         pixel: The sides of the parallelogram, as columns.
     """
-    distance = roots(wp.cw_mul(u, u) + wp.cw_mul(v, v))
-    far = greater(distance, Lanes(1.0e-6))
-    nearness = wp.cw_div(Lanes(1.0), far)
-    one = wp.cw_mul(wp.abs(pixel[0, 0] * u + pixel[1, 0] * v), nearness)
-    other = wp.cw_mul(wp.abs(pixel[0, 1] * u + pixel[1, 1] * v), nearness)
-    squares = wp.ddot(pixel, pixel)
-    tangent = Lanes(squares) - wp.cw_mul(one, one) - wp.cw_mul(other, other)
-    inside = Lanes(DISC_RADIUS) - distance - RIM_SAG * tangent
+    distance = wp.sqrt(u * u + v * v)
+    nearness = 1.0 / greater(distance, 1.0e-6)
+    one = wp.abs(pixel[0, 0] * u + pixel[1, 0] * v) * nearness
+    other = wp.abs(pixel[0, 1] * u + pixel[1, 1] * v) * nearness
+    tangent = wp.ddot(pixel, pixel) - one * one - other * other
+    inside = DISC_RADIUS - distance - RIM_SAG * tangent
     # The half plane in two boxes: second differences of half a square, divided by both of their sides.
-    wide = greater(greater(one, other), Lanes(1.0e-3))
+    wide = greater(greater(one, other), 1.0e-3)
     narrow = greater(lesser(one, other), NARROWEST * wide)
     both = 0.5 * (wide + narrow)
     apart = 0.5 * (wide - narrow)
     inside = between(inside, -both, both)
     full = inside + both
-    outer = greater(inside + apart, Lanes(0.0))
-    inner = greater(inside - apart, Lanes(0.0))
-    area = wp.cw_mul(full, full) - wp.cw_mul(outer, outer) - wp.cw_mul(inner, inner)
+    outer = greater(inside + apart, 0.0)
+    inner = greater(inside - apart, 0.0)
+    area = full * full - outer * outer - inner * inner
     variance = TWELFTH * (pixel * wp.transpose(pixel))
     squared = 2.0 * wp.ddot(variance, variance) + wp.trace(variance) * wp.trace(variance)
-    excess = RIM_EXCESS * squared
-    return wp.cw_div(area, wp.cw_mul(wide, narrow)) / (2.0 * DISC_AREA * (1.0 + excess))
+    return area / (wide * narrow) / (2.0 * DISC_AREA * (1.0 + RIM_EXCESS * squared))
 
 
 @wp.func
@@ -179,22 +175,26 @@ def _time_within(u: Lanes, v: Lanes, velocity: wp.vec2, extent: wp.vec2) -> wp.v
 
     These are the limits of the integral over the shutter (beyond the paper).
     """
-    low = Lanes(-0.5)
-    high = Lanes(0.5)
+    slowness = wp.vec2(1.0e9, 1.0e9)
     for axis in range(2):
-        at = u
-        if axis == 1:
-            at = v
-        slowness = 1.0e9
         if wp.abs(velocity[axis]) > 1.0e-9:
-            slowness = 1.0 / velocity[axis]
-        a = slowness * (at - Lanes(extent[axis]))
-        b = slowness * (at + Lanes(extent[axis]))
-        low = greater(low, lesser(a, b))
-        high = lesser(high, greater(a, b))
-    # Those that it never reaches, later than its end and before its beginning.
-    missed = Lanes(1.0) - not_negative(high - low)
-    return wp.vec2(least(low + missed), greatest(high - missed))
+            slowness[axis] = 1.0 / velocity[axis]
+    low = Lanes(0.0)
+    high = Lanes(0.0)
+    lane = int(0)
+    while lane < LANES:
+        a_u = slowness[0] * (u[lane] - extent[0])
+        b_u = slowness[0] * (u[lane] + extent[0])
+        a_v = slowness[1] * (v[lane] - extent[1])
+        b_v = slowness[1] * (v[lane] + extent[1])
+        since = greater(greater(lesser(a_u, b_u), lesser(a_v, b_v)), -0.5)
+        until = lesser(lesser(greater(a_u, b_u), greater(a_v, b_v)), 0.5)
+        # Those that it never reaches, later than its end and before its beginning.
+        missed = wp.where(until < since, 1.0, 0.0)
+        low[lane] = since + missed
+        high[lane] = until - missed
+        lane += 1
+    return wp.vec2(least(low), greatest(high))
 
 
 @wp.func
@@ -223,14 +223,16 @@ def panels_to(
         reach: The most that it reaches along either axis while it stands, in cells.
     """
     motion = trajectory.velocity + (0.5 * middle) * (trajectory.acceleration + (middle / 3.0) * trajectory.jerk)
+    there = middle * motion
+    per_u = wp.max(speeds[0] * step, 1.0e-6)
+    per_v = wp.max(speeds[1] * step, 1.0e-6)
     panels = Lanes(0.0)
-    for axis in range(2):
-        at = u
-        if axis == 1:
-            at = v
-        per_panel = wp.max(speeds[axis] * step, 1.0e-6)
-        extent = reach[axis] + 0.5 * per_panel
-        panels = greater(panels, (wp.abs(at - Lanes(middle * motion[axis])) - Lanes(extent)) / per_panel)
+    lane = int(0)
+    while lane < LANES:
+        beside_u = (wp.abs(u[lane] - there[0]) - reach[0]) / per_u
+        beside_v = (wp.abs(v[lane] - there[1]) - reach[1]) / per_v
+        panels[lane] = greater(greater(beside_u, beside_v) - 0.5, 0.0)
+        lane += 1
     fewest = least(panels)
     if fewest > 0.0:
         return 1 + int(wp.min(fewest, MOST_PANELS))
@@ -265,11 +267,45 @@ def bend_extent(trajectory: Trajectory, axis: int) -> float:
 
 
 @lane_func
-def _along_axis(x: Lanes, width: float) -> Lanes:
-    """b, averaged over a box (beyond the paper) where it has any, which costs twice as much."""
-    if width > 0.0:
-        return averaged_bspline(x, width)
-    return quadratic_bspline(x)
+def _along_axis(x: Lanes, width: float, second: float) -> Lanes:
+    """b, averaged over as many boxes as it has (beyond the paper): each of them costs as much again."""
+    out = Lanes(0.0)
+    lane = int(0)
+    if second > 0.0:
+        while lane < LANES:
+            out[lane] = twice_averaged_bspline(x[lane], width, second)
+            lane += 1
+    elif width > 0.0:
+        while lane < LANES:
+            out[lane] = averaged_bspline(x[lane], width)
+            lane += 1
+    else:
+        while lane < LANES:
+            out[lane] = quadratic_bspline(x[lane])
+            lane += 1
+    return out
+
+
+@lane_func
+def _discs(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
+    """Discs, averaged over pixels (beyond the paper)."""
+    out = Lanes(0.0)
+    lane = int(0)
+    while lane < LANES:
+        out[lane] = averaged_disc(u[lane], v[lane], pixel)
+        lane += 1
+    return out
+
+
+@lane_func
+def _cells(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
+    """Cells, averaged over pixels (beyond the paper)."""
+    out = Lanes(0.0)
+    lane = int(0)
+    while lane < LANES:
+        out[lane] = cell_weight(u[lane], v[lane], pixel)
+        lane += 1
+    return out
 
 
 @wp.func
@@ -309,13 +345,18 @@ def bspline_weight(lanes: int, moves: bool, curved: bool, extended: bool = False
     def tensor(u: Lanes, v: Lanes, width: wp.vec3, pixel: wp.mat22, is_cell: int) -> Lanes:
         """b(y_u) b(y_v), each averaged over its boxes where it has any; a disc, or a cell."""
         if is_cell == 1:
-            return cell_weights(u, v, pixel)
+            return _cells(u, v, pixel)
         if wp.static(extended):
             if width[2] < 0.0:
-                return averaged_disc(u, v, pixel)
-        if width[2] > 0.0:
-            return wp.cw_mul(_along_axis(u, width[0]), twice_averaged_bspline(v, width[1], width[2]))
-        return wp.cw_mul(_along_axis(u, width[0]), _along_axis(v, width[1]))
+                return _discs(u, v, pixel)
+        along_u = _along_axis(u, width[0], 0.0)
+        along_v = _along_axis(v, width[1], width[2])
+        out = Lanes(0.0)
+        lane = int(0)
+        while lane < LANES:
+            out[lane] = along_u[lane] * along_v[lane]
+            lane += 1
+        return out
 
     @func_of_lanes(lanes)
     def still(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
@@ -334,10 +375,15 @@ def bspline_weight(lanes: int, moves: bool, curved: bool, extended: bool = False
         area = grown_u * grown_v - s * s * rate[0, 1] * rate[1, 0]
         scale = 1.0 / area
         moved = s * (trajectory.velocity + (0.5 * s) * (trajectory.acceleration + (s / 3.0) * trajectory.jerk))
-        from_u = u - Lanes(moved[0])
-        from_v = v - Lanes(moved[1])
-        z_u = scale * (grown_v * from_u - (s * rate[0, 1]) * from_v)
-        z_v = scale * (grown_u * from_v - (s * rate[1, 0]) * from_u)
+        z_u = Lanes(0.0)
+        z_v = Lanes(0.0)
+        lane = int(0)
+        while lane < LANES:
+            from_u = u[lane] - moved[0]
+            from_v = v[lane] - moved[1]
+            z_u[lane] = scale * (grown_v * from_u - (s * rate[0, 1]) * from_v)
+            z_v[lane] = scale * (grown_u * from_v - (s * rate[1, 0]) * from_u)
+            lane += 1
         boxes = scale * wp.vec3(grown_v * width[0], grown_u * width[1], grown_u * width[2])
         pixel = trajectory.pixel
         if trajectory.is_cell == 1:

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import warp as wp
 
-from tpdwarp.footprints.lane_counts import lane_func
-from tpdwarp.footprints.lanes import Lanes, between, equal, greater, lesser, not_negative
+from tpdwarp.footprints.lanes import between, greater, lesser
 
 # Areas are sums of parts of the unit square, of which rounding is a few 1e-8: what is less than this is none.
 LEAST_AREA = wp.constant(1.0e-6)
@@ -22,21 +21,21 @@ LEAST_AREA = wp.constant(1.0e-6)
 HALF = wp.constant(0.5)
 
 
-@lane_func
-def _bounded(x: Lanes) -> Lanes:
+@wp.func
+def _bounded(x: float) -> float:
     """x within the square: −½ … ½ (beyond the paper)."""
-    return between(x, Lanes(-HALF), Lanes(HALF))
+    return between(x, -HALF, HALF)
 
 
-@lane_func
-def _integral(x: Lanes) -> Lanes:
+@wp.func
+def _integral(x: float) -> float:
     """∫ of the bounded coordinate from 0 to x (beyond the paper)."""
     bounded = _bounded(x)
-    return wp.cw_mul(bounded, x - 0.5 * bounded)
+    return bounded * (x - 0.5 * bounded)
 
 
-@lane_func
-def _along_edge(a_x: Lanes, a_y: Lanes, b_y: Lanes, slope: float) -> Lanes:
+@wp.func
+def _along_edge(a_x: float, a_y: float, b_y: float, slope: float) -> float:
     """∫ of the bounded x dy from a to b, where −½ < y < ½ (beyond the paper): by Green, what an edge adds to an area.
 
     Args:
@@ -50,38 +49,33 @@ def _along_edge(a_x: Lanes, a_y: Lanes, b_y: Lanes, slope: float) -> Lanes:
     last = _bounded(end)
     # Where it is upright the quotient is rounding, and the limits are next to each other.
     run = end - start
-    mean = wp.cw_div(_integral(end) - _integral(start), run + equal(run, 0.0))
-    return wp.cw_mul(between(mean, lesser(first, last), greater(first, last)), high - low)
+    mean = (_integral(end) - _integral(start)) / wp.where(run == 0.0, 1.0, run)
+    return between(mean, lesser(first, last), greater(first, last)) * (high - low)
 
 
-@lane_func
-def cell_weights(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
-    """The means over pixels around (u, v) of the unit square in filter space, a cell of the lattice (beyond the paper).
+@wp.func
+def cell_weight(u: float, v: float, pixel: wp.mat22) -> float:
+    """The mean over a pixel around (u, v) of the unit square in filter space, a cell of the lattice (beyond the paper).
 
     Args:
         pixel: The sides of the pixel, as columns.
     """
     p = wp.vec2(pixel[0, 0], pixel[1, 0])
     q = wp.vec2(pixel[0, 1], pixel[1, 1])
-    slope_p = float(0.0)
-    if wp.abs(p[1]) > 0.0:
-        slope_p = p[0] / p[1]
-    slope_q = float(0.0)
-    if wp.abs(q[1]) > 0.0:
-        slope_q = q[0] / q[1]
-    a_x = u - Lanes(0.5 * (p[0] + q[0]))
-    a_y = v - Lanes(0.5 * (p[1] + q[1]))
-    b_y = a_y + Lanes(p[1])
-    c_x = a_x + Lanes(p[0] + q[0])
-    c_y = b_y + Lanes(q[1])
-    d_y = a_y + Lanes(q[1])
-    area = _along_edge(a_x, a_y, b_y, slope_p) + _along_edge(a_x + Lanes(p[0]), b_y, c_y, slope_q)
-    area += _along_edge(c_x, c_y, d_y, slope_p) + _along_edge(a_x + Lanes(q[0]), d_y, a_y, slope_q)
+    slope_p = wp.where(p[1] == 0.0, 0.0, p[0] / p[1])
+    slope_q = wp.where(q[1] == 0.0, 0.0, q[0] / q[1])
+    a_x = u - 0.5 * (p[0] + q[0])
+    a_y = v - 0.5 * (p[1] + q[1])
+    b_y = a_y + p[1]
+    c_x = a_x + (p[0] + q[0])
+    c_y = b_y + q[1]
+    d_y = a_y + q[1]
+    area = _along_edge(a_x, a_y, b_y, slope_p) + _along_edge(a_x + p[0], b_y, c_y, slope_q)
+    area += _along_edge(c_x, c_y, d_y, slope_p) + _along_edge(a_x + q[0], d_y, a_y, slope_q)
     # Elsewhere it is rounding, and so is what is smaller than that.
-    within = not_negative(Lanes(HALF + pixel_extent(pixel, 0)) - wp.abs(u))
-    within = wp.cw_mul(within, not_negative(Lanes(HALF + pixel_extent(pixel, 1)) - wp.abs(v)))
-    within = wp.cw_mul(within, not_negative(wp.abs(area) - Lanes(LEAST_AREA)))
-    return wp.cw_mul(within, wp.abs(area)) / wp.abs(p[0] * q[1] - p[1] * q[0])
+    within = wp.abs(u) <= HALF + pixel_extent(pixel, 0) and wp.abs(v) <= HALF + pixel_extent(pixel, 1)
+    within = within and wp.abs(area) >= LEAST_AREA
+    return wp.where(within, wp.abs(area), 0.0) / wp.abs(p[0] * q[1] - p[1] * q[0])
 
 
 @wp.func

@@ -22,21 +22,10 @@ from tpdwarp.footprints.courses import Course, passes_by
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.irradiance import Irradiance, IrradianceArrays, Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.lane_counts import func_of_lanes, kernel_of_lanes, lane_func, lane_struct
-from tpdwarp.footprints.lanes import (
-    LANE_NUMBERS,
-    Lanes,
-    LaneVectors,
-    added,
-    equal,
-    greatest,
-    in_lane,
-    lanes_of,
-    not_negative,
-    products,
-)
+from tpdwarp.footprints.lanes import Lanes, LaneVectors, greatest, in_lane, lanes_of
 from tpdwarp.footprints.leaves import LEAF, LeafArrays, leaves_of
 from tpdwarp.footprints.parabolas import Parabola, parabola_at
-from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratios
+from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratio
 from tpdwarp.footprints.reach import misses, reach_of
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
 from tpdwarp.footprints.shaping import FootprintArrays
@@ -146,14 +135,6 @@ class LeafSums:
     irradiance: wp.array(dtype=LaneVectors)
 
 
-@lane_func
-def lanes_between(leaf: int, first: int, last: int) -> Lanes:
-    """One in the lanes of a leaf that hold queries ``first`` … ``last`` − 1 of Eq. 8, nothing in others."""
-    begun = LANE_NUMBERS - Lanes(float(first - leaf * LEAF))
-    left = Lanes(float(last - 1 - leaf * LEAF)) - LANE_NUMBERS
-    return wp.cw_mul(not_negative(begun), not_negative(left))
-
-
 @cache
 def _add_to_leaf(
     form: GatherForm, lanes: int, moves: bool, curved: bool, shaded: bool, query_moves: bool, with_motion: bool
@@ -173,32 +154,72 @@ def _add_to_leaf(
         sums: LeafSums,
         out: IrradianceArrays,
     ):
-        # ---- Those on its object, on planes like its own
-        offset = added(leaves.position[leaf], Lanes(-1.0), placed.center)
+        # ---- Those on its object, on planes like its own; others are out of its reach, and not looked for near them
+        position = leaves.position[leaf]
+        x = position.x
+        y = position.y
+        z = position.z
+        normal = leaves.normal[leaf]
+        n_x = normal.x
+        n_y = normal.y
+        n_z = normal.z
+        receiver = leaves.receiver[leaf]
         if wp.static(query_moves):
             motion = leaves.motion[leaf]
-            offset.x += placed.since * motion.x
-            offset.y += placed.since * motion.y
-            offset.z += placed.since * motion.z
-        height = wp.abs(products(offset, placed.normal))
-        counted = equal(leaves.receiver[leaf], float(placed.receiver))
-        counted = wp.cw_mul(counted, not_negative(Lanes(placed.plane_tolerance) - height))
-        facing = products(leaves.normal[leaf], placed.normal)
-        counted = wp.cw_mul(counted, not_negative(facing - Lanes(SMALLEST_COSINE)))
-        if last - first < LEAF:
-            counted = wp.cw_mul(counted, lanes_between(leaf, first, last))
+            m_x = motion.x
+            m_y = motion.y
+            m_z = motion.z
+        begin = leaf * LEAF
+        u = Lanes(0.0)
+        v = Lanes(0.0)
+        counted = Lanes(0.0)
+        lane = int(0)
+        while lane < LEAF:
+            offset = wp.vec3(x[lane], y[lane], z[lane]) - placed.center
+            if wp.static(query_moves):
+                offset += placed.since * wp.vec3(m_x[lane], m_y[lane], m_z[lane])
+            here = receiver[lane] == float(placed.receiver) and lane >= first - begin and lane < last - begin
+            lying = wp.abs(wp.dot(offset, placed.normal)) <= placed.plane_tolerance
+            facing = wp.dot(wp.vec3(n_x[lane], n_y[lane], n_z[lane]), placed.normal) >= SMALLEST_COSINE
+            counts = here and lying and facing
+            counted[lane] = wp.where(counts, 1.0, 0.0)
+            u[lane] = wp.where(counts, wp.dot(offset, placed.row_u), FAR_OFF)
+            v[lane] = wp.where(counts, wp.dot(offset, placed.row_v), FAR_OFF)
+            lane += 1
         if greatest(counted) > 0.0:
-            # ---- Weigh; those that do not count are out of its reach, so that it need not be looked for near them
-            beyond = FAR_OFF * (Lanes(1.0) - counted)
-            u = products(offset, placed.row_u) + beyond
-            v = products(offset, placed.row_v) + beyond
-            w = wp.cw_mul(weight(u, v, placed.trajectory), counted)
+            # ---- Weigh
+            w = weight(u, v, placed.trajectory)
+            lane = int(0)
             if wp.static(shaded):
-                w = wp.cw_mul(w, shading_ratios(placed.incidence, leaves.shading_normal[leaf]))
+                shading = leaves.shading_normal[leaf]
+                n_x = shading.x
+                n_y = shading.y
+                n_z = shading.z
+                while lane < LEAF:
+                    n_s = wp.vec3(n_x[lane], n_y[lane], n_z[lane])
+                    w[lane] = w[lane] * counted[lane] * shading_ratio(placed.incidence, n_s)
+                    lane += 1
+            else:
+                while lane < LEAF:
+                    w[lane] = w[lane] * counted[lane]
+                    lane += 1
 
             # ---- Add
             if not summed:
-                sums.irradiance[leaf] = added(sums.irradiance[leaf], w, placed.density)
+                light = sums.irradiance[leaf]
+                red = light.x
+                green = light.y
+                blue = light.z
+                lane = int(0)
+                while lane < LEAF:
+                    red[lane] = red[lane] + w[lane] * placed.density[0]
+                    green[lane] = green[lane] + w[lane] * placed.density[1]
+                    blue[lane] = blue[lane] + w[lane] * placed.density[2]
+                    lane += 1
+                light.x = red
+                light.y = green
+                light.z = blue
+                sums.irradiance[leaf] = light
             if wp.static(with_motion):
                 for i in range(first, last):
                     part = w[i - leaf * LEAF]

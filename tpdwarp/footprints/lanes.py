@@ -1,7 +1,8 @@
-"""Lanes: queries that are worked on at once, in vectors with one component for each of them.
+"""Lanes: queries that are worked on at once, in loops of which compilers make vector instructions.
 
 A footprint falls on neighbouring queries alike, and to evaluate it at sixteen of them costs a CPU little more than at
-one.
+one, as long as no lane goes another way than the others. So what a footprint weighs at one query is written for one,
+without branches that depend on the query, and is called in such a loop.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ CPU_LANES = 16
 GPU_LANES = 1
 LANES = PerLaneCount(wp.constant)
 Lanes = PerLaneCount(lambda count: wp.types.vector(count, wp.float32))
-LANE_NUMBERS = PerLaneCount(lambda count: wp.constant(Lanes.of(count)(*map(float, range(count)))))
 
 
 def lanes_of(launcher: Launcher) -> int:
@@ -36,35 +36,25 @@ class LaneVectors:
     z: Lanes
 
 
-def _by_lanes(value: str) -> str:
-    """C++ of a function whose value in lane i is ``value``, in terms of a[i] and b[i]."""
-    return f"auto out = a; for (int i = 0; i < {{count}}; ++i) out[i] = {value}; return out;"
+@wp.func
+def lesser(a: float, b: float) -> float:
+    """The lesser of two values: ``wp.min``, which looks for NaN, is no vector instruction."""
+    return wp.where(a < b, a, b)
 
 
-@lane_counts.func_native(_by_lanes("a[i] < b[i] ? a[i] : b[i]"))
-def lesser(a: Lanes, b: Lanes) -> Lanes:
-    """The lesser of two values by lanes: ``wp.min``, which looks for NaN, is no vector instruction."""
-    ...
+@wp.func
+def greater(a: float, b: float) -> float:
+    """The greater of two values, likewise."""
+    return wp.where(a > b, a, b)
 
 
-@lane_counts.func_native(_by_lanes("a[i] > b[i] ? a[i] : b[i]"))
-def greater(a: Lanes, b: Lanes) -> Lanes:
-    """The greater of two values by lanes, likewise."""
-    ...
+@wp.func
+def between(value: float, low: float, high: float) -> float:
+    """The value, no lower than ``low`` and no higher than ``high``."""
+    return lesser(greater(value, low), high)
 
 
-@lane_func
-def between(values: Lanes, low: Lanes, high: Lanes) -> Lanes:
-    """The values by lanes, no lower than ``low`` and no higher than ``high``."""
-    return lesser(greater(values, low), high)
-
-
-@lane_counts.func_native(_by_lanes("sqrtf(a[i])"))
-def roots(a: Lanes) -> Lanes:
-    """√ by lanes."""
-    ...
-
-
+# Compilers keep the order of a loop that looks for the least value, and take one lane after the other.
 @lane_counts.func_native(
     "auto out = a;"
     "for (int step = {count} / 2; step > 0; step /= 2)"
@@ -80,34 +70,6 @@ def least(a: Lanes) -> float:
 def greatest(a: Lanes) -> float:
     """The greatest value of all lanes."""
     return -least(-a)
-
-
-@lane_counts.func_native(_by_lanes("a[i] >= 0.0f ? 1.0f : 0.0f"))
-def not_negative(a: Lanes) -> Lanes:
-    """One in lanes whose value is no less than zero, nothing in others: terms of Eq. 8 that count."""
-    ...
-
-
-@lane_func
-def equal(values: Lanes, other: float) -> Lanes:
-    """One in lanes with the value ``other``, nothing in others: terms of Eq. 8 that count."""
-    return not_negative(-wp.abs(values - Lanes(other)))
-
-
-@lane_func
-def products(vectors: LaneVectors, other: wp.vec3) -> Lanes:
-    """Products of the vectors with another one, such as a row of M in Eq. 8."""
-    return other[0] * vectors.x + other[1] * vectors.y + other[2] * vectors.z
-
-
-@lane_func
-def added(vectors: LaneVectors, factors: Lanes, other: wp.vec3) -> LaneVectors:
-    """The vectors and, in each lane, ``factors`` times another one: a term of Eq. 8 is added so."""
-    out = LaneVectors()
-    out.x = vectors.x + other[0] * factors
-    out.y = vectors.y + other[1] * factors
-    out.z = vectors.z + other[2] * factors
-    return out
 
 
 @lane_func

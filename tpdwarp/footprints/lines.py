@@ -20,7 +20,7 @@ import warp as wp
 
 from tpdwarp.footprints.bspline import HALF_WIDTH, Trajectory, box_extent, bspline_tail, double_tail
 from tpdwarp.footprints.lane_counts import lane_func
-from tpdwarp.footprints.lanes import Lanes, between, greater, lesser, not_negative, roots
+from tpdwarp.footprints.lanes import LANES, Lanes, between, greater, lesser
 
 # A line goes at least so many pixels, or halves of what a B-spline reaches over. Chosen, not derived: at the ends of a
 # cell's line, an eighth of it, the profile along it is taken for a box; that of a B-spline is one, of which slower ones
@@ -68,55 +68,69 @@ def is_line(trajectory: Trajectory) -> bool:
     return far and turning < LARGEST_TURN * slowest and turning < LARGEST_CURVATURE * slowest * slowest
 
 
-@lane_func
-def _place(s: Lanes, velocity: float, acceleration: float, jerk: float) -> Lanes:
-    """Where the footprint stands along an axis at the parts s of the shutter (beyond the paper)."""
-    third = Lanes(0.5 * acceleration) + (jerk / 6.0) * s
-    return wp.cw_mul(s, Lanes(velocity) + wp.cw_mul(s, third))
+@wp.struct
+class _Way:
+    """A trajectory in the space in which what the footprint covers is as long as wide."""
+
+    measure: wp.mat22
+    velocity: wp.vec2
+    acceleration: wp.vec2
+    jerk: wp.vec2
 
 
-@lane_func
-def _speed(s: Lanes, velocity: float, acceleration: float, jerk: float) -> Lanes:
+@wp.func
+def _way_of(trajectory: Trajectory) -> _Way:
+    """The same trajectory as it is measured by what the footprint covers (beyond the paper)."""
+    out = _Way()
+    out.measure = _measure(trajectory)
+    out.velocity = out.measure * trajectory.velocity
+    out.acceleration = out.measure * trajectory.acceleration
+    out.jerk = out.measure * trajectory.jerk
+    return out
+
+
+@wp.func
+def _place(s: float, velocity: float, acceleration: float, jerk: float) -> float:
+    """Where the footprint stands along an axis at the part s of the shutter (beyond the paper)."""
+    return s * (velocity + s * (0.5 * acceleration + (jerk / 6.0) * s))
+
+
+@wp.func
+def _speed(s: float, velocity: float, acceleration: float, jerk: float) -> float:
     """How fast it goes along an axis then (beyond the paper)."""
-    change = Lanes(acceleration) + (0.5 * jerk) * s
-    return Lanes(velocity) + wp.cw_mul(s, change)
+    return velocity + s * (acceleration + (0.5 * jerk) * s)
 
 
-@lane_func
-def _time_of_passing(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
-    """When the footprint passes the points (u, v): when it is next to them by what it covers (beyond the paper)."""
-    measure = _measure(trajectory)
-    velocity = measure * trajectory.velocity
-    acceleration = measure * trajectory.acceleration
-    jerk = measure * trajectory.jerk
-    first = measure[0, 0] * u + measure[0, 1] * v
-    second = measure[1, 0] * u + measure[1, 1] * v
-    s = (velocity[0] * first + velocity[1] * second) / wp.length_sq(velocity)
-    s = between(s, Lanes(-LATEST), Lanes(LATEST))
+@wp.func
+def _time_of_passing(u: float, v: float, way: _Way) -> float:
+    """When the footprint passes the point (u, v): when it is next to it by what it covers (beyond the paper)."""
+    first = way.measure[0, 0] * u + way.measure[0, 1] * v
+    second = way.measure[1, 0] * u + way.measure[1, 1] * v
+    s = (way.velocity[0] * first + way.velocity[1] * second) / wp.length_sq(way.velocity)
+    s = between(s, -LATEST, LATEST)
     for _step in range(STEPS):
-        away = Lanes(0.0)
-        slope = Lanes(0.0)
+        away = float(0.0)
+        slope = float(0.0)
         for axis in range(2):
             at = first
             if axis == 1:
                 at = second
-            apart = at - _place(s, velocity[axis], acceleration[axis], jerk[axis])
-            speed = _speed(s, velocity[axis], acceleration[axis], jerk[axis])
-            away += wp.cw_mul(apart, speed)
-            slope += wp.cw_mul(speed, speed) - wp.cw_mul(apart, Lanes(acceleration[axis]) + jerk[axis] * s)
-        s = s + wp.cw_div(away, greater(slope, Lanes(1.0e-20)))
-        s = between(s, Lanes(-LATEST), Lanes(LATEST))
+            apart = at - _place(s, way.velocity[axis], way.acceleration[axis], way.jerk[axis])
+            speed = _speed(s, way.velocity[axis], way.acceleration[axis], way.jerk[axis])
+            away += apart * speed
+            slope += speed * speed - apart * (way.acceleration[axis] + way.jerk[axis] * s)
+        s = between(s + away / greater(slope, 1.0e-20), -LATEST, LATEST)
     return s
 
 
-@lane_func
-def _length(x: Lanes, y: Lanes) -> Lanes:
+@wp.func
+def _length(x: float, y: float) -> float:
     """√(x² + y²), for profiles across lines (beyond the paper)."""
-    return roots(wp.cw_mul(x, x) + wp.cw_mul(y, y))
+    return wp.sqrt(x * x + y * y)
 
 
-@lane_func
-def four_boxes(x: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes) -> Lanes:
+@wp.func
+def four_boxes(x: float, a: float, b: float, c: float, d: float) -> float:
     """Mean of a box over three others, with ∫ = 1 (beyond the paper); the narrowest two count as one.
 
     Of three boxes it is the third difference of x |x|/4.
@@ -127,97 +141,152 @@ def four_boxes(x: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes) -> Lanes:
     floor = NARROWEST_PART * first
     second = greater(0.5 * greater(wider, narrower), floor)
     third = greater(0.5 * _length(lesser(wider, narrower), lesser(lesser(a, b), lesser(c, d))), floor)
-    total = Lanes(0.0)
+    total = float(0.0)
     for corner in range(8):
         sign_a = float(1 - 2 * (corner % 2))
         sign_b = float(1 - 2 * (corner // 2 % 2))
         sign_c = float(1 - 2 * (corner // 4))
         at = x + sign_a * first + sign_b * second + sign_c * third
-        total += (sign_a * sign_b * sign_c) * wp.cw_mul(at, wp.abs(at))
+        total += (sign_a * sign_b * sign_c) * (at * wp.abs(at))
     # Beyond them differences are rounding.
-    within = not_negative(first + second + third - wp.abs(x))
-    area = 32.0 * wp.cw_mul(wp.cw_mul(first, second), third)
-    return wp.cw_div(wp.cw_mul(within, greater(total, Lanes(0.0))), area)
+    within = first + second + third >= wp.abs(x)
+    return wp.where(within, greater(total, 0.0), 0.0) / (32.0 * first * second * third)
 
 
-@lane_func
-def bspline_and_boxes(x: Lanes, cell: Lanes, first: Lanes, second: Lanes) -> Lanes:
+@wp.func
+def bspline_and_boxes(x: float, cell: float, first: float, second: float) -> float:
     """Mean of a B-spline with cells of a width over two boxes, with ∫ = 1 (beyond the paper)."""
-    one = greater(wp.cw_div(first, cell), Lanes(NARROWEST_BOX))
-    other = greater(wp.cw_div(second, cell), Lanes(NARROWEST_SECOND))
-    at = wp.cw_div(x, cell)
+    one = greater(first / cell, NARROWEST_BOX)
+    other = greater(second / cell, NARROWEST_SECOND)
+    at = x / cell
     both = 0.5 * (one + other)
     apart = 0.5 * (one - other)
     total = double_tail(at + both) + double_tail(at - both) - double_tail(at + apart) - double_tail(at - apart)
-    return wp.cw_div(greater(total, Lanes(0.0)), wp.cw_mul(wp.cw_mul(one, other), cell))
+    return greater(total, 0.0) / (one * other * cell)
 
 
-@lane_func
-def line_weight(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
-    """w(u, v, trajectory) of Eq. 8 of a footprint that :func:`is_line` (beyond the paper)."""
-    s = _time_of_passing(u, v, trajectory)
-    inside = between(s, Lanes(-0.5), Lanes(0.5))
+@wp.struct
+class _Passing:
+    """How a footprint passes a query.
 
-    # ---- How fast it goes when it passes, and where queries are beside the line
+    ``s`` is when it does, ``inside`` when within the shutter, ``slowness`` the inverse of its speed then, ``ahead``
+    where it goes, and ``apart`` how far the query lies beside the line. ``one`` and ``other`` are how long the sides of
+    its cell are across the line, ``length`` how long the cell is along it, both by what the footprint covers; so is the
+    speed ``way``, and ``along`` where it goes.
+    """
+
+    s: float
+    inside: float
+    slowness: float
+    ahead_u: float
+    ahead_v: float
+    apart: float
+    one: float
+    other: float
+    length: float
+    way: float
+    along_u: float
+    along_v: float
+
+
+@wp.func
+def _passing(u: float, v: float, trajectory: Trajectory, way: _Way) -> _Passing:
+    """How the footprint passes the point (u, v) (beyond the paper)."""
     velocity = trajectory.velocity
     acceleration = trajectory.acceleration
     jerk = trajectory.jerk
+    measure = way.measure
+    out = _Passing()
+    s = _time_of_passing(u, v, way)
     speed_u = _speed(s, velocity[0], acceleration[0], jerk[0])
     speed_v = _speed(s, velocity[1], acceleration[1], jerk[1])
-    slowness = wp.cw_div(Lanes(1.0), _length(speed_u, speed_v))
-    ahead_u = wp.cw_mul(speed_u, slowness)
-    ahead_v = wp.cw_mul(speed_v, slowness)
+    slowness = 1.0 / _length(speed_u, speed_v)
+    ahead_u = slowness * speed_u
+    ahead_v = slowness * speed_v
     apart_u = u - _place(s, velocity[0], acceleration[0], jerk[0])
     apart_v = v - _place(s, velocity[1], acceleration[1], jerk[1])
-    across = wp.cw_mul(apart_u, ahead_v) - wp.cw_mul(apart_v, ahead_u)
+    out.apart = apart_u * ahead_v - apart_v * ahead_u
 
     # ---- The sides of its cell as they are then: across the line, and along it by what the footprint covers
+    inside = between(s, -0.5, 0.5)
     rate = trajectory.jacobian_rate
-    one_u = Lanes(1.0) + rate[0, 0] * inside
+    one_u = 1.0 + rate[0, 0] * inside
     one_v = rate[1, 0] * inside
     other_u = rate[0, 1] * inside
-    other_v = Lanes(1.0) + rate[1, 1] * inside
-    one_across = wp.abs(wp.cw_mul(one_u, ahead_v) - wp.cw_mul(one_v, ahead_u))
-    other_across = wp.abs(wp.cw_mul(other_u, ahead_v) - wp.cw_mul(other_v, ahead_u))
-    measure = _measure(trajectory)
+    other_v = 1.0 + rate[1, 1] * inside
+    out.one = wp.abs(one_u * ahead_v - one_v * ahead_u)
+    out.other = wp.abs(other_u * ahead_v - other_v * ahead_u)
     way_u = measure[0, 0] * speed_u + measure[0, 1] * speed_v
     way_v = measure[1, 0] * speed_u + measure[1, 1] * speed_v
-    way = _length(way_u, way_v)
-    one_along = wp.cw_mul(way_u, measure[0, 0] * one_u + measure[0, 1] * one_v)
-    one_along = wp.cw_div(one_along + wp.cw_mul(way_v, measure[1, 0] * one_u + measure[1, 1] * one_v), way)
-    other_along = wp.cw_mul(way_u, measure[0, 0] * other_u + measure[0, 1] * other_v)
-    other_along = wp.cw_div(other_along + wp.cw_mul(way_v, measure[1, 0] * other_u + measure[1, 1] * other_v), way)
-    length = _length(one_along, other_along)
+    length = _length(way_u, way_v)
+    along_u = way_u / length
+    along_v = way_v / length
+    one_along = along_u * (measure[0, 0] * one_u + measure[0, 1] * one_v)
+    one_along += along_v * (measure[1, 0] * one_u + measure[1, 1] * one_v)
+    other_along = along_u * (measure[0, 0] * other_u + measure[0, 1] * other_v)
+    other_along += along_v * (measure[1, 0] * other_u + measure[1, 1] * other_v)
+    out.length = _length(one_along, other_along)
+    out.s = s
+    out.inside = inside
+    out.slowness = slowness
+    out.ahead_u = ahead_u
+    out.ahead_v = ahead_v
+    out.way = length
+    out.along_u = along_u
+    out.along_v = along_v
+    return out
 
-    # ---- Its profile across the line, and its length: that of a box of its variance
-    profile = Lanes(0.0)
-    if trajectory.is_cell == 1:
-        pixel = trajectory.pixel
-        p = wp.abs(pixel[0, 0] * ahead_v - pixel[1, 0] * ahead_u)
-        q = wp.abs(pixel[0, 1] * ahead_v - pixel[1, 1] * ahead_u)
-        profile = four_boxes(across, one_across, other_across, p, q)
-        # The pixel has unit sides as it is measured.
-        length = _length(length, Lanes(1.0))
-    else:
-        width = trajectory.filter_width
-        box_u = width[0] * wp.abs(ahead_v)
-        box_v = wp.max(width[1], width[2]) * wp.abs(ahead_u)
-        rest = _length(lesser(box_u, box_v), wp.min(width[1], width[2]) * ahead_u)
-        profile = bspline_and_boxes(across, _length(one_across, other_across), greater(box_u, box_v), rest)
-        boxes = _length(
-            (width[0] * measure[0, 0]) * wp.cw_div(way_u, way),
-            (wp.length(wp.vec2(width[1], width[2])) * measure[1, 1]) * wp.cw_div(way_v, way),
-        )
-        length = _length(BOX_OF_BSPLINE * length, boxes)
 
-    # ---- What passes within the shutter, with the flux that it has then
-    part = Lanes(-1.0)
+@wp.func
+def _cell_line(u: float, v: float, trajectory: Trajectory, way: _Way) -> float:
+    """w(u, v, trajectory) of Eq. 8 of a cell that :func:`is_line` (beyond the paper)."""
+    at = _passing(u, v, trajectory, way)
+    pixel = trajectory.pixel
+    p = wp.abs(pixel[0, 0] * at.ahead_v - pixel[1, 0] * at.ahead_u)
+    q = wp.abs(pixel[0, 1] * at.ahead_v - pixel[1, 1] * at.ahead_u)
+    profile = four_boxes(at.apart, at.one, at.other, p, q)
+    # How long it is along the line: the pixel has unit sides as it is measured.
+    length = _length(at.length, 1.0)
+    part = float(-1.0)
     for end in range(2):
-        left = wp.cw_div(wp.cw_mul(way, Lanes(0.5) + float(1 - 2 * end) * s), length)
-        if trajectory.is_cell == 1:
-            part += between(Lanes(0.5) + left, Lanes(0.0), Lanes(1.0))
-        else:
-            beyond = bspline_tail(BOX_OF_BSPLINE * wp.abs(left))
-            part += beyond + wp.cw_mul(not_negative(left), Lanes(1.0) - 2.0 * beyond)
-    weight = wp.cw_mul(wp.cw_mul(profile, slowness), greater(part, Lanes(0.0)))
-    return wp.cw_mul(weight, Lanes(1.0) + trajectory.gain * inside)
+        left = at.way * (0.5 + float(1 - 2 * end) * at.s) / length
+        part += between(0.5 + left, 0.0, 1.0)
+    return profile * at.slowness * greater(part, 0.0) * (1.0 + trajectory.gain * at.inside)
+
+
+@wp.func
+def _bspline_line(u: float, v: float, trajectory: Trajectory, way: _Way) -> float:
+    """w(u, v, trajectory) of Eq. 8 of a B-spline that :func:`is_line` (beyond the paper)."""
+    at = _passing(u, v, trajectory, way)
+    width = trajectory.filter_width
+    box_u = width[0] * wp.abs(at.ahead_v)
+    box_v = wp.max(width[1], width[2]) * wp.abs(at.ahead_u)
+    rest = _length(lesser(box_u, box_v), wp.min(width[1], width[2]) * at.ahead_u)
+    profile = bspline_and_boxes(at.apart, _length(at.one, at.other), greater(box_u, box_v), rest)
+    across = _length(width[1], width[2]) * way.measure[1, 1]
+    boxes = _length(width[0] * way.measure[0, 0] * at.along_u, across * at.along_v)
+    # How long it is along the line: as a box of its variance.
+    length = _length(BOX_OF_BSPLINE * at.length, boxes)
+    part = float(-1.0)
+    for end in range(2):
+        left = at.way * (0.5 + float(1 - 2 * end) * at.s) / length
+        beyond = bspline_tail(BOX_OF_BSPLINE * wp.abs(left))
+        part += wp.where(left >= 0.0, 1.0 - beyond, beyond)
+    return profile * at.slowness * greater(part, 0.0) * (1.0 + trajectory.gain * at.inside)
+
+
+@lane_func
+def line_weights(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
+    """w(u, v, trajectory) of Eq. 8 of a footprint that :func:`is_line` (beyond the paper)."""
+    way = _way_of(trajectory)
+    out = Lanes(0.0)
+    lane = int(0)
+    if trajectory.is_cell == 1:
+        while lane < LANES:
+            out[lane] = _cell_line(u[lane], v[lane], trajectory, way)
+            lane += 1
+    else:
+        while lane < LANES:
+            out[lane] = _bspline_line(u[lane], v[lane], trajectory, way)
+            lane += 1
+    return out

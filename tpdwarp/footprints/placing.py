@@ -7,8 +7,6 @@ from functools import cache
 import warp as wp
 
 from tpdwarp.footprints.bspline import Trajectory
-from tpdwarp.footprints.lane_counts import lane_func
-from tpdwarp.footprints.lanes import Lanes, LaneVectors, between, products
 from tpdwarp.footprints.lines import is_line
 from tpdwarp.footprints.shaping import FootprintArrays
 
@@ -66,12 +64,6 @@ def shading_ratio(incidence: wp.vec3, n_s: wp.vec3) -> float:
     Departs from the paper, whose receivers are flat. Where light grazes a facet the ratio grows without bound.
     """
     return wp.clamp(wp.dot(incidence, n_s), 0.0, LARGEST_SHADING_RATIO)
-
-
-@lane_func
-def shading_ratios(incidence: wp.vec3, n_s: LaneVectors) -> Lanes:
-    """The same by lanes (departs from the paper likewise)."""
-    return between(products(n_s, incidence), Lanes(0.0), Lanes(LARGEST_SHADING_RATIO))
 
 
 @cache

@@ -12,7 +12,7 @@ from tpdwarp.footprints.bspline import Trajectory, bspline_weight
 from tpdwarp.footprints.kernels import SUPPORT, moving_weight, static_weight
 from tpdwarp.footprints.lane_counts import func_of_lanes
 from tpdwarp.footprints.lanes import LANES, Lanes
-from tpdwarp.footprints.lines import line_weight
+from tpdwarp.footprints.lines import line_weights
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def footprint_weight(form: GatherForm, lanes: int, moves: bool, curved: bool) ->
         @func_of_lanes(lanes)
         def smooth(u: Lanes, v: Lanes, trajectory: Trajectory) -> Lanes:
             if trajectory.passes:
-                return line_weight(u, v, trajectory)
+                return line_weights(u, v, trajectory)
             return along(u, v, trajectory)
 
         return smooth if moves else along
