@@ -169,6 +169,12 @@ class Trajectory:
     passes: bool
 
 
+@wp.func
+def place_at(s: float, trajectory: Trajectory) -> wp.vec2:
+    """Where the footprint stands at the part s of the shutter (beyond the paper)."""
+    return s * (trajectory.velocity + (0.5 * s) * (trajectory.acceleration + (s / 3.0) * trajectory.jerk))
+
+
 @lane_func
 def _time_within(u: Lanes, v: Lanes, velocity: wp.vec2, extent: wp.vec2) -> wp.vec2:
     """From when to when, in −½ … ½, any of the points (u, v) lies within ``extent`` of what moves by ``velocity``.
@@ -211,26 +217,23 @@ def _relative_cell(square: float) -> float:
 
 @lane_func
 def panels_to(
-    u: Lanes, v: Lanes, middle: float, step: float, speeds: wp.vec2, reach: wp.vec2, trajectory: Trajectory
+    u: Lanes, v: Lanes, middle: float, rates: wp.vec2, reach: wp.vec2, trajectory: Trajectory
 ) -> int:
     """How many panels of the integral (beyond the paper) pass at least until the footprint may reach any (u, v).
 
     It is 0 if it does.
 
     Args:
-        middle: Time of a panel's middle, ``step`` its length.
-        speeds: The most that the footprint moves along either axis over the shutter, in cells.
+        middle: Time of a panel's middle.
+        rates: Panels in which it moves by a cell along either axis, at least.
         reach: The most that it reaches along either axis while it stands, in cells.
     """
-    motion = trajectory.velocity + (0.5 * middle) * (trajectory.acceleration + (middle / 3.0) * trajectory.jerk)
-    there = middle * motion
-    per_u = wp.max(speeds[0] * step, 1.0e-6)
-    per_v = wp.max(speeds[1] * step, 1.0e-6)
+    there = place_at(middle, trajectory)
     panels = Lanes(0.0)
     lane = int(0)
     while lane < LANES:
-        beside_u = (wp.abs(u[lane] - there[0]) - reach[0]) / per_u
-        beside_v = (wp.abs(v[lane] - there[1]) - reach[1]) / per_v
+        beside_u = rates[0] * (wp.abs(u[lane] - there[0]) - reach[0])
+        beside_v = rates[1] * (wp.abs(v[lane] - there[1]) - reach[1])
         panels[lane] = greater(greater(beside_u, beside_v) - 0.5, 0.0)
         lane += 1
     fewest = least(panels)
@@ -374,7 +377,7 @@ def bspline_weight(lanes: int, moves: bool, curved: bool, extended: bool = False
         grown_v = 1.0 + s * rate[1, 1]
         area = grown_u * grown_v - s * s * rate[0, 1] * rate[1, 0]
         scale = 1.0 / area
-        moved = s * (trajectory.velocity + (0.5 * s) * (trajectory.acceleration + (s / 3.0) * trajectory.jerk))
+        moved = place_at(s, trajectory)
         z_u = Lanes(0.0)
         z_v = Lanes(0.0)
         lane = int(0)
@@ -422,9 +425,10 @@ def bspline_weight(lanes: int, moves: bool, curved: bool, extended: bool = False
         if wp.static(curved):
             if not trajectory.straight:
                 panel = int(first)
+                panel_rates = wp.vec2(1.0 / wp.max(speeds[0] * step, 1.0e-6), 1.0 / wp.max(speeds[1] * step, 1.0e-6))
                 while panel < last:
                     middle = (float(panel) + 0.5) * step - 0.5
-                    apart = panels_to(u, v, middle, step, speeds, reach, trajectory)
+                    apart = panels_to(u, v, middle, panel_rates, reach, trajectory)
                     if apart == 0:
                         total += at_time(middle - GAUSS_OFFSET * step, u, v, trajectory)
                         total += at_time(middle + GAUSS_OFFSET * step, u, v, trajectory)
