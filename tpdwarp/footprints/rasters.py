@@ -2,7 +2,8 @@
 
 Between corners it is interpolated by cubic convolution (Keys 1981), which is exact for parabolas. Corners are gathered
 in tiles, always whole ones, so that their values depend neither on who looks first nor on how queries are cut into
-batches. A query that moves sees the mean along its way, while the light stands still.
+batches; those that no footprint reaches are dark, and nothing is gathered there. A query that moves sees the mean along
+its way, while the light stands still.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import COARSEST_SQUARE
+from tpdwarp.footprints.bounds import Piece
 from tpdwarp.footprints.footprint_map import FootprintMap
-from tpdwarp.footprints.gather import PLAIN_LOOKUP, gathered, time_windows
+from tpdwarp.footprints.gather import BOX_MARGIN, PLAIN_LOOKUP, gathered, time_windows
 from tpdwarp.footprints.irradiance import Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.placing import PLANE_ROUNDING, TimeWindow
 from tpdwarp.footprints.planes import SAME_NORMAL, Plane
@@ -41,6 +43,9 @@ MOST_PLACES = wp.constant(16 * MOST_PIECES)
 # What becomes of a query: its receiver has no background light; or it lies on no raster and is gathered itself.
 ELSEWHERE = wp.constant(-1)
 OFF_RASTER = wp.constant(-2)
+# Of a tile, in the place of where its corners stand: they are not known yet, or no footprint reaches them.
+UNKNOWN = wp.constant(-1)
+DARK = wp.constant(-2)
 
 
 @wp.struct
@@ -48,7 +53,7 @@ class RasterArrays:
     """Rasters of several planes, with one and the same sides of squares on each.
 
     Tiles are numbered plane by plane, side by side, ``first_tile`` counting from the first one of a plane; ``slots``
-    says where the corners of a tile stand in ``values``, −1 where they are not known yet.
+    says where the corners of a tile stand in ``values``, or ``UNKNOWN`` or ``DARK``.
     """
 
     receiver: wp.array(dtype=wp.int32)
@@ -56,6 +61,7 @@ class RasterArrays:
     normal: wp.array(dtype=wp.vec3)
     side: wp.array(dtype=wp.float32)
     tiles_across: wp.array(dtype=wp.int32)
+    tiles_down: wp.array(dtype=wp.int32)
     first_tile: wp.array(dtype=wp.int32)
     tiles_of_plane: int
     slots: wp.array(dtype=wp.int32)
@@ -86,6 +92,46 @@ def within_tile(u: int, v: int) -> int:
     return LEAF * (across // LEAF_SIDE + TILE_U // LEAF_SIDE * (down // LEAF_SIDE)) + (
         across % LEAF_SIDE + LEAF_SIDE * (down % LEAF_SIDE)
     )
+
+
+@wp.kernel(enable_backward=False)
+def find_lit_tiles(
+    base: int,
+    # In
+    rasters: RasterArrays,
+    level: int,
+    receiver: wp.array(dtype=wp.int32),
+    pieces: wp.array(dtype=Piece),
+    lower: wp.array(dtype=wp.vec3),
+    upper: wp.array(dtype=wp.vec3),
+    # Out
+    lit: wp.array(dtype=wp.int32),
+):
+    """Marks the tiles of a level that pieces of footprints reach, by their boxes."""
+    i = base + wp.tid()
+    middle = 0.5 * (lower[i] + upper[i])
+    margin = wp.vec3(BOX_MARGIN, BOX_MARGIN, BOX_MARGIN)
+    half = 0.5 * (upper[i] - lower[i]) + 2.0 * margin
+    side = rasters.side[level]
+    for plane in range(rasters.receiver.shape[0]):
+        if rasters.receiver[plane] == receiver[pieces[i].footprint]:
+            n = rasters.normal[plane]
+            if wp.abs(wp.dot(n, middle - rasters.foot[plane])) <= wp.dot(wp.abs(n), half):
+                frame = tangent_frame(n)
+                place = on_plane(rasters, plane, middle)
+                reach = wp.vec2(wp.dot(wp.abs(frame.e1), half), wp.dot(wp.abs(frame.e2), half))
+                first = (place - reach) / side
+                last = (place + reach) / side
+                across = rasters.tiles_across[level]
+                down = rasters.tiles_down[level]
+                first_u = wp.max(int(wp.floor(first[0])) // TILE_U, 0)
+                first_v = wp.max(int(wp.floor(first[1])) // TILE_V, 0)
+                last_u = wp.min(int(wp.ceil(last[0])) // TILE_U, across - 1)
+                last_v = wp.min(int(wp.ceil(last[1])) // TILE_V, down - 1)
+                begin = plane * rasters.tiles_of_plane + rasters.first_tile[level]
+                for v in range(first_v, last_v + 1):
+                    for u in range(first_u, last_u + 1):
+                        lit[begin + u + across * v] = 1
 
 
 @wp.func
@@ -155,7 +201,7 @@ def find_planes(
                     u = first[0] + (STENCIL - 1) * (corner % 2)
                     v = first[1] + (STENCIL - 1) * (corner // 2)
                     tile = tile_of(rasters, plane, level, u, v)
-                    if rasters.slots[tile] < 0:
+                    if rasters.slots[tile] == UNKNOWN:
                         wanted[tile] = 1
 
 
@@ -209,6 +255,14 @@ def interpolated(rasters: RasterArrays, plane: int, level: int, place: wp.vec2) 
     """The light of one raster at ``place``, no less than zero."""
     side = rasters.side[level]
     first = corner_below(place, side)
+    lit = int(0)
+    for corner in range(4):
+        u = first[0] + (STENCIL - 1) * (corner % 2)
+        v = first[1] + (STENCIL - 1) * (corner // 2)
+        if rasters.slots[tile_of(rasters, plane, level, u, v)] >= 0:
+            lit = 1
+    if lit == 0:
+        return wp.vec3()
     along_u = cubic_weights(place[0] / side - float(first[0] + 1))
     along_v = cubic_weights(place[1] / side - float(first[1] + 1))
     # Tiles, and places within them, are sums of one number for each column and one for each row.
@@ -223,8 +277,9 @@ def interpolated(rasters: RasterArrays, plane: int, level: int, place: wp.vec2) 
         place_of_row = within_tile(0, first[1] + v)
         for u in range(STENCIL):
             slot = rasters.slots[tile_of_column[u] + down]
-            value = rasters.values[slot * TILE_U * TILE_V + place_of_column[u] + place_of_row]
-            total += (along_u[u] * along_v[v]) * value
+            if slot >= 0:
+                value = rasters.values[slot * TILE_U * TILE_V + place_of_column[u] + place_of_row]
+                total += (along_u[u] * along_v[v]) * value
     return wp.max(total, wp.vec3(0.0, 0.0, 0.0))
 
 
@@ -287,9 +342,16 @@ class Rasters:
             setattr(out, name, launcher.array(np.array([getattr(p, name) for p in planes], np.float32), wp.vec3))
         out.side = launcher.array(np.array(sides, np.float32), wp.float32)
         out.tiles_across = launcher.array(across.astype(np.int32), wp.int32)
+        out.tiles_down = launcher.array(down.astype(np.int32), wp.int32)
         out.first_tile = launcher.array(first[:-1].astype(np.int32), wp.int32)
         out.tiles_of_plane = int(first[-1])
-        self._slots = np.full(len(planes) * int(first[-1]), -1, np.int32)
+        lit = launcher.zeros(len(planes) * int(first[-1]), wp.int32)
+        for level, footprints in enumerate(self.levels):
+            if footprints.pieces is not None:
+                found = footprints.pieces
+                given = [out, level, footprints.footprints.arrays.receiver, found.rows, found.lower, found.upper]
+                launcher(find_lit_tiles, found.rows.shape[0], [*given, lit])
+        self._slots = np.where(lit.numpy() == 1, np.int32(UNKNOWN), np.int32(DARK))
         self._values = np.zeros((0, 3), np.float32)
         self._hold()
 
