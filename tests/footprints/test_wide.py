@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from tests.footprints.photons import ONE_THREAD, photon_map, pixel, queries, shaped
+from tpdwarp.footprints import rasters
 from tpdwarp.footprints.footprint_map import shape_footprints
-from tpdwarp.footprints.gather import gather
+from tpdwarp.footprints.gather import gather, gathered
 from tpdwarp.footprints.irradiance import Lookup
 from tpdwarp.footprints.light import FootprintLight
 from tpdwarp.footprints.plain_gather import plain_gather
@@ -60,6 +61,30 @@ def test_wide_light_is_what_it_is_at_each_query(way):
     errors = found(photons, points) - plainly(photons, points)
     assert 0 < np.sqrt(np.mean(errors**2)) < RANDOM_ERROR
     assert np.abs(errors).max() < WORST_ERROR
+
+
+@pytest.mark.parametrize("way", [(0, 0, 0), (0.06, 0.03, 0)])
+def test_nothing_is_gathered_where_no_footprint_reaches(monkeypatch, way):
+    photons = uneven(dxdt=way)
+    some = photons.rows(np.hypot(*(photons.position[:, :2] - 0.1).T) < 0.35)
+    assert len(chosen(some).others) == 0
+    corners = []
+
+    def counted(maps, at, *rest):
+        corners.append(at.position.shape[0])
+        return gathered(maps, at, *rest)
+
+    points = queries(scattered(8000, 1.6))
+    plain = plainly(some, points)
+    monkeypatch.setattr(rasters, "gathered", counted)
+    errors = found(some, points) - plain
+    assert np.abs(errors[plain == 0.0]).max() < WORST_ERROR and np.sqrt(np.mean(errors**2)) < RANDOM_ERROR
+    assert (plain == 0.0).mean() > 0.8
+    every = sum(corners)
+    monkeypatch.setattr(rasters, "DARK", rasters.UNKNOWN)
+    corners.clear()
+    np.testing.assert_array_equal(found(some, points), errors + plain)
+    assert every < 0.25 * sum(corners)
 
 
 def test_squares_are_no_more_than_a_third_of_a_cell_on_its_narrow_side():
