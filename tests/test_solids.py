@@ -30,6 +30,7 @@ SETTINGS = Settings(photons=1 << 14, samples=4, threads=1, aovs=("irradiance",),
         ("cube-turning", 0.08),
         ("torus-turning-10", 0.05),
         ("board-over-water", 0.05),
+        ("board-under-a-lens", 0.02),
         # Light at the onset of total reflection rushes over a fifth of the picture in an eighth of the shutter.
         ("prism-turning", 0.06),
     ],

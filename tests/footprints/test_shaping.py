@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -287,6 +288,28 @@ def test_bounds_enclose_every_point_that_is_reached_at_any_time(kernel, curved):
         times_started = np.zeros_like(times_held)
         np.add.at(times_started, pieces, starts)
         np.testing.assert_array_equal(times_started, 1)
+
+
+@pytest.mark.parametrize("kernel", ["epanechnikov", "bspline"])
+def test_what_lies_off_the_plane_is_met_where_its_light_meets_the_plane(kernel):
+    photons, random = tangent_photons(), np.random.default_rng(5)
+    normals = photons["normals"]
+    # Down to 35° above the plane; steeper light is limited.
+    aside = np.cross(normals, random.normal(size=normals.shape))
+    rays = 1.4 * random.uniform(size=(len(aside), 1)) * aside / np.linalg.norm(aside, axis=1, keepdims=True) - normals
+    given = replace(photon_map(**photons), incidence=-rays.astype(np.float32))
+    flat, found = (shaped(p, kernel=kernel, half_pixel=0.004) for p in (photon_map(**photons), given))
+    height = found.footprints.arrays.plane_tolerance.numpy().astype(float)
+    low, high = bounds(found)
+    for name in ("row_u", "row_v"):
+        before, after = (getattr(f.footprints.arrays, name).numpy().astype(float) for f in (flat, found))
+        np.testing.assert_allclose((after * rays).sum(axis=1), 0.0, atol=1e-4 * np.linalg.norm(after, axis=1).max())
+        along = photons["dxdu"] + 0.3 * photons["dxdv"]
+        np.testing.assert_allclose((after * along).sum(axis=1), (before * along).sum(axis=1), rtol=1e-3, atol=1e-4)
+    # Bounds hold what is so far off the plane, above it and below it.
+    for part in (-1.0, 1.0):
+        place = photons["positions"] + part * height[:, None] * rays
+        assert np.all((place >= low - 1e-6) & (place <= high + 1e-6))
 
 
 @pytest.mark.parametrize("form", [GatherForm(), EPANECHNIKOV], ids=["bspline", "epanechnikov"])

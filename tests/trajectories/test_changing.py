@@ -289,5 +289,6 @@ def test_a_mirror_that_turns_over_sends_each_way_what_it_catches(tilt, segments)
     exact = np.histogram(lands, bins=columns, range=(-0.5, 0.5), weights=caught)[0] * columns
     found = irradiance(rendered(source, columns, photons=16384, segments=segments)).mean(axis=0)
     assert found.mean() == pytest.approx(exact.mean(), rel=5e-3)
-    # As it rides, light is twice as bright on one side, and half as bright on the other.
-    assert np.sqrt(np.mean((found - exact) ** 2)) < 0.06 * exact.mean()
+    # As it rides, light is twice as bright on one side, and half as bright on the other; with D_t x as it rides in what
+    # is traced at rest there are stripes.
+    assert np.sqrt(np.mean((found - exact) ** 2)) < 0.02 * exact.mean()

@@ -24,7 +24,7 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.turns import turn_between, turn_of_light
+from tpdwarp.trajectories.turns import least_segments, turn_between, turn_of_light
 from usd_scenes.shapes import rotation
 
 BODY = box("/box", (-0.4, -0.3, 0.6), (0.4, 0.5, 1.4), glass())
@@ -112,3 +112,17 @@ def test_lights_turn_as_far_as_it_is_seen_in_their_light():
     expected["/tube spot"] = (30, 30)
     for path, (x, z) in expected.items():
         assert turns[path, "x"] == pytest.approx(x, abs=1e-4) and turns[path, "z"] == pytest.approx(z, abs=1e-4)
+
+
+@pytest.mark.parametrize(("way", "half", "least"), [(0.5, 0.2, 1), (1.6, 0.2, 3), (1.6, 2.0, 1)])
+def test_lamps_that_go_around_a_body_have_a_segment_for_each_fifteen_degrees_seen_from_it(way, half, least):
+    """A lamp goes aside 2.8 above the middle of a body; from one that is larger than its way cells do not slide off."""
+
+    def at(shutter: Shutter) -> SceneAtShutter:
+        place = np.array([way * (shutter.middle - 0.5), 0.0, 3.5])
+        light = LightAtShutter("/lamp", LightKind.POINT, (1.0, 1.0, 1.0), position=place)
+        light = replace(light, position_motion=np.array([0.1 * way, 0.0, 0.0]))
+        body = box("/box", (-half, -half, 0.6), (half, half, 0.8), glass())
+        return SceneAtShutter(shutter, (floor(), body), (light,), looking_down(height=0.05))
+
+    assert least_segments([at(Shutter(0, time, time)) for time in (0.0625, 0.5, 0.9375)], 0.875) == least

@@ -20,7 +20,7 @@ from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.settings import LightSettings
 from tpdwarp.trajectories.changing import changing_cells
-from tpdwarp.trajectories.edges import edge_cells, in_coarse_cells, resting_edges, traced_finer
+from tpdwarp.trajectories.edges import edge_cells, finer_in_time, in_coarse_cells, resting_edges, traced_finer
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.parts import traced_in_parts
@@ -140,9 +140,11 @@ def _along_keyframes(
     traced = [(photons, plan)]
     if changing:
         shutter = seen.scene.shutter
-        parts, more = traced_in_parts(tracer, keyframes, changing, shutter, weight, light, clock, **options)
-        account.add(more)
-        traced += [(part, plan) for part in parts]
+        for cells in finer_in_time(changing, resting):
+            if cells:
+                parts, more = traced_in_parts(tracer, keyframes, cells, shutter, weight, light, clock, **options)
+                account.add(more)
+                traced += [(part, cells.plan) for part in parts]
         account.counts["cells traced again in time"] = len(changing)
         if changing.limited:
             account.counts["cells that ride too far apart to grow"] = changing.limited

@@ -63,6 +63,8 @@ SHORTEST_AXIS_AT_ORIGIN = wp.constant(1.0e-9)
 # How far a query may lie off the footprint's plane, as a part of the footprint's own extent: on receivers that curve
 # less than that it is one surface. Chosen, not derived.
 PLANE_TOLERANCE = wp.constant(0.25)
+# How far light goes aside where it goes down by one, at most: 14° above a receiver. Chosen, not derived.
+LARGEST_SLANT = wp.constant(4.0)
 # How much axes may grow or shrink from mid shutter to either end, as a part of themselves: what shrinks to nothing
 # passes a fold, which first order does not describe. Chosen, not derived.
 LARGEST_GROWTH = wp.constant(0.5)
@@ -487,6 +489,17 @@ def in_filter_space(pixel: PixelOnPlane, frame: TangentFrame, row_u: wp.vec3, ro
     return wp.mat22(wp.dot(row_u, p), wp.dot(row_u, q), wp.dot(row_v, p), wp.dot(row_v, q))
 
 
+@wp.func
+def slant_of(incidence: wp.vec3, n: wp.vec3) -> wp.vec3:
+    """How far light goes aside on its way down by one: a curved receiver leaves the plane of a footprint (Eq. 7).
+
+    No farther than ``LARGEST_SLANT``. Beyond the paper, whose receivers are flat.
+    """
+    height = wp.dot(incidence, n)
+    aside = incidence - height * n
+    return aside / (height * wp.max(1.0, wp.length(aside) / LARGEST_SLANT))
+
+
 @cache
 def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Function | None = None) -> wp.Kernel:
     """The kernel that shapes footprints (M, Φ |det M|, Eqs. 6 and 7), and bounds what they sweep over.
@@ -562,8 +575,15 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             second_row = (axes.first[0] * frame.e2 - axes.first[1] * frame.e1) / (sine * axes.t2)
             cr = wp.cos(axes.turn)
             sr = wp.sin(axes.turn)
-            out.row_u[i] = wp.static(scale) * (cr * first_row - sr * second_row)
-            out.row_v[i] = wp.static(scale) * (sr * first_row + cr * second_row)
+            row_u = wp.static(scale) * (cr * first_row - sr * second_row)
+            row_v = wp.static(scale) * (sr * first_row + cr * second_row)
+            slant = wp.vec3()
+            if out.incidence.shape[0] > 0:
+                slant = slant_of(out.incidence[i], n)
+                row_u -= wp.dot(row_u, slant) * n
+                row_v -= wp.dot(row_v, slant) * n
+            out.row_u[i] = row_u
+            out.row_v[i] = row_v
             out.dxdt_relative[i] = dxdt - receiver_motion[i]
             out.density[i] = flux[i] * (wp.static(scale * scale) / (axes.t1 * axes.t2 * wp.abs(sine)))
             out.clamped[i] = axes.clamped
@@ -637,6 +657,7 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             tolerance = PLANE_TOLERANCE * (along1 + along2 + across1 + across2 + normal_extent)
             out.plane_tolerance[i] = tolerance
             out.long_axis[i] = long_axis
+            sweep += tolerance * wp.vec3(wp.abs(wp.dot(long_axis, slant)), wp.abs(wp.dot(other, slant)), 0.0)
             out.half_extent[i] = wp.vec3(along1 + along2 + sweep[0], across1 + across2 + sweep[1], tolerance + sweep[2])
 
     return shape_footprints

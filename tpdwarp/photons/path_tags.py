@@ -22,6 +22,11 @@ FEWEST_PHOTONS_ON_FACET = 64
 SAME_PLANE = 1e-3
 # Corners of a plane facet have one normal up to rounding; on the crest of a wave they differ by its curvature.
 SAME_NORMAL = 1e-6
+# A diffuse mesh of more planes than this is round, and light goes on over its edges as it does over those of a smooth
+# one; over a box's it ends. Chosen, not derived.
+MOST_PLANES_OF_RECEIVER = 32
+# Larger ones are taken for round unseen, for that takes time. Chosen.
+MOST_TRIANGLES_OF_RECEIVER = 1 << 14
 
 
 class PathTags:
@@ -38,7 +43,7 @@ class PathTags:
         first: dict[tuple[int, int], str] = {}
         single = [mesh for mesh in scene.meshes if not mesh.copies]
         self._names = {mesh.path: first.setdefault(_shape_of(mesh), mesh.path) for mesh in single}
-        self._facets = {mesh.path: facets_of(mesh, least) for mesh in scene.meshes if mesh.specular}
+        self._facets = {mesh.path: facets_of(mesh, least) for mesh in scene.meshes}
 
     def of(self, scene: SceneAtShutter) -> np.ndarray:
         """A tag for each triangle of ``scene``, in the order of its meshes, shape [m] int32."""
@@ -69,7 +74,9 @@ def _shape_of(mesh: MeshAtShutter) -> tuple[int, int]:
 def facets_of(mesh: MeshAtShutter, least: float) -> np.ndarray:
     """Numbers, from 1 on, of plane facets that make up more than the part ``least`` of ``mesh``; else 0; [m] int32."""
     facets = np.zeros(len(mesh.triangles), np.int32)
-    flat = np.flatnonzero(specular_faces(mesh) & _is_flat(mesh))
+    if not mesh.specular and len(facets) > MOST_TRIANGLES_OF_RECEIVER:
+        return facets
+    flat = np.flatnonzero((specular_faces(mesh) if mesh.specular else True) & _is_flat(mesh))
     if not len(flat):
         return facets
     a, b, c = (mesh.points[mesh.triangles[flat, corner]] for corner in range(3))
@@ -80,6 +87,8 @@ def facets_of(mesh: MeshAtShutter, least: float) -> np.ndarray:
     size = max(float(np.ptp(mesh.points, axis=0).max()), np.finfo(float).tiny)
     planes = np.column_stack([normals, np.einsum("ij,ij->i", (a + b + c) / 3.0 - centre, normals) / size])
     numbers = _clusters(planes)
+    if not mesh.specular and numbers.max() >= MOST_PLANES_OF_RECEIVER:
+        return facets
     part = np.bincount(numbers, weights=areas) / max(float(_areas(mesh).sum()), np.finfo(float).tiny)
     large = np.flatnonzero(part > least)
     names = np.zeros(len(part), np.int32)

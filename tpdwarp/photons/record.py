@@ -10,8 +10,8 @@ import numpy as np
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap, joined
 
-# Ids of photons that stand for a whole segment are smaller; so 127 parts have room in 63 bits.
-PART_IDS = 1 << 56
+# Ids of photons that stand for a whole segment are smaller; so 2047 parts have room in 63 bits.
+PART_IDS = 1 << 52
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -25,6 +25,7 @@ from tpdwarp.trajectories.passing import parts_of_existence
 from tpdwarp.trajectories.retraced import (
     PARTS,
     RetracedCells,
+    along_with_cells,
     cell_of,
     in_middle_of_cell,
     place_in_cell,
@@ -67,6 +68,7 @@ def traced_in_parts(
         given = {"chosen": cells.at(middle, number), "aimed": False, "tags": keyframes.tags.of(last.scene), **options}
         photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
         with clock.stage("trace"):
+            photons = along_with_cells(photons, cells, share)
             photons = in_middle_of_cell(photons, plan, place_in_cell(cell_of(photons), number))
             photons = _grown(photons, cells, middle, energy)
         return replace(photons, time=middle, duration=share), energy

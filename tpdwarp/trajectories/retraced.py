@@ -114,6 +114,19 @@ class RetracedCells:
             found[rows[inside]] = grid[window.at(theirs[inside])]
         return found
 
+    def offset_of(self, photons: PhotonMap) -> np.ndarray:
+        """Shift over the whole shutter of the cell that each of the photons stands for, shape [n, 2]; of others 0."""
+        found = np.zeros((len(photons), 2), np.float32)
+        of_lattices = CellsOfLattices(photons, self.plan)
+        for number, mine in self.cells.items():
+            window = Window.around(mine.cell)
+            grid = window.grid(2, dtype=np.float32)
+            grid[window.at(mine.cell)] = mine.offset
+            rows, theirs = of_lattices.of(number)
+            inside = window.holds(theirs)
+            found[rows[inside]] = grid[window.at(theirs[inside])]
+        return found
+
     def without(self, others: RetracedCells) -> RetracedCells:
         """Those of these cells that are not among ``others`` of the same lattices."""
         found = {}
@@ -124,6 +137,22 @@ class RetracedCells:
             if rows.any():
                 found[number] = ChosenCells(mine.cell[rows])
         return RetracedCells(found, self.plan)
+
+    def parted(self, others: RetracedCells) -> tuple[RetracedCells, RetracedCells]:
+        """Those of these cells that are among ``others`` of the same lattices, and those that are not."""
+        parts = []
+        for among in (True, False):
+            cells, growth = {}, {}
+            for number, mine in self.cells.items():
+                rows = np.zeros(len(mine), bool)
+                if number in others.cells:
+                    rows = _among(mine.cell, others.cells[number].cell)
+                if np.any(rows == among):
+                    cells[number] = ChosenCells(mine.cell[rows == among], mine.offset[rows == among])
+                    if number in self.growth:
+                        growth[number] = self.growth[number][rows == among]
+            parts.append(replace(self, cells=cells, growth=growth, limited=0 if among else self.limited))
+        return parts[0], parts[1]
 
     def at_middle(self) -> Callable[[Lattice, Patch], ChosenCells]:
         """Chooses these cells at mid shutter, their photons in the middle of each."""
@@ -202,6 +231,18 @@ def in_middle_of_cell(photons: PhotonMap, plan: EmissionPlan, place: np.ndarray)
     """
     u, v = (reaches(photons, plan, place) * place).T[:, :, None]
     return replace(photons, position=photons.position - u * photons.dxdu - v * photons.dxdv)
+
+
+def along_with_cells(photons: PhotonMap, cells: RetracedCells, share: float) -> PhotonMap:
+    """The photons with D_t x as seen from their cells: those ride on the first surface, these as they are asked to.
+
+    A cell goes by d more cells on the light than its photon within the part ``share`` of the shutter, so that its light
+    goes by d_u D_u x + d_v D_v x more. Cells that rest on the light are not of one point of the surface for long.
+    """
+    more = np.float32(share) * cells.offset_of(photons) - photons.shift
+    u, v = more.T[:, :, None]
+    dxdt = photons.dxdt + u * photons.dxdu + v * photons.dxdv
+    return replace(photons, dxdt=dxdt.astype(np.float32), shift=photons.shift + more)
 
 
 def riding(cells: dict[int, ChosenCells], plan: EmissionPlan, part: float) -> Callable[[Lattice, Patch], ChosenCells]:

@@ -75,6 +75,10 @@ BORDER_ERROR = 0.125
 # (``scripts/benchmarks/solids.py board-over-water``, 65 k photons: .0165 in one segment, .0217 in two).
 PASSING_ERROR = 0.25
 PASSING_ERROR_IN_PARTS = 0.03125 / PARTS
+# Of light that begins or ends within the shutter so much lies at the edges that pass, which are as blurred as cells are
+# wide. Chosen on a thin mirror that turns over, which errs by .019 in one segment, .023 in two and .040 in four (16 k
+# photons; else it took 59), and on a prism (``scripts/benchmarks/solids.py prism-turning``), for which two are best.
+PASSING_BORDER = 0.03125
 # Parts into which longer shutters are cut to be looked at.
 MOST_PARTS = 8
 # Beyond this quantile D_tt x belongs to light that appears and vanishes at edges, which no trajectory follows. Chosen,
@@ -140,7 +144,7 @@ class SegmentErrors:
         straight, curved: In time, for straight and for curved trajectories.
         disagreement: Of keyframes, as a part of D_t x; infinite where trajectories never curve.
         blur: In space.
-        border: One where light ends beside a photon: jagged lattice borders are blurred by whole cells.
+        border: Where light ends beside a photon, or passes: jagged borders are blurred by whole cells.
         passing: In time, for light that begins or ends within the shutter or changes its flux.
     """
 
@@ -324,6 +328,8 @@ def _errors(
     fourth = second * (third.sum() / max(first.sum(), np.finfo(float).tiny))
     in_time = change * second / 24.0, change * fourth / 1240.0
     border = BORDER_ERROR * math.sqrt(share) * _alone(photons, plan, beside)
+    if curves:
+        border += BORDER_ERROR * math.sqrt(share) * PASSING_BORDER * passing
     error = np.full(len(photons), passing * (PASSING_ERROR_IN_PARTS if curves else PASSING_ERROR))
     if not curves:
         # Cells that ride grow and shrink on the light by ∂_u s_u + ∂_v s_v, and so does their flux. Straight

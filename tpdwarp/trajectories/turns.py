@@ -3,7 +3,8 @@
 Light that a rigid body sends turns with it, and a photon goes along a curve of third order in time: where it turns far
 neither the curve nor what keyframes tell apart follows. Errors measured in each photon's own light do not show that, so
 that bodies that turn have at least a segment for each ``DEGREES_PER_SEGMENT``. So have lights that turn: what a panel
-or a cone sends in one direction follows no curve of third order either, and its mean is not that of the middle.
+or a cone sends in one direction follows no curve of third order either, and its mean is not that of the middle; and
+lamps that go around a body, as seen from it.
 
 Beyond the paper, which traces once a frame.
 """
@@ -55,6 +56,10 @@ def least_segments(scenes: Sequence[SceneAtShutter], part: float) -> int:
         if len(axes) == len(scenes):
             turns = [turn_of_light(light, *pair) for pair in itertools.pairwise(axes)]
             degrees = max(degrees, math.degrees(sum(turns)))
+    for light in scenes[0].lights:
+        places = [found.position for scene in scenes for found in scene.lights if found.path == light.path]
+        if light.kind != LightKind.DISTANT and light.moves and len(places) == len(scenes):
+            degrees = max(degrees, math.degrees(largest_turn_about_bodies(places, scenes)))
     # Rounding is no segment more.
     return max(1, math.ceil(degrees / part / DEGREES_PER_SEGMENT - 1e-3))
 
@@ -71,6 +76,30 @@ def turn_of_light(light: LightAtShutter, before: np.ndarray, after: np.ndarray) 
         axis = 0 if light.profile == EmissionProfile.SINE else 2
         cosine = float(before[axis] @ after[axis])
     return math.acos(min(max(cosine, -1.0), 1.0))
+
+
+def largest_turn_about_bodies(places: Sequence[np.ndarray], scenes: Sequence[SceneAtShutter]) -> float:
+    """The largest angle [rad] by which a lamp that stands at ``places`` [3] turns as seen from the middle of a body.
+
+    Cells ride along with a body evenly; as its light turns by more than it is large as seen from the lamp, they slide
+    off it. What is larger, as water around a lamp, keeps them.
+    """
+    largest = 0.0
+    for mesh in scenes[0].meshes:
+        states = [found.points for scene in scenes for found in scene.meshes if found.path == mesh.path]
+        if not mesh.specular or len(states) != len(scenes) or not all(map(len, states)):
+            continue
+        ends = [(points.min(axis=0), points.max(axis=0)) for points in states]
+        away = np.array([place - 0.5 * (low + high) for place, (low, high) in zip(places, ends, strict=True)])
+        distances = np.linalg.norm(away, axis=1)
+        if not distances.min() > 0.0:
+            continue
+        cosines = np.einsum("ij,ij->i", away[1:], away[:-1]) / (distances[1:] * distances[:-1])
+        turn = float(np.arccos(np.clip(cosines, -1.0, 1.0)).sum())
+        low, high = ends[0]
+        if turn > np.arctan2(0.5 * np.linalg.norm(high - low), distances.min()):
+            largest = max(largest, turn)
+    return largest
 
 
 def turn_between(before: MeshAtShutter, after: MeshAtShutter) -> float:

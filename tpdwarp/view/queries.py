@@ -31,6 +31,9 @@ from tpdwarp.view.visibility import PathFlag, VisiblePoints, visible_points
 BATCH_SAMPLES = 1 << 20
 # Points that are looked up together at their own times, likewise: cut into pieces of their ways they take some 300 MB.
 BATCH_ROWS = 1 << 17
+# How far off what it sees a point may be that moves straight on, in sides of what it stands for: farther off a round
+# thing footprints no longer count there. Chosen, not derived.
+LARGEST_BEND = 0.25
 
 
 # What is counted of camera paths.
@@ -259,7 +262,8 @@ class CameraView:
     ) -> Iterator[QueryBatch]:
         """First paths of pixels that see one object move all the time, over the whole shutter; unset in ``moving`` [n].
 
-        Each sample is brought to mid shutter along its motion. Where they meet there, they are one point that moves.
+        Each sample is brought to mid shutter along its motion. Where they meet there, they are one point that moves,
+        unless the surface is so round that the point would leave it on its straight way.
         """
         samples, launcher = self._settings.samples, self._launcher
         with self._clock.stage("view"):
@@ -282,11 +286,13 @@ class CameraView:
             if parts is not None:
                 of_spot = of_spot * part_count(samples) ** 2 + parts
             sizes = np.bincount(of_spot)
-            met = counts == sizes[of_spot]
-            complete = np.isin(of_spot, of_spot[met])
             mean = np.stack([np.bincount(of_spot, motion[:, axis]) for axis in range(3)], axis=1)
             mean /= np.maximum(sizes, 1)[:, None]
             queries.motion = launcher.array(mean[of_spot], wp.vec3)
+            off = late * np.sum((motion - mean[of_spot]) * queries.normal.numpy(), axis=1)
+            bends = np.abs(off) > LARGEST_BEND * self._sides(queries.position.numpy())
+            met = (counts == sizes[of_spot]) & (np.bincount(of_spot, bends)[of_spot] == 0)
+            complete = np.isin(of_spot, of_spot[met])
             batch = self._rows_that_count(queries, weights.numpy(), np.where(met, counts, 0), numbers[rows // samples])
             batch.moves = True
             moving[rows[complete]] = False
@@ -378,6 +384,14 @@ class CameraView:
         lights = loaded.scene.lights, self._normalization, self._launcher, paths
         camera = camera_of(loaded.scene.camera, *self._size, self._normalization, self._launcher)
         return camera, light_arrays(*lights), area_light_arrays(*lights)
+
+    def _sides(self, places: np.ndarray) -> np.ndarray:
+        """How wide what a query stands for is at some places, across the view, shape [n]; in the tracer's units."""
+        size = self._pixel
+        side = float(np.linalg.norm(size.right))
+        if size.orthographic:
+            return np.full(len(places), side)
+        return side * np.abs((places - np.array(size.eye)) @ np.array(size.back))
 
     def _merged(
         self, queries: QueryArrays, weights: wp.array, begins: np.ndarray, spots: np.ndarray | None

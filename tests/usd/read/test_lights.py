@@ -10,6 +10,10 @@ from pxr import Gf, Sdf, UsdGeom, UsdLux, UsdShade
 
 from tests.usd.stages import SmallStage
 from tpdwarp.scene.description import PROFILE_COUNT, EmissionProfile, ExtentShape, LightKind, Shaping, Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.usd.read.stage import StageScene
+from usd_scenes.solids import write
+from usd_scenes.stage import CAMERA, FRAME
 
 
 @pytest.fixture
@@ -467,3 +471,9 @@ def test_the_colour_of_a_light_is_averaged_too(small):
     for time, value in ((1, Gf.Vec3f(1, 0, 0)), (2, Gf.Vec3f(0, 0, 1))):
         light.CreateColorAttr().Set(value, time)
     assert read(small, Shutter(1, 1, 2))[0].power == pytest.approx((4.0, 0.0, 4.0))
+
+
+def test_frames_in_which_only_a_lamp_moves_are_no_frames_outside_the_animation(tmp_path):
+    scene = StageScene.open(write("cardioid", tmp_path), Settings(camera=CAMERA))
+    assert scene.at(Shutter(FRAME, FRAME, FRAME + 1)).lights[0].moves
+    assert not [message for message in scene.warnings.messages if "outside the animation" in message]

@@ -721,6 +721,8 @@ class StageScene:
             span = union(span, placed.span)
         for instancer in self._instancers:
             span = union(span, instancer.instancer.span)
+        for prim in (*(light.prim for light in self._lights), *map(self._stage.GetPrimAtPath, self._cameras)):
+            span = union(span, self._transforms.span(prim))
         if not span[0] <= shutter.frame <= span[1] and self._changes:
             self.warnings("", f"frames outside the animation, {span[0]:g} … {span[1]:g}, show its first or last moment")
 
