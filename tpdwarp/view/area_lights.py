@@ -266,7 +266,8 @@ def unshadowed_irradiance(light: AreaLight, n: wp.vec3) -> float:
         reach = wp.sqrt(wp.dot(n, light.a) * wp.dot(n, light.a) + wp.dot(n, light.b) * wp.dot(n, light.b))
         if wp.dot(n, light.d) + reach <= 0.0:
             return 0.0
-        if wp.dot(n, light.d) >= reach and wp.abs(a2 - b2) <= CIRCLE * a2:
+        is_circle = wp.abs(a2 - b2) <= CIRCLE * a2 and wp.abs(wp.dot(light.a, light.b)) <= CIRCLE * a2
+        if wp.dot(n, light.d) >= reach and is_circle:
             return disk_irradiance(light, n)
     return polygon_irradiance(light, n) / area
 
