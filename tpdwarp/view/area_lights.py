@@ -229,7 +229,7 @@ def disk_irradiance(light: AreaLight, n: wp.vec3) -> float:
 
 @wp.func
 def cylinder_irradiance(light: AreaLight, n: wp.vec3) -> float:
-    """Irradiance of a cylinder by its intensity across its axis: of the flat strip between the lines that it is seen by.
+    """Irradiance of a cylinder by its intensity across its axis: of the flat strip between the lines it is seen by.
 
     Light of one radiance tells nothing of depth: the strip stands where what is seen of the cylinder does on average,
     so that its ends are those of the side, and is as wide from here.
