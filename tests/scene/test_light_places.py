@@ -179,6 +179,29 @@ def test_the_parts_of_a_sun_give_its_irradiance_across_its_direction():
         assert np.linalg.det(part.axes) > 0
 
 
+@pytest.mark.parametrize("degrees", [20.0, 90.0, 160.0, 180.0])
+def test_the_parts_of_a_wide_sun_give_its_irradiance_on_any_plane_and_fill_its_part_of_the_sky(degrees):
+    half = math.radians(0.5 * degrees)
+    light = replace(SUN, extent=Extent(ExtentShape.ROUND, half))
+    parts = parts_of(light, 397)
+    towards = np.array([part.axes[2] for part in parts])
+    power = np.array([part.power[0] for part in parts])
+    # ---- The integral over its directions, by solid angle, and that of radiance over the whole of it
+    u, v = (axis.ravel() for axis in np.meshgrid((np.arange(600) + 0.5) / 600, (np.arange(600) + 0.5) / 600))
+    z = 1.0 - (1.0 - math.cos(half)) * u
+    level, turn = np.sqrt(1.0 - z**2), 2.0 * np.pi * v
+    sky = np.stack([level * np.cos(turn), level * np.sin(turn), z], axis=1) @ light.axes
+    radiance, angle = light.power[0] / (math.pi * math.sin(half) ** 2), 2.0 * math.pi * (1.0 - math.cos(half))
+    for tilt in (0.0, 40.0, 80.0):
+        normal = np.array([math.sin(math.radians(tilt)), 0.0, math.cos(math.radians(tilt))]) @ light.axes
+        expected = radiance * angle * np.maximum(sky @ normal, 0.0).mean()
+        assert power @ np.maximum(towards @ normal, 0.0) == pytest.approx(expected, rel=0.01)
+    spans = np.array([part.extent.spans for part in parts])
+    np.testing.assert_allclose(np.einsum("nki,ni->nk", spans, towards), 0.0, atol=1e-12)
+    sizes = np.linalg.norm(np.cross(spans[:, 0], spans[:, 1]), axis=1)
+    assert 4.0 * sizes[1:].sum() + math.pi * sizes[0] == pytest.approx(angle, rel=0.02)
+
+
 @pytest.mark.parametrize("name", LIGHTS)
 def test_places_have_the_variance_of_the_light(name):
     light, count = LIGHTS[name], 1024

@@ -46,6 +46,25 @@ def test_unshadowed_irradiance_is_that_of_the_whole_surface(name):
     np.testing.assert_allclose(found, truth, rtol=WITHIN, atol=WITHIN * 0.1 * truth.max())
 
 
+TUBES = {
+    "its axis lies in the floor": lamp(ExtentShape.CYLINDER, (-1.6, 0.1, 0.0), sizes=(0.4, 0.0), radius=0.2),
+    "a quarter below the horizon": lamp(ExtentShape.CYLINDER, (0.2, 1.7, 0.1), (0.0, 0.0, 0.2), (0.5, 0.0), 0.2),
+    "upright, half below it": lamp(ExtentShape.CYLINDER, (-1.7, 0.1, 0.0), (0.0, math.pi / 2, 0.0), (0.4, 0.0), 0.2),
+    "wide and near": lamp(ExtentShape.CYLINDER, (0.2, 0.1, 1.1), (0.0, 0.2, 0.4), (0.9, 0.0), 0.3),
+    "far off": lamp(ExtentShape.CYLINDER, (0.2, 0.1, 30.0), (0.1, 0.3, 0.4), (0.6, 0.0), 0.2),
+}
+
+
+@pytest.mark.parametrize("name", TUBES)
+def test_tubes_light_what_their_side_that_is_above_the_horizon_does(name):
+    light = TUBES[name]
+    found, points = irradiance([floor()], light, FILMS[:40])
+    truth = expected(light, points)
+    # Ends are those of what is seen on average: tubes as thick and near as this err by a percent, upright ones by two.
+    np.testing.assert_allclose(found, truth, rtol=0.02, atol=0.04 * truth.max())
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.025)
+
+
 def test_flat_lights_shine_to_one_side():
     for shape in (ExtentShape.RECT, ExtentShape.DISK):
         assert irradiance([floor()], lamp(shape, (0, 0, 1), (math.pi, 0, 0)))[0].max() == 0

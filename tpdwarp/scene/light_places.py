@@ -12,6 +12,7 @@ Beyond the paper, whose lights are points or parallel.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -79,6 +80,8 @@ def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = N
     extent = light.extent
     if extent.shape == ExtentShape.CYLINDER:
         return _parts_of_cylinder(light, count)
+    if light.kind == LightKind.DISTANT and extent.shape == ExtentShape.ROUND:
+        return _parts_of_sun(light, count)
     spans, motions = _spans(light, seen_from)
     depths: np.ndarray | None = None
     if extent.shape == ExtentShape.RECT:
@@ -87,7 +90,7 @@ def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = N
     else:
         pieces = pieces_of_disc(count)
         shapes = [ExtentShape.DISK] + [ExtentShape.RECT] * (len(pieces) - 1)
-        if light.kind != LightKind.DISTANT and extent.shape == ExtentShape.ROUND:
+        if extent.shape == ExtentShape.ROUND:
             depths = _depths_in_ball(pieces)
     found = []
     for number, ((place, sides), shape) in enumerate(zip(pieces, shapes, strict=True)):
@@ -97,6 +100,43 @@ def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = N
         ball = None if depths is None else Ball(part.position - light.position, extent.radius)
         found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller, ball=ball))
     return found
+
+
+def _parts_of_sun(light: LightAtShutter, count: int) -> list[LightAtShutter]:
+    """Parts of a sun's disc, each as bright as all of its light together and from the direction that has on average.
+
+    By sines a piece of the disc sends 1/cos θ of its area, θ from the sun's middle: light far from the middle of a wide
+    sun takes up more of the sky than its piece does of the disc. With ∫ ω dω of a piece, its irradiance is that of the
+    piece on whatever lies before all of it.
+    """
+    sine = math.sin(light.extent.radius)
+    rings = _rings(count)
+    inner = sine * rings[0][1]
+    # ---- Directions by sines [2] and half of the parts along two axes [2, 3], in the frame of the light
+    pieces = [(np.zeros(2), np.array([[inner, 0.0, 0.0], [0.0, inner, 0.0]]), ExtentShape.DISK)]
+    for ring, (first, last) in enumerate(rings[1:], start=1):
+        q, half = sine * np.array([first, last]), math.pi / (6 * ring)
+        outward = math.sin(half) * float(np.diff(np.arcsin(q) - q * np.sqrt(1.0 - q**2))[0])
+        along = half * float(np.diff(q**2)[0])
+        place = outward / math.hypot(outward, along)
+        depth, level = 0.5 * float(np.diff(np.arcsin(q))[0]), math.sqrt(1.0 - place**2)
+        width = half * float(np.diff(q**2)[0]) / (2.0 * float(np.diff(q)[0]))
+        for number in range(6 * ring):
+            cosine, sine_of_turn = math.cos(2.0 * half * number), math.sin(2.0 * half * number)
+            sides = np.array(
+                [
+                    [depth * level * cosine, depth * level * sine_of_turn, depth * place],
+                    [-width * sine_of_turn, width * cosine, 0.0],
+                ]
+            )
+            pieces.append((place * np.array([cosine, sine_of_turn]), sides, ExtentShape.RECT))
+    parts = []
+    for number, (place, sides, shape) in enumerate(pieces):
+        part = _without_extent(light, np.append(place / sine, 0.0))
+        power = tuple(channel / len(pieces) for channel in part.power)
+        smaller = Extent(shape, light.extent.radius, sides @ light.axes, sides @ light.axes_motion)
+        parts.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller))
+    return parts
 
 
 def _pieces_of_rectangle(spans: np.ndarray, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -216,12 +256,9 @@ def pieces_of_disc(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
     The first is a disc; ring k around it has 6 k pieces, along and across its radius. There are 1, 7, 19, … of them,
     whichever is nearest to ``count``.
     """
-    rings = max(range(32), key=lambda k: (-abs(1 + 3 * k * (k + 1) - count), k))
-    total = 1 + 3 * rings * (rings + 1)
-    inner = 1.0 / math.sqrt(total)
-    pieces = [(np.zeros(2), inner * np.eye(2))]
-    for ring in range(1, rings + 1):
-        outer = math.sqrt((1 + 3 * ring * (ring + 1)) / total)
+    rings = _rings(count)
+    pieces = [(np.zeros(2), rings[0][1] * np.eye(2))]
+    for ring, (inner, outer) in enumerate(rings[1:], start=1):
         half = math.pi / (6 * ring)
         # Its centre of mass, and a rectangle of its area.
         radius = 2.0 / 3.0 * (outer**3 - inner**3) / (outer**2 - inner**2) * math.sin(half) / half
@@ -231,8 +268,14 @@ def pieces_of_disc(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
             turn = 2.0 * half * number
             along = np.array([math.cos(turn), math.sin(turn)])
             pieces.append((radius * along, np.array([depth * along, width * along[::-1] * (-1.0, 1.0)])))
-        inner = outer
     return pieces
+
+
+def _rings(count: int) -> list[tuple[float, float]]:
+    """Inner and outer radii of the disc and the rings of a unit disc whose pieces are of equal area."""
+    most = max(range(32), key=lambda k: (-abs(1 + 3 * k * (k + 1) - count), k))
+    radii = [0.0, *(math.sqrt((1 + 3 * k * (k + 1)) / (1 + 3 * most * (most + 1))) for k in range(most + 1))]
+    return list(itertools.pairwise(radii))
 
 
 def _depths(count: int) -> np.ndarray:

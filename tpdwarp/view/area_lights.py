@@ -2,8 +2,8 @@
 
 Unshadowed irradiance is known in closed form: of a sphere and of the sun's disc (Snyder 1996), a disk (its light
 vector, Fock 1924), a rectangle (Lambert 1760). It is multiplied by the share of the light that nothing hides, which a
-few stratified places on the light tell; so there is noise in penumbras only. That of a cylinder is that of a line on
-its visible side, by quadrature.
+few stratified places on the light tell; so there is noise in penumbras only. That of a cylinder is that of a rectangle
+that is seen as its side is.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ STRATA = wp.constant(2)
 NARROW = wp.constant(0.01)
 ROUND = wp.constant(int(ExtentShape.ROUND))
 DISK = wp.constant(int(ExtentShape.DISK))
+RECT = wp.constant(int(ExtentShape.RECT))
 CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
 PI = wp.constant(math.pi)
 # A point is never nearer to the middle of a sphere than its radius, and a little: within it nothing is defined.
@@ -45,10 +46,6 @@ EDGES = wp.constant(24)
 EDGE_SCALE = wp.constant(math.sqrt(2.0 * math.pi / (24 * math.sin(2.0 * math.pi / 24))))
 # A disk counts as a circle where its axes differ by no more than this part, and as an ellipse elsewhere.
 CIRCLE = wp.constant(1.0e-3)
-# Nodes of Gauss's rule along half a cylinder, and their weights.
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
-GAUSS_NODES = wp.constant(wp.types.vector(length=8, dtype=wp.float32)(*NODES.astype(np.float32)))
-GAUSS_WEIGHTS = wp.constant(wp.types.vector(length=8, dtype=wp.float32)(*WEIGHTS.astype(np.float32)))
 TURN = wp.constant(2.0 * math.pi)
 # Random numbers that choose places on lights, the same ones in every frame; others than those of other choices.
 OF_LIGHTS = wp.constant(15485863)
@@ -231,6 +228,35 @@ def disk_irradiance(light: AreaLight, n: wp.vec3) -> float:
 
 
 @wp.func
+def cylinder_irradiance(light: AreaLight, n: wp.vec3) -> float:
+    """Irradiance of a cylinder by its intensity across its axis: of the flat strip between the lines it is seen by.
+
+    Light of one radiance tells nothing of depth: the strip stands where what is seen of the cylinder does on average,
+    so that its ends are those of the side, and is as wide from here.
+    """
+    axis = wp.normalize(light.a)
+    across = light.d - wp.dot(light.d, axis) * axis
+    apart = wp.length(across)
+    if apart <= light.radius:
+        # Before its ends, and within it, nothing is seen of its side.
+        return 0.0
+    # From afar half of the cylinder is seen, from close by little more than the line that is nearest.
+    sine = light.radius / apart
+    nearer = 1.0 - sine * wp.lerp(VISIBLE_SIDE, 1.0, sine * sine)
+    strip = light
+    strip.shape = RECT
+    strip.d = light.d - (1.0 - nearer) * across
+    half = wp.length(light.a)
+    distance = wp.length(strip.d)
+    if distance * distance > POINT_FROM * POINT_FROM * (half * half + light.radius * light.radius):
+        w = strip.d / distance
+        return nearer * wp.max(wp.dot(n, w), 0.0) * wp.length(wp.cross(axis, w)) / (distance * distance)
+    sideways = wp.normalize(wp.cross(axis, across))
+    strip.b = sideways * (nearer * light.radius / wp.sqrt(1.0 - sine * sine))
+    return polygon_irradiance(strip, n) / (4.0 * half * light.radius)
+
+
+@wp.func
 def unshadowed_irradiance(light: AreaLight, n: wp.vec3) -> float:
     """Irradiance of a light that nothing hides, by its power: its largest intensity, or its irradiance."""
     distance = wp.length(light.d)
@@ -241,18 +267,7 @@ def unshadowed_irradiance(light: AreaLight, n: wp.vec3) -> float:
         h = wp.max(distance / light.radius, OUTSIDE)
         return round_irradiance(cosine, h) / (h * h * light.radius * light.radius)
     if light.shape == CYLINDER:
-        total = float(0.0)
-        axis = wp.normalize(light.a)
-        across = light.d - wp.dot(light.d, axis) * axis
-        apart = wp.max(wp.length(across), light.radius)
-        # The strip that is seen lies before the axis, and is as much narrower.
-        nearer = 1.0 - VISIBLE_SIDE * light.radius / apart
-        for node in range(8):
-            d = light.d + GAUSS_NODES[node] * light.a - (1.0 - nearer) * across
-            w = wp.normalize(d)
-            sine = wp.length(wp.cross(axis, w))
-            total += 0.5 * GAUSS_WEIGHTS[node] * wp.max(wp.dot(n, w), 0.0) * sine / wp.length_sq(d)
-        return nearer * total
+        return cylinder_irradiance(light, n)
     height = -wp.dot(light.d, light.facing)
     if height <= 0.0:
         return 0.0
@@ -266,7 +281,8 @@ def unshadowed_irradiance(light: AreaLight, n: wp.vec3) -> float:
         reach = wp.sqrt(wp.dot(n, light.a) * wp.dot(n, light.a) + wp.dot(n, light.b) * wp.dot(n, light.b))
         if wp.dot(n, light.d) + reach <= 0.0:
             return 0.0
-        if wp.dot(n, light.d) >= reach and wp.abs(a2 - b2) <= CIRCLE * a2:
+        is_circle = wp.abs(a2 - b2) <= CIRCLE * a2 and wp.abs(wp.dot(light.a, light.b)) <= CIRCLE * a2
+        if wp.dot(n, light.d) >= reach and is_circle:
             return disk_irradiance(light, n)
     return polygon_irradiance(light, n) / area
 

@@ -380,6 +380,70 @@ def test_a_light_reaches_as_far_as_its_transform_makes_it(small, kind):
     np.testing.assert_allclose(extent.spans, spans, rtol=1e-6, atol=1e-12)
 
 
+SHEARED = np.array([[1.0, 0.2, 0.0], [0.6, 1.0, 0.0], [0.8, 0.3, 1.0]])
+
+
+def placed(small, kind, rows):
+    light = getattr(UsdLux, kind).Define(small.stage, "/Lamp")
+    matrix = np.eye(4)
+    matrix[:3, :3] = rows
+    UsdGeom.Xformable(light).AddTransformOp().Set(Gf.Matrix4d(*map(float, matrix.ravel())))
+    return light
+
+
+@pytest.mark.parametrize("kind", ["RectLight", "DiskLight"])
+@pytest.mark.parametrize("mirrored", [1.0, -1.0])
+def test_a_sheared_flat_light_shines_along_its_normal_on_the_side_where_minus_z_was(small, kind, mirrored):
+    rows = SHEARED * [[1.0], [1.0], [mirrored]]
+    placed(small, kind, rows)
+    light, _ = read(small)
+    np.testing.assert_allclose(light.axes[2], [0.0, 0.0, mirrored], atol=1e-12)
+    np.testing.assert_allclose(light.extent.spans @ light.axes[2], 0.0, atol=1e-12)
+
+
+def test_a_flat_light_that_is_flattened_along_its_normal_is_itself(small):
+    placed(small, "RectLight", np.diag([2.0, 1.0, 0.0]))
+    light, warnings = read(small)
+    np.testing.assert_array_equal(light.axes, np.eye(3))
+    assert light.power[0] == pytest.approx(2.0) and warnings == []
+
+
+@pytest.mark.parametrize("kind", ["RectLight", "DiskLight", "CylinderLight"])
+def test_a_light_that_is_flattened_to_a_line_is_a_point_of_the_power_that_normalize_leaves_it(small, kind):
+    placed(small, kind, np.diag([0.0, 1.0, 1.0])).CreateNormalizeAttr(True)
+    light, _ = read(small)
+    assert light.extent is None and math.isfinite(light.power[0]) and light.power[0] > 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows", "count"),
+    [
+        ("SphereLight", np.diag([1.0, 1.0, 0.2]), 20),
+        ("SphereLight", np.diag([1.0, -1.0, 1.0]), 1),
+        ("CylinderLight", np.diag([1.0, 1.0, 0.5]), 12),
+        ("CylinderLight", SHEARED, 12),
+        ("CylinderLight", np.diag([5.0, 2.0, -2.0]), 1),
+    ],
+)
+@pytest.mark.parametrize("normalize", [False, True])
+def test_a_stretched_sphere_or_cylinder_is_flat_lights_of_its_area(small, kind, rows, count, normalize):
+    placed(small, kind, rows).CreateNormalizeAttr(normalize)
+    lights = small.open().at(Shutter.still(1)).lights
+    assert len(lights) == count
+    # Vectors of the area of a fine net over the surface.
+    u, v = (axis.ravel() for axis in np.meshgrid((np.arange(400) + 0.5) / 400, (np.arange(400) + 0.5) / 400))
+    turn = 2.0 * np.pi * v
+    if kind == "SphereLight":
+        height, area = 2.0 * u - 1.0, math.pi
+        level = np.sqrt(1.0 - height**2)
+        outward = np.stack([height, level * np.cos(turn), level * np.sin(turn)], axis=1)
+    else:
+        outward, area = np.stack([0.0 * u, np.cos(turn), np.sin(turn)], axis=1), math.pi
+    stretched = np.linalg.norm(outward @ np.linalg.inv(rows).T * abs(np.linalg.det(rows)), axis=1).mean()
+    sent = sum(SENT[light.profile] * light.power[0] for light in lights)
+    assert sent == pytest.approx(math.pi * (1.0 if normalize else area * stretched), rel=1e-3)
+
+
 def test_a_rectangle_that_turns_has_spans_that_move(small):
     light = UsdLux.RectLight.Define(small.stage, "/Lamp")
     turn = light.AddRotateZOp(UsdGeom.XformOp.PrecisionDouble)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from pxr import Usd
 
@@ -12,20 +14,54 @@ from tpdwarp.usd.read.motion import blur_scale, blur_scaled, over_shutter
 from tpdwarp.usd.read.transforms import Transforms, union
 
 
+def as_they_are(rows: np.ndarray) -> np.ndarray:
+    """Rows [3, 3] of a transform: z keeps its direction, whatever shear makes of x and y."""
+    return rows
+
+
+def along_normal(rows: np.ndarray) -> np.ndarray:
+    """Rows [3, 3] of a transform with z along the normal of what lies in x and y, on the side where z was.
+
+    What is flat keeps its normal where z is flattened to nothing.
+    """
+    rows = rows / max(np.abs(rows).max(), np.finfo(float).tiny)
+    normal = np.cross(rows[0], rows[1])
+    if not normal.any():
+        return rows
+    return np.stack([rows[0], rows[1], -normal if normal @ rows[2] < 0.0 else normal])
+
+
+def about_x(rows: np.ndarray) -> np.ndarray:
+    """Rows [3, 3] of a transform with y and z across x."""
+    x = rows[0] / max(float(np.linalg.norm(rows[0])), np.finfo(float).tiny)
+    return rows - np.outer([0.0, 1.0, 1.0] * (rows @ x), x)
+
+
 def frame_over(
-    prim: Usd.Prim, shutter: Shutter, transforms: Transforms, animation: tuple[float, float], warnings: WarnOnce
+    prim: Usd.Prim,
+    shutter: Shutter,
+    transforms: Transforms,
+    animation: tuple[float, float],
+    warnings: WarnOnce,
+    unsheared: Callable[[np.ndarray], np.ndarray] = as_they_are,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Position [3], axes [3, 3] (rows x, y, z), and the motions of both over a shutter.
 
     Scale and shear are left out: z keeps its direction, y its plane with z, and x completes a right-handed frame.
 
+    Args:
+        unsheared: Which directions are kept: gives the rows that count for those of a transform, shape [3, 3].
+
     Raises:
         InputError: A transform that has no z axis or is not finite.
     """
 
+    def axes_of(rows: np.ndarray) -> np.ndarray:
+        return _axes(unsheared(rows), prim, warnings.file)
+
     def state(time: float) -> tuple[np.ndarray, ...]:
         matrix = transforms.world(prim, time)
-        return matrix[3, :3], _axes(matrix[:3, :3], prim, warnings.file)
+        return matrix[3, :3], axes_of(matrix[:3, :3])
 
     shutter, span = _window(prim, shutter, transforms, animation, warnings)
     with np.errstate(over="ignore", invalid="ignore"):

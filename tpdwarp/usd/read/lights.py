@@ -22,7 +22,8 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.scene.light_places import tiles_of
-from tpdwarp.usd.read.coordinate_frames import frame_over, rows_over
+from tpdwarp.scene.stretched_lights import area_stretched, faces_of, is_stretched
+from tpdwarp.usd.read.coordinate_frames import about_x, along_normal, as_they_are, frame_over, rows_over
 from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is_of_blender
 from tpdwarp.usd.read.light_inputs import PREFIX, light_input, old_inputs
 from tpdwarp.usd.read.links import LightLinks
@@ -56,10 +57,23 @@ PROFILES: dict[type, tuple[EmissionProfile, float]] = {
     UsdLux.DiskLight: (EmissionProfile.COSINE, 1.0),
     UsdLux.CylinderLight: (EmissionProfile.SINE, 1.0 / math.pi),
 }
+# Which directions a sheared transform keeps: what is flat shines along its normal, a tube by the sine to its axis.
+UNSHEARED = {UsdLux.RectLight: along_normal, UsdLux.DiskLight: along_normal, UsdLux.CylinderLight: about_x}
 # What is shaped by profiles of luminaires.
 PROFILED = (UsdLux.SphereLight, UsdLux.RectLight, UsdLux.DiskLight)
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+# Normals of a sphere, and of the side of a cylinder along x, with their shares of the area: of what has an edge where
+# it is flattened altogether, sums of them are known within .1 %.
+_HEIGHTS, _SHARES = np.polynomial.legendre.leggauss(32)
+_TURNS = 2.0 * math.pi * np.arange(64) / 64
+_AROUND = np.stack([np.zeros(64), np.cos(_TURNS), np.sin(_TURNS)], axis=1)
+SPHERE_NORMALS = (
+    np.concatenate([math.sqrt(1.0 - height**2) * _AROUND + [height, 0.0, 0.0] for height in _HEIGHTS]),
+    np.repeat(_SHARES / 128.0, 64),
+)
+TUBE_NORMALS = _AROUND, np.full(64, 1.0 / 64)
 
 # Pictures of rectangles are brought down to so many rows: each pixel is a light. Chosen, not derived.
 PICTURE_ROWS = 4
@@ -176,8 +190,9 @@ class Light:
         Raises:
             InputError: Its transform cannot be used.
         """
+        unsheared = UNSHEARED.get(self._shape, as_they_are)
         position, axes, position_motion, axes_motion = frame_over(
-            self.prim, shutter, self._transforms, self._animation, self._warnings
+            self.prim, shutter, self._transforms, self._animation, self._warnings, unsheared
         )
         shaping, profile = None, EmissionProfile.UNIFORM
         if self.kind == LightKind.POINT:
@@ -192,10 +207,20 @@ class Light:
         light = self.over(shutter)
         if light is None:
             return []
-        if light.extent is None or light.extent.shape != ExtentShape.RECT:
+        if light.extent is None or light.kind == LightKind.DISTANT or light.extent.shape == ExtentShape.DISK:
             return [light]
+        if light.extent.shape != ExtentShape.RECT:
+            return self._faces(light, shutter)
         colors = self._picture(shutter.frame)
         return [light] if colors is None else tiles_of(light, colors)
+
+    def _faces(self, light: LightAtShutter, shutter: Shutter) -> list[LightAtShutter]:
+        """A sphere or cylinder as it is, or flat lights in its place where its transform makes it another shape."""
+        rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation, self._warnings)
+        if not is_stretched(light.extent.shape, rows):
+            return [light]
+        radius, length = (*self._sizes(shutter.middle), 0.0)[:2]
+        return faces_of(light, radius, length, rows, motion)
 
     def _picture(self, frame: float) -> np.ndarray | None:
         """A rectangle's picture, brought down to a few pixels, shape [h, w, 3]; None where it has none."""
@@ -210,7 +235,7 @@ class Light:
         return self._pictures[path]
 
     def _extent(self, shutter: Shutter) -> Extent | None:
-        """Its extent at mid shutter; None where it has none, or is not to be taken for more than a point."""
+        """Its extent at mid shutter; None where it has none, its transform leaves none, or it asks to be a point."""
         time = shutter.middle
         if self.kind == LightKind.DISTANT:
             angle = self._angle(time)
@@ -224,11 +249,13 @@ class Light:
         if self._shape is UsdLux.CylinderLight:
             radius, length = sizes
             half = np.array([[0.5 * length], [0.0]])
+            if not rows[0].any():
+                return None
             across = float(np.sqrt(np.linalg.norm(np.cross(rows[1], rows[2]))))
             return Extent(ExtentShape.CYLINDER, radius * across, half * rows[0], half * motion[0])
         shape = ExtentShape.DISK if self._shape is UsdLux.DiskLight else ExtentShape.RECT
         half = np.array(sizes * 2 if shape == ExtentShape.DISK else [0.5 * size for size in sizes])[:, None]
-        return Extent(shape, 0.0, half * rows[:2], half * motion[:2])
+        return Extent(shape, 0.0, half * rows[:2], half * motion[:2]) if np.cross(*rows[:2]).any() else None
 
     def _asks_to_be_a_point(self, frame: float) -> bool:
         sphere = UsdLux.SphereLight(self.prim) if self._shape is UsdLux.SphereLight else None
@@ -388,13 +415,12 @@ class Light:
 
     def _area_scale(self, frame: float) -> float:
         """By how much the light's transform enlarges its area."""
-        x, y, z = self._transforms.world(self.prim, frame)[:3, :3]
+        rows = self._transforms.world(self.prim, frame)[:3, :3]
         if self._shape is UsdLux.SphereLight:
-            # The mean scale: an ellipsoid's radiant intensity differs by direction.
-            return float(abs(np.dot(x, np.cross(y, z))) ** (2.0 / 3.0))
+            return area_stretched(*SPHERE_NORMALS, rows)
         if self._shape is UsdLux.CylinderLight:
-            return float(np.linalg.norm(x) * math.sqrt(np.linalg.norm(np.cross(y, z))))
-        return float(np.linalg.norm(np.cross(x, y)))
+            return area_stretched(*TUBE_NORMALS, rows)
+        return float(np.linalg.norm(np.cross(rows[0], rows[1])))
 
     def _input(self, name: str) -> Usd.Attribute:
         return light_input(self.prim, name)
