@@ -25,6 +25,7 @@ from tpdwarp.usd.read.composed_prims import composed_prims
 from tpdwarp.usd.read.contents import Contents, Walker
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
 from tpdwarp.usd.read.domes import Dome
+from tpdwarp.usd.read.draw_modes import draws_models_otherwise, lay_cards
 from tpdwarp.usd.read.emptiness import why_empty
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
@@ -202,9 +203,10 @@ class StageScene:
             mend_rates(layers, warnings)
             opened = _open_stage(stage, name, settings)
             check_rates(opened, name)
-            if isinstance(stage, Usd.Stage) and references_materialx(opened):
+            if isinstance(stage, Usd.Stage) and (references_materialx(opened) or draws_models_otherwise(opened)):
                 opened = _with_session_of_its_own(opened)
             kept = bring_in(opened, warnings)
+            lay_cards(opened, warnings)
             del layers
             check_native_instances(opened)
             source = cls(name, opened, settings, warnings)
