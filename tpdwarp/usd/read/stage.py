@@ -827,8 +827,8 @@ def _with_session_of_its_own(stage: Usd.Stage) -> Usd.Stage:
 def _time_range(stage: Usd.Stage, warnings: WarnOnce) -> tuple[float, float]:
     if stage.HasAuthoredTimeCodeRange():
         start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
-        if math.isfinite(start) and math.isfinite(end):
-            return start, max(start, end)
+        if math.isfinite(start) and math.isfinite(end) and start <= end:
+            return start, end
         warnings("the stage's range of time codes", f"holds {start:g} … {end:g}: that of its samples is taken")
     span = None
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
