@@ -37,7 +37,7 @@ from tpdwarp.usd.read.layer_rates import check_rates, mend_rates, rate_or_defaul
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.materialx_files import bring_in, references_materialx
-from tpdwarp.usd.read.mesh_lights import MeshLight, is_mesh_light
+from tpdwarp.usd.read.mesh_lights import MeshLight, all_parts, is_mesh_light
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
 from tpdwarp.usd.read.numbered_files import changes_by_frame
@@ -425,11 +425,12 @@ class StageScene:
         shining = self._mesh_lights_at(self.start)
         if shining:
             parts = self.at(Shutter.still(self.start)).lights
-            own |= {
-                part.path: shining[whole].group or whole.rpartition("/")[2]
-                for part in parts
-                if (whole := part.path.rpartition("/light")[0]) in shining
-            }
+            bending = {placed.label for placed in self._placed(self.start) if placed.shape.span is not None}
+            for part in parts:
+                if (whole := part.path.rpartition("/light")[0]) in shining:
+                    # What bends may be more lights later.
+                    paths = all_parts(whole) if whole in bending else [part.path]
+                    own |= dict.fromkeys(paths, shining[whole].group or whole.rpartition("/")[2])
         return own
 
     def resolution(self) -> tuple[int, int]:
