@@ -170,3 +170,11 @@ def test_a_stage_that_is_handed_over_keeps_its_models_and_what_stands_in_viewpor
     said = [line for line in source.warnings.messages if "the model itself is rendered" in line]
     assert len(said) == 2 and any("/Bush.model:drawMode: is bounds," in line for line in said)
     assert any("/Shrub.model:drawMode: is cards fromTexture" in line for line in said)
+
+
+def test_a_model_whose_extent_is_no_number_is_rendered_itself_and_said(tmp_path):
+    stage = new(tmp_path)
+    model(stage).SetExtentsHint([Gf.Vec3f(0, float("nan"), 0), Gf.Vec3f(1, 1, float("inf"))])
+    source = opened(stage)
+    assert [mesh.path for mesh in source.at(STILL).meshes] == ["/Tree/Leaf"]
+    assert any("/Tree.model:drawMode: is cards, of a model that has no extent" in m for m in source.warnings.messages)

@@ -69,10 +69,11 @@ def lay_cards(stage: Usd.Stage, warnings: WarnOnce) -> None:
             warnings(f"{path}.model:drawMode", f"is {what}, in the place of which the model itself is rendered")
             continue
         box = boxes.ComputeUntransformedBound(prim).ComputeAlignedRange()
-        if box.IsEmpty():
+        corners = np.array([box.GetMin(), box.GetMax()])
+        if box.IsEmpty() or not np.isfinite(corners).all():
             warnings(f"{path}.model:drawMode", "is cards, of a model that has no extent: it is rendered itself")
             continue
-        laid.append((prim, np.array([box.GetMin(), box.GetMax()]), geometry))
+        laid.append((prim, corners, geometry))
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for path in {ancestor.GetPath() for prim, *_ in laid for ancestor in _instances_above(prim)}:
             Sdf.CreatePrimInLayer(stage.GetSessionLayer(), path).instanceable = False
