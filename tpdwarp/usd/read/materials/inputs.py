@@ -10,6 +10,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.materials.constants import Constants, size_of
 from tpdwarp.usd.read.materials.coordinates import Coordinates, placed, scaled_turned_moved
 from tpdwarp.usd.read.materials.nodes import operation_of
 from tpdwarp.usd.read.materials.patterns import curve_of, mean_of, pattern_of
@@ -83,6 +84,7 @@ class Inputs:
         frame: Time code.
         textures: Mean colours of textures.
         warnings: Takes what is not supported, and names the file in errors.
+        constants: Gives the primvars that are one value over the whole surface.
         walk: Where in the network one is that asks for these inputs.
     """
 
@@ -92,9 +94,11 @@ class Inputs:
         frame: float,
         textures: Textures,
         warnings: WarnOnce,
+        constants: Constants | None = None,
         walk: _Walk | None = None,
     ) -> None:
         self.shader, self.frame, self.textures, self.warnings = shader, frame, textures, warnings
+        self._constants = constants
         self.varies = False
         self._as_images = False
         self._walk = _Walk() if walk is None else walk
@@ -130,7 +134,7 @@ class Inputs:
 
     def of(self, shader: UsdShade.Shader) -> Inputs:
         """The inputs of another shader of the same network; ``varies`` is to be taken over."""
-        return Inputs(shader, self.frame, self.textures, self.warnings, self._walk)
+        return Inputs(shader, self.frame, self.textures, self.warnings, self._constants, self._walk)
 
     def find(self, *names: str) -> UsdShade.Input | None:
         """The first input of these names that is connected or has an authored value."""
@@ -337,6 +341,9 @@ class Inputs:
             self.varies |= inner.varies
             if "geomcolor" in kind:
                 name = "displayColor"
+            constant = None if self._constants is None else self._constants.of(name, size_of(kind))
+            if constant is not None:
+                return Value(constant, False, name)
             return Value(None if value is None else value.numbers, True, name)
         value = self._drawn(inner, output, asking, kind, depth)
         if value is None:
