@@ -30,6 +30,7 @@ ITS_MEAN = "its mean is rendered"
 FOUR = ("float4", "color4f")
 FILES = ("file", "filename", "in", "texture")
 _FILE_NAMES = (str, Sdf.AssetPath)
+MATERIALX_IMAGES = ("ND_image_", "ND_tiledimage_")
 
 
 @dataclass(frozen=True)
@@ -415,6 +416,10 @@ class Inputs:
         named = kind or "a shading node"
         named_file = raw_at(attributes[0], self.frame) if attributes else None
         why = "whose file cannot be read" if named_file and isinstance(named_file, _FILE_NAMES) else "which is not read"
+        if kind.startswith(MATERIALX_IMAGES) and not named_file:
+            # As their definitions have it: what names no file has its default everywhere, which is black.
+            nothing = np.zeros(size_of(kind) or 1)
+            return Value(_channel(nothing if instead == "default" else fallback.numbers, output, kind))
         self.warnings(asking, f"is connected to {named}, {why}; its {instead} is used")
         if instead == "default":
             return Value(None, True)
