@@ -41,7 +41,8 @@ class Constants:
         self.varies = False
 
     def of(self, name: str, size: int) -> np.ndarray | None:
-        """A primvar's value, shape [n]; None where there is none that is one value, of ``size`` numbers.
+        """A primvar's value, shape [n], which is [0] where there is none; None where it is not one value of ``size``
+        numbers.
 
         Args:
             name: The primvar.
@@ -50,7 +51,7 @@ class Constants:
         key = name, size
         if key not in self.asked:
             found = self._find(name)
-            fits = found is not None and size in (0, found.size)
+            fits = found is not None and (size == 0 or found.size in (0, size))
             self.asked[key] = tuple(found.tolist()) if fits else None
         value = self.asked[key]
         return None if value is None else np.array(value)
@@ -63,7 +64,9 @@ class Constants:
 
     def _find(self, name: str) -> np.ndarray | None:
         primvar = UsdGeom.PrimvarsAPI(self._prim).FindPrimvarWithInheritance(name) if name else None
-        if not primvar or not primvar.HasValue() or primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+        if not primvar or not primvar.HasValue():
+            return np.zeros(0)
+        if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
             return None
         self.varies |= primvar.ValueMightBeTimeVarying()
         try:

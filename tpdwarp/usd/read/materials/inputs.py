@@ -343,9 +343,10 @@ class Inputs:
             if "geomcolor" in kind:
                 name = "displayColor"
             constant = None if self._constants is None else self._constants.of(name, size_of(kind))
-            if constant is not None:
+            if constant is not None and constant.size:
                 return Value(constant, False, name)
-            return Value(None if value is None else value.numbers, True, name)
+            # Where there is no such primvar, the fallback is what counts.
+            return Value(None if value is None else value.numbers, constant is None, name)
         value = self._drawn(inner, output, asking, kind, depth)
         if value is None:
             value = self._texture(inner, output, asking, kind)
