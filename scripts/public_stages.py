@@ -56,6 +56,9 @@ SOFT = tuple(
             r"is no whole number|holds no finite|which is clamped|which are clamped|are ignored|is ignored",
             r"does not fit|do not fit|to something other than faces",
             r"whose file cannot be read|cannot be read: ",
+            # As viewers do, which show what is bound to nothing in its display colour, too.
+            r"names \S+, which is no material",
+            r"in the place of which the model itself is rendered",
             r"a lens that zooms",
             r"no depth of field",
             r"makes no caustics",

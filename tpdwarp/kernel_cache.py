@@ -31,6 +31,10 @@ ROOM_BYTES = 64 << 20
 _BUILD = re.compile(r"(wp_.+)_p([0-9]+)_t[0-9]+")
 
 
+class NowhereToCompileError(OSError):
+    """No folder takes compiled kernels, the user's own one in the temporary folder included."""
+
+
 class KernelCache:
     """The cache that this process uses; one a process, as Warp has one."""
 
@@ -72,6 +76,8 @@ class KernelCache:
         was_cached = os.path.isdir(folder)
         try:
             self._load(module, device, block_dim)
+        except NowhereToCompileError:
+            raise
         except Exception as error:
             said = shortened(str(error))
             logger.debug("kernel cache", exc_info=error)
@@ -127,7 +133,7 @@ class KernelCache:
     def _fall_back(self, folder: str, reason: str, started: bool = True) -> None:
         own = own_folder()
         if started and os.path.dirname(wp.config.kernel_cache_dir) == own:
-            raise OSError(f"kernels cannot be compiled: {folder}: {reason} (set WARP_CACHE_PATH)")
+            raise NowhereToCompileError(f"kernels cannot be compiled: {folder}: {reason} (set WARP_CACHE_PATH)")
         logger.warning(f"{folder}: cannot keep compiled kernels ({reason}); they are kept in {own}")
         wp.config.kernel_cache_dir = own
         if started:

@@ -89,6 +89,8 @@ def test_a_farm_renders_every_product_under_its_own_name(stage, tmp_path):
     few = {"frames": "1:2", "samples": 1, "photons": 256, "threads": 1}
     result = tpdwarp.farm(stage, tmp_path / "farm" / "<product>.##.exr", workers=1, **few)
     assert result.ok and len(result.outcomes) == 4
+    # One trace serves both.
+    assert ["trace" in outcome.seconds for outcome in result.outcomes] == [True] * 2 + [False] * 2
     assert tpdwarp.render(stage, tmp_path / "one" / "<product>.##.exr", **few).ok
     assert len(list((tmp_path / "one").glob("*.exr"))) == 4
     assert_same_pixels(tmp_path / "farm", tmp_path / "one")

@@ -13,23 +13,25 @@ import os
 import queue
 import time
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from distributed import Client, Future, KilledWorker
 
 from tpdwarp.errors import InputError, logger, shortened
 from tpdwarp.farms.cluster import CLOSE_SECONDS, Tls, connected, local_cluster
-from tpdwarp.farms.order import Order, heard
+from tpdwarp.farms.order import Order, heard, key_of, name_of
 from tpdwarp.farms.worker import ChunkResult, UnfitWorker, render_chunk
 from tpdwarp.io.files import file_name
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.memory import memory_allowed
 from tpdwarp.jobs.frame_loop import OUT_OF_MEMORY, Persistence, layer_problems, reason_of
+from tpdwarp.jobs.layer_job import DebugLayerJob
 from tpdwarp.jobs.opening import FilePath, Frames, chosen_settings
 from tpdwarp.jobs.outputs import sweep_folder
-from tpdwarp.jobs.products import each_product
+from tpdwarp.jobs.plan import SequencePlan
+from tpdwarp.jobs.products import Product, joined, products_of
 from tpdwarp.jobs.progress import Progress, progress_of
 from tpdwarp.jobs.reports import SequenceReports
 from tpdwarp.jobs.results import FrameOutcome, SequenceResult
@@ -91,48 +93,53 @@ def farm(
     Raises:
         InputError: As for :func:`tpdwarp.render`; no scheduler answers; or no worker can render.
     """
-    if EACH_PRODUCT in file_name(out):
-        options = {
-            "scheduler": scheduler, "workers": workers, "chunk": chunk, "dashboard": dashboard, "tls": tls,
-            "frames": frames, "default_time": default_time, "progress": progress, "curves": curves, "strict": strict,
-            "skip_existing": skip_existing, "frame_timeout": frame_timeout, "retries": retries,
-            "max_failures": max_failures, "max_memory": max_memory,
-        }  # fmt: skip
-        return each_product(farm, scene, {"out": out, "debug_layer": debug_layer, "stats": stats}, options, settings)
     started, begun = time.perf_counter(), time.time()
     chosen = chosen_settings(settings)
     persistence = Persistence(frame_timeout, retries, max_failures)
     _check_counts(workers, chunk)
     shown = progress_of(progress)
-    plan, names, layer = prepared(
-        scene, out, chosen, frames, default_time, strict, stats, debug_layer, curves, skip_existing, max_memory
+    files = {"out": out, "debug_layer": debug_layer, "stats": stats}
+    products = (
+        products_of(scene, files, chosen, default_time, max_memory)
+        if EACH_PRODUCT in file_name(out)
+        else [Product(scene, chosen, files)]
     )
-    wanted = plan.frames
+    prepared_ones = [
+        prepared(
+            product.scene, product.files["out"], product.settings, frames, default_time, strict,
+            product.files["stats"], product.files["debug_layer"], curves, skip_existing, max_memory,
+        )
+        for product in products
+    ]  # fmt: skip
+    wanted = prepared_ones[0][0].frames
     memory = memory_allowed(max_memory)
     here = 0 if scheduler else workers or max(1, min(os.cpu_count() or 1, len(wanted)))
     threads = chosen.threads or (max(1, (os.cpu_count() or 1) // here) if here else 0)
-    order = Order(
-        scene=os.path.abspath(scene),
-        default_time=default_time,
-        settings=json.dumps(replace(plan.settings, threads=threads).as_dict(), sort_keys=True),
-        target=plan.target,
-        stage=plan.files.digest,
-        versions=json.dumps(versions(), sort_keys=True),
-        out=os.path.abspath(names.template),
-        frames=wanted,
-        layer="" if debug_layer is None else os.path.abspath(debug_layer),
-        curves=curves,
-        skip_existing=skip_existing,
-        begun=begun,
-        strict=strict,
-        persistence=persistence,
-        max_memory=memory / here if here else max_memory,
-    )
-    reports = SequenceReports(plan.source.file, stats, skip_existing)
-    farming = _Farming(order, names, shown, persistence, reports.add)
+    sequences = []
+    for product, (plan, names, layer) in zip(products, prepared_ones, strict=True):
+        order = Order(
+            scene=os.path.abspath(scene),
+            default_time=default_time,
+            settings=json.dumps(replace(plan.settings, threads=threads).as_dict(), sort_keys=True),
+            target=plan.target,
+            stage=plan.files.digest,
+            versions=json.dumps(versions(), sort_keys=True),
+            out=os.path.abspath(names.template),
+            frames=wanted,
+            layer="" if layer is None else os.path.abspath(product.files["debug_layer"]),
+            curves=curves,
+            skip_existing=skip_existing,
+            begun=begun,
+            strict=strict,
+            persistence=persistence,
+            max_memory=memory / here if here else max_memory,
+        )
+        reports = SequenceReports(plan.source.file, product.files["stats"], skip_existing)
+        sequences.append(_Sequence(order, names, plan, layer, reports))
+    farming = _Farming(sequences, shown, persistence)
     trust = None if tls is None else Tls(*tls)
     try:
-        shown.start(len(wanted))
+        shown.start(len(wanted) * len(sequences))
         try:
             if scheduler:
                 farming.on(scheduler, trust, chunk, PATIENCE_SECONDS)
@@ -142,15 +149,56 @@ def farm(
         finally:
             shown.finish()
             # Workers that were killed have left temporaries.
-            sweep_folder(os.path.dirname(order.out))
-        outcomes = farming.outcomes_in_order()
-        if farming.refusal and farming.refused == len(wanted):
-            raise InputError(farming.refusal)
-        problems = [] if layer is None else layer_problems(layer, outcomes)
+            for folder in {os.path.dirname(one.order.out) for one in sequences}:
+                sweep_folder(folder)
+        for one in sequences:
+            if one.refusal and one.refused == len(wanted):
+                raise InputError(one.refusal)
+        problems = [[] if one.layer is None else layer_problems(one.layer, one.in_order()) for one in sequences]
     except OSError as error:
         raise InputError(f"{scheduler or 'the local cluster'}: {reason_of(error)}") from error
-    seconds = time.perf_counter() - started
-    return reports.finished(plan.settings, plan.target, outcomes, problems, seconds, farming.anew)
+    seconds = (time.perf_counter() - started) / len(sequences)
+    return joined(one.finished(found, seconds) for one, found in zip(sequences, problems, strict=True))
+
+
+@dataclass
+class _Sequence:
+    """One of the sequences whose frames are rendered together, and what has become of it.
+
+    Attributes:
+        order: What workers have to know of it.
+        names: The frames' files.
+        plan, layer, reports: As of :func:`tpdwarp.render`.
+        outcomes: What has become of frames.
+        anew: How many frames that were there were rendered anew, by reason.
+        refused: How many frames failed because the stage cannot be used.
+        refusal: Why, for the first of them.
+    """
+
+    order: Order
+    names: FrameNames
+    plan: SequencePlan
+    layer: DebugLayerJob | None
+    reports: SequenceReports
+    outcomes: dict[float, FrameOutcome] = field(default_factory=dict)
+    anew: Counter[str] = field(default_factory=Counter)
+    refused: int = 0
+    refusal: str = ""
+
+    def take(self, result: ChunkResult) -> None:
+        """Notes what a chunk tells beside the outcomes of its frames."""
+        self.anew.update(dict(result.anew))
+        self.refused += result.refused
+        self.refusal = self.refusal or (result.refusal if result.refused else "")
+
+    def in_order(self) -> list[FrameOutcome]:
+        """One outcome a frame, in the order of the sequence."""
+        return [self.outcomes[frame] for frame in self.order.frames]
+
+    def finished(self, problems: list[str], seconds: float) -> SequenceResult:
+        """The result, whose statistics are written."""
+        plan = self.plan
+        return self.reports.finished(plan.settings, plan.target, self.in_order(), problems, seconds, self.anew)
 
 
 class _SchedulerLost(Exception):
@@ -161,31 +209,15 @@ class _Farming:
     """What has become of the frames so far, whatever schedulers and workers they were handed to.
 
     Args:
-        order: The sequence.
-        names: The frames' files.
+        sequences: What is rendered: the same frames of each, which a worker renders one after the other.
         shown: Shows what happens.
         persistence: How long to keep trying.
-        ended: Is given every outcome as it is known.
-
-    Attributes:
-        anew: How many frames that were there were rendered anew, by reason.
-        refused: How many frames failed because the stage cannot be used.
-        refusal: Why, for the first of them.
     """
 
-    def __init__(
-        self,
-        order: Order,
-        names: FrameNames,
-        shown: Progress,
-        persistence: Persistence,
-        ended: Callable[[FrameOutcome], None],
-    ) -> None:
-        self._order, self._names, self._shown = order, names, shown
-        self._persistence, self._ended = persistence, ended
-        self.anew: Counter[str] = Counter()
-        self.refused, self.refusal = 0, ""
-        self._outcomes: dict[float, FrameOutcome] = {}
+    def __init__(self, sequences: Sequence[_Sequence], shown: Progress, persistence: Persistence) -> None:
+        self._sequences, self._shown, self._persistence = sequences, shown, persistence
+        self._orders = tuple(one.order for one in sequences)
+        self._frames = self._orders[0].frames
         self._alone: list[float] = []
         self._were_alone: set[float] = set()
         self._attempts: Counter[tuple[float, ...]] = Counter()
@@ -229,12 +261,12 @@ class _Farming:
                 with contextlib.suppress(Exception):
                     client.close(timeout=CLOSE_SECONDS)
 
-    def outcomes_in_order(self) -> list[FrameOutcome]:
-        """One outcome a frame, in the order of the sequence."""
-        return [self._outcomes[frame] for frame in self._order.frames]
-
     def _left(self) -> list[float]:
-        return [frame for frame in self._order.frames if frame not in self._outcomes]
+        return [frame for frame in self._frames if self._lacks(frame)]
+
+    def _lacks(self, frame: float) -> bool:
+        """Whether any sequence has no outcome of a frame yet."""
+        return any(frame not in one.outcomes for one in self._sequences)
 
     def _work(self, client: Client, chunk: int | None) -> None:
         """Hands out what is left, and returns when nothing is.
@@ -243,7 +275,7 @@ class _Farming:
             _SchedulerLost: The scheduler does not answer any more.
             InputError: No worker can render.
         """
-        client.subscribe_topic(self._order.name, self._events.put)
+        client.subscribe_topic(name_of(self._orders), self._events.put)
         together = [frame for frame in self._left() if frame not in self._alone]
         length = chunk or _chunk_length(len(together), sum(client.nthreads().values()))
         under_way = {}
@@ -268,11 +300,11 @@ class _Farming:
                 client.cancel(list(under_way))
                 for frame in self._left():
                     reason = f"not begun, for {self._failures} frames in a row failed (--max-failures)"
-                    self._note(FrameOutcome(frame, "failed", self._names.path(frame), reason, tries=0))
+                    self._fail(frame, reason, tries=0)
                 return
 
     def _submit(self, client: Client, frames: tuple[float, ...], under_way: dict[Future, tuple[float, ...]]) -> None:
-        key = self._order.key(frames, self._attempts[frames])
+        key = key_of(self._orders, frames, self._attempts[frames])
         self._attempts[frames] += 1
         fit = None
         if self._unfit:
@@ -280,7 +312,7 @@ class _Farming:
             if not fit:
                 address, reason = next(iter(self._unfit.items()))
                 raise InputError(f"no worker can render: {address} {reason}")
-        under_way[client.submit(render_chunk, self._order, frames, key=key, workers=fit, pure=False)] = frames
+        under_way[client.submit(render_chunk, self._orders, frames, key=key, workers=fit, pure=False)] = frames
 
     def _ended_chunk(
         self, client: Client, future: Future, frames: tuple[float, ...], under_way: dict[Future, tuple[float, ...]]
@@ -288,14 +320,13 @@ class _Farming:
         """Notes the outcomes of a chunk, or hands out again what is left of one that came to nothing."""
         error = future.exception() if future.status == "error" else None
         if error is None:
-            result: ChunkResult = future.result()
-            for text in result.outcomes:
-                self._note(heard(text))
-            self.anew.update(dict(result.anew))
-            self.refused += result.refused
-            self.refusal = self.refusal or (result.refusal if result.refused else "")
+            results: tuple[ChunkResult, ...] = future.result()
+            for one, result in zip(self._sequences, results, strict=True):
+                for text in result.outcomes:
+                    self._note(one, heard(text))
+                one.take(result)
             return
-        left = tuple(frame for frame in frames if frame not in self._outcomes and frame not in self._alone)
+        left = tuple(frame for frame in frames if self._lacks(frame) and frame not in self._alone)
         if isinstance(error, UnfitWorker):
             address, _, reason = str(error).partition(" ")
             if address not in self._unfit:
@@ -308,7 +339,7 @@ class _Farming:
             if frame in self._were_alone:
                 died = isinstance(error, KilledWorker)
                 reason = "its worker died every time (see --max-memory)" if died else reason_of(error)
-                self._note(FrameOutcome(frame, "failed", self._names.path(frame), reason))
+                self._fail(frame, reason)
             else:
                 # Frames are rendered in their order, so that this one is to blame.
                 self._alone.append(frame)
@@ -321,25 +352,31 @@ class _Farming:
             while True:
                 _, event = self._events.get_nowait()
                 if event["kind"] == "frame":
-                    self._note(heard(event["text"]))
+                    one = next(one for one in self._sequences if one.order.name == event["sequence"])
+                    self._note(one, heard(event["text"]))
                 elif event["text"] not in self._said:
                     self._said.add(event["text"])
                     logger.warning(event["text"])
 
-    def _note(self, outcome: FrameOutcome) -> None:
+    def _fail(self, frame: float, reason: str, tries: int = 1) -> None:
+        """Notes that a frame failed in all sequences that have no outcome of it."""
+        for one in self._sequences:
+            self._note(one, FrameOutcome(frame, "failed", one.names.path(frame), reason, tries=tries))
+
+    def _note(self, one: _Sequence, outcome: FrameOutcome) -> None:
         """Takes the first outcome of a frame, unless another try promises more."""
         frame = outcome.frame
-        if frame in self._outcomes or frame in self._alone:
+        if frame in one.outcomes or frame in self._alone:
             return
         if outcome.reason.startswith(OUT_OF_MEMORY) and frame not in self._were_alone:
             self._alone.append(frame)
             return
-        if outcome.status == "skipped" and not self._order.skip_existing:
+        if outcome.status == "skipped" and not one.order.skip_existing:
             # Made by a worker of this very sequence that could not tell of it any more.
             outcome = replace(outcome, status="written")
-        self._outcomes[frame] = outcome
+        one.outcomes[frame] = outcome
         self._failures = self._failures + 1 if outcome.status == "failed" else 0
-        self._ended(outcome)
+        one.reports.add(outcome)
         self._shown.end(outcome)
 
     def _hopeless(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -60,14 +60,23 @@ class Order:
         what = (self.scene, self.default_time, self.settings, self.stage, self.versions, self.out, self.layer)
         return hashlib.sha256(repr((*what, self.curves)).encode("utf-8", "surrogateescape")).hexdigest()[:16]
 
-    def key(self, frames: tuple[float, ...], attempt: int) -> str:
-        """The key of the task that renders ``frames``, such as ``tpdwarp-0123456789abcdef-1:8-0``.
 
-        Args:
-            frames: A chunk of the sequence.
-            attempt: How often the chunk was handed out before.
-        """
-        return f"tpdwarp-{self.name}-{frames[0]:g}:{frames[-1]:g}x{len(frames)}-{attempt}"
+def name_of(orders: Sequence[Order]) -> str:
+    """Sixteen digits that name sequences which are rendered together."""
+    if len(orders) == 1:
+        return orders[0].name
+    return hashlib.sha256(" ".join(order.name for order in orders).encode()).hexdigest()[:16]
+
+
+def key_of(orders: Sequence[Order], frames: tuple[float, ...], attempt: int) -> str:
+    """The key of the task that renders ``frames``, such as ``tpdwarp-0123456789abcdef-1:8-0``.
+
+    Args:
+        orders: The sequences.
+        frames: A chunk of their frames.
+        attempt: How often the chunk was handed out before.
+    """
+    return f"tpdwarp-{name_of(orders)}-{frames[0]:g}:{frames[-1]:g}x{len(frames)}-{attempt}"
 
 
 def told(outcome: FrameOutcome) -> str:

@@ -1,31 +1,34 @@
-"""What runs on a worker of a farm: chunks of a sequence, of which the worker opens the stage once."""
+"""What runs on a worker of a farm: chunks of sequences, of which the worker opens the stage once."""
 
 from __future__ import annotations
 
 import json
 import logging
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from distributed import get_worker
 
 from tpdwarp.errors import InputError, logger, shortened
-from tpdwarp.farms.order import Order, told
+from tpdwarp.farms.order import Order, name_of, told
 from tpdwarp.io.frame_names import FrameNames
 from tpdwarp.io.memory import memory_allowed
 from tpdwarp.jobs.fingerprint import Fingerprint
-from tpdwarp.jobs.frame_loop import FrameLoop
+from tpdwarp.jobs.frame_loop import FrameLoop, run_together
 from tpdwarp.jobs.frame_work import RenderWork
 from tpdwarp.jobs.layer_job import DebugLayerJob
-from tpdwarp.jobs.opening import opened
+from tpdwarp.jobs.opening import open_scene, opened
 from tpdwarp.jobs.plan import SequencePlan
 from tpdwarp.jobs.products import contexts_of
 from tpdwarp.jobs.progress import Progress
+from tpdwarp.jobs.results import FrameOutcome
 from tpdwarp.jobs.stage_files import StageFiles
 from tpdwarp.jobs.statistics import versions
 from tpdwarp.settings import Settings
+from tpdwarp.usd.read.render_settings import EACH_PRODUCT
+from tpdwarp.usd.read.stage import StageLike, StageScene
 
 
 class UnfitWorker(Exception):
@@ -34,7 +37,7 @@ class UnfitWorker(Exception):
 
 @dataclass(frozen=True)
 class ChunkResult:
-    """What became of a chunk.
+    """What became of a chunk of one sequence.
 
     Attributes:
         outcomes: One a frame, as JSON.
@@ -49,63 +52,94 @@ class ChunkResult:
     anew: tuple[tuple[str, int], ...]
 
 
-def render_chunk(order: Order, frames: tuple[float, ...]) -> ChunkResult:
-    """Renders frames of a sequence, past those that fail; each is told of as it ends, on the topic ``order.name``.
+def render_chunk(orders: tuple[Order, ...], frames: tuple[float, ...]) -> tuple[ChunkResult, ...]:
+    """Renders the same frames of sequences, past those that fail, and gives what became of each sequence.
+
+    Each frame is told of as it ends, on the topic :func:`.order.name_of`, with the name of its sequence.
 
     Raises:
         UnfitWorker: This worker sees another stage, or has other versions of program or libraries.
     """
-    worker = get_worker()
+    worker, topic = get_worker(), name_of(orders)
 
-    def tell(kind: str, text: str) -> None:
-        worker.log_event(order.name, {"kind": kind, "text": text})
+    def tell(kind: str, text: str, sequence: str = "") -> None:
+        worker.log_event(topic, {"kind": kind, "text": text, "sequence": sequence})
+
+    def teller(order: Order) -> Callable[[FrameOutcome], None]:
+        return lambda outcome: tell("frame", told(outcome), order.name)
 
     with _warnings_told(tell):
-        work, names = _work_for(order)
-        before = dict(work.existing.anew)
-        loop = FrameLoop(work, names.path, Progress(), order.persistence, lambda outcome: tell("frame", told(outcome)))
-        refusal = ""
-        try:
-            loop.run(frames, None)
-        except InputError as error:
-            refusal = str(error)
-        anew = {reason: count - before.get(reason, 0) for reason, count in work.existing.anew.items()}
-    refusal = refusal or next((o.reason for o in loop.outcomes if o.status == "failed"), "")
-    return ChunkResult(tuple(map(told, loop.outcomes)), loop.refused, refusal, tuple(anew.items()))
+        works = _works_for(orders)
+        before = [dict(work.existing.anew) for work, _ in works]
+        shown = Progress()
+        loops = [
+            FrameLoop(work, names.path, shown, order.persistence, teller(order))
+            for order, (work, names) in zip(orders, works, strict=True)
+        ]
+        # That all frames fail because of the input is told with their outcomes.
+        with suppress(InputError):
+            run_together(loops, frames, [None] * len(loops), shown)
+    results = []
+    for loop, (work, _), earlier in zip(loops, works, before, strict=True):
+        anew = {reason: count - earlier.get(reason, 0) for reason, count in work.existing.anew.items()}
+        refusal = next((o.reason for o in loop.outcomes if o.status == "failed"), "")
+        results.append(ChunkResult(tuple(map(told, loop.outcomes)), loop.refused, refusal, tuple(anew.items())))
+    return tuple(results)
 
 
 # A worker has one stage open; another sequence on the same cluster takes turns at the price of opening it again.
 @lru_cache(maxsize=1)
-def _work_for(order: Order) -> tuple[RenderWork, FrameNames]:
-    """Opens the stage and checks that everything is as the client has it.
+def _works_for(orders: tuple[Order, ...]) -> list[tuple[RenderWork, FrameNames]]:
+    """Opens the stage and checks that everything is as the client has it; several sequences are products of it.
 
     Raises:
         UnfitWorker: It is not.
     """
-    me = get_worker().address
-    mine, wanted = versions(), json.loads(order.versions)
+    me, first = get_worker().address, orders[0]
+    mine, wanted = versions(), json.loads(first.versions)
     for name, version in wanted.items():
         if mine.get(name) != version:
             raise UnfitWorker(f"{me} has {name} {mine.get(name)}, not {version}")
-    settings = Settings(
-        **{
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in json.loads(order.settings).items()
-        }
-    )
     try:
-        asked = None if order.default_time else order.frames
-        source, frames = opened(order.scene, settings, asked, order.default_time, order.strict, order.max_memory)
-        files = StageFiles(source)
+        plans = _plans(orders)
     except InputError as error:
         raise UnfitWorker(f"{me} cannot open the stage: {shortened(str(error))}") from error
-    if files.digest != order.stage:
-        raise UnfitWorker(f"{me} sees another version of {order.scene} or of one of its files")
-    fingerprint, memory = Fingerprint.of(settings, files.digest), memory_allowed(order.max_memory)
-    plan = SequencePlan(source, files, frames, settings, order.target, fingerprint, order.strict, memory)
-    layer = DebugLayerJob(order.layer, plan, order.curves, order.skip_existing) if order.layer else None
-    names = FrameNames(order.out)
-    return RenderWork(plan, names, layer, contexts_of([plan])[0], order.skip_existing, order.begun), names
+    for order, plan in zip(orders, plans, strict=True):
+        if plan.files.digest != order.stage:
+            raise UnfitWorker(f"{me} sees another version of {order.scene} or of one of its files")
+    works = []
+    for order, plan, context in zip(orders, plans, contexts_of(plans), strict=True):
+        layer = DebugLayerJob(order.layer, plan, order.curves, order.skip_existing) if order.layer else None
+        names = FrameNames(order.out)
+        works.append((RenderWork(plan, names, layer, context, order.skip_existing, order.begun), names))
+    return works
+
+
+def _plans(orders: tuple[Order, ...]) -> list[SequencePlan]:
+    """The sequences as this worker sees them.
+
+    Raises:
+        InputError: The stage cannot be used.
+    """
+    scene: StageLike | StageScene = orders[0].scene
+    together = len(orders) > 1
+    if together:
+        any_product = replace(_settings_of(orders[0]), product=EACH_PRODUCT)
+        scene = open_scene(scene, any_product, orders[0].default_time, orders[0].max_memory)
+    plans = []
+    for order in orders:
+        settings, asked = _settings_of(order), None if order.default_time else order.frames
+        seen = scene.with_product(settings.product) if together else scene
+        source, frames = opened(seen, settings, asked, order.default_time, order.strict, order.max_memory)
+        files = StageFiles(source)
+        fingerprint, memory = Fingerprint.of(settings, files.digest), memory_allowed(order.max_memory)
+        plans.append(SequencePlan(source, files, frames, settings, order.target, fingerprint, order.strict, memory))
+    return plans
+
+
+def _settings_of(order: Order) -> Settings:
+    found = json.loads(order.settings).items()
+    return Settings(**{name: tuple(value) if isinstance(value, list) else value for name, value in found})
 
 
 @contextmanager

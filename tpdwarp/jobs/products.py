@@ -8,11 +8,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 from tpdwarp.errors import InputError
 from tpdwarp.jobs.frame_work import LazyContext
-from tpdwarp.jobs.opening import FilePath, chosen_settings, open_scene
+from tpdwarp.jobs.opening import FilePath, open_scene
 from tpdwarp.jobs.plan import SequencePlan
 from tpdwarp.jobs.results import SequenceResult
 from tpdwarp.rendering.context import RenderContext
@@ -90,32 +89,6 @@ def contexts_of(plans: Sequence[SequencePlan]) -> list[Callable[[Shutter], Rende
         partial(seen, plan) if may_share(plan.settings, first.settings) else LazyContext(plan, pixels)
         for plan, pixels in zip(plans, regions, strict=True)
     ]
-
-
-def each_product(
-    rendered: Callable[..., SequenceResult],
-    scene: StageLike,
-    files: Mapping[str, FilePath | None],
-    options: Mapping[str, Any],
-    settings: Mapping[str, Any],
-) -> SequenceResult:
-    """Renders the products of a stage's render settings one after the other, by whatever renders one of them.
-
-    Args:
-        rendered: Renders one of them, as :func:`tpdwarp.farm` does; it is given ``files`` and ``options``.
-        scene: The stage.
-        files: What is written, by argument.
-        options: Other arguments.
-        settings: Fields of :class:`tpdwarp.settings.Settings`.
-
-    Raises:
-        InputError: As :func:`products_of`.
-    """
-    products = products_of(scene, files, chosen_settings(settings), options["default_time"], options["max_memory"])
-    return joined(
-        rendered(scene, **product.files, **options, **{**settings, "product": product.settings.product})
-        for product in products
-    )
 
 
 def joined(results: Iterable[SequenceResult]) -> SequenceResult:

@@ -85,12 +85,14 @@ def test_the_lights_of_a_ball_send_all_of_its_power_and_alike_to_all_sides(small
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
     powers = np.array([light.power[0] for light in lights])
     assert powers.sum() == pytest.approx(2.0 * area, rel=1e-5)
-    # Intensity of a ball is its radiance by its outline, from wherever; sixteen flat lights keep that within a tenth.
+    # Intensity of a ball is its radiance by its outline, from wherever; sixteen flat lights differ from it by 4 to 6 %
+    # in the mean, however the ball is turned, and by 18 % at most.
     normals = np.array([-light.axes[2] for light in lights])
     directions = np.random.default_rng(1).normal(size=(200, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     intensity = np.maximum(directions @ normals.T, 0) @ powers
-    np.testing.assert_allclose(intensity, 2.0 * area / 4, rtol=0.12)
+    off = intensity / (2.0 * area / 4) - 1.0
+    assert np.sqrt(np.mean(off**2)) < 0.06 and np.abs(off).max() < 0.18
 
 
 def test_a_lamp_that_moves_takes_its_lights_along(small):
@@ -132,3 +134,51 @@ def test_its_group_is_its_name(small):
     source = small.open()
     assert source.light_groups() == {"/Lamp/light0": "Lamp"}
     assert [entry["kind"] for entry in source.describe()["lights"]] == ["mesh"]
+
+
+def strip(small):
+    """Two quads side by side, flat at frame 1, of which one stands upright at frame 5."""
+    mesh = shining(small, [], [4, 4], [0, 1, 4, 3, 1, 2, 5, 4])
+    for time, tip in ((1, (2.0, 0.0)), (5, (1.0, 1.0))):
+        points = [(x, y, z) for y in (0, 1) for x, z in ((0.0, 0.0), (1.0, 0.0), tip)]
+        mesh.GetPointsAttr().Set([Gf.Vec3f(*map(float, p)) for p in points], time)
+    return mesh
+
+
+def test_a_lamp_that_bends_is_the_lights_of_its_shape_at_each_frame_whatever_was_asked_before(small):
+    strip(small)
+    source = small.open()
+    assert len(source.at(STILL).lights) == 1
+    later, alone = source.at(Shutter.still(5)).lights, small.open().at(Shutter.still(5)).lights
+    towards = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    for lights in (later, alone):
+        assert [light.path for light in lights] == ["/Lamp/light0", "/Lamp/light1"]
+        axes = np.array([light.axes[2] for light in lights])
+        np.testing.assert_allclose(sorted(axes.tolist()), sorted(towards.tolist()), atol=1e-6)
+        assert [light.power[0] for light in lights] == pytest.approx([2.0, 2.0])
+    for segment in (Shutter(5, 4.9, 5.0), Shutter(5, 5.0, 5.1)):
+        assert len(source.at(segment).lights) == 2
+
+
+def test_lights_that_a_lamp_is_later_are_of_its_group(small):
+    strip(small)
+    source = small.open()
+    groups = source.light_groups()
+    assert {groups[light.path] for light in source.at(Shutter.still(5)).lights} == {"Lamp"}
+
+
+def test_a_lamp_that_only_turns_keeps_its_lights(small):
+    cube = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
+    faces = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5]
+    spin = shining(small, cube, [4] * 6, faces).AddRotateXYZOp()
+    spin.Set(Gf.Vec3f(0, 0, 0), 1)
+    spin.Set(Gf.Vec3f(70, 50, 130), 5)
+    order = []
+    for frame in (1, 2, 4, 5):
+        scene = small.open().at(Shutter.still(frame))
+        lamp = mesh_named(scene, "/Lamp")
+        middles = lamp.points[lamp.triangles].mean(axis=1)
+        nearest = [np.argmin(np.linalg.norm(middles - light.position, axis=1)) for light in scene.lights]
+        # Two triangles a face.
+        order.append([int(triangle) // 2 for triangle in nearest])
+    assert len(order[0]) == 6 and order == [order[0]] * 4

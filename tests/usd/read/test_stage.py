@@ -142,6 +142,17 @@ def test_an_unauthored_range_is_that_of_the_samples(tmp_path, times, expected):
     assert (scene.start, scene.end) == expected
 
 
+def test_a_range_that_ends_before_it_starts_is_that_of_the_samples_and_said(tmp_path):
+    small = SmallStage(tmp_path, start=10, end=1)
+    rise = small.mesh().AddTranslateOp()
+    for time in (2, 6):
+        rise.Set((0, 0, float(time)), time)
+    scene = small.open()
+    assert (scene.start, scene.end) == (2, 6)
+    assert len(scene.frames()) == 5
+    assert any("holds 10 … 1: that of its samples is taken" in line for line in scene.warnings.messages)
+
+
 def test_reference_shutters_spread_over_what_moves(small):
     small.mesh("/Still")
     assert small.open().reference_shutters() == [Shutter.still(1)]

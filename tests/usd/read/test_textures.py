@@ -452,3 +452,24 @@ def test_a_film_of_textures_shows_each_frame_its_own_picture(small, name):
     assert not scene.warnings.messages
     files = {Path(file).name for file in scene.used_files()}
     assert {f"movie.{frame:04d}.exr" for frame in colors} <= files
+
+
+def test_an_image_of_materialx_that_names_no_file_has_its_default_everywhere(tmp_path):
+    small = SmallStage(tmp_path)
+    for name, default in (("Black", None), ("Red", Gf.Vec3f(0.6, 0.1, 0.0))):
+        material = UsdShade.Material.Define(small.stage, f"/{name}")
+        surface, image = (UsdShade.Shader.Define(small.stage, f"/{name}/{of}") for of in ("Surface", "Image"))
+        surface.CreateIdAttr("ND_standard_surface_surfaceshader")
+        image.CreateIdAttr("ND_image_color3")
+        if default is not None:
+            image.CreateInput("default", Sdf.ValueTypeNames.Color3f).Set(default)
+        surface.CreateInput("base", Sdf.ValueTypeNames.Float).Set(1.0)
+        base = surface.CreateInput("base_color", Sdf.ValueTypeNames.Color3f)
+        base.ConnectToSource(image.ConnectableAPI(), "out")
+        material.CreateSurfaceOutput("mtlx").ConnectToSource(surface.ConnectableAPI(), "out")
+        small.bind(small.mesh(f"/On{name}"), f"/{name}")
+    source = small.open()
+    scene = source.at(Shutter.still(1))
+    assert mesh_named(scene, "/OnBlack").materials[0].color == (0.0, 0.0, 0.0)
+    assert mesh_named(scene, "/OnRed").materials[0].color == pytest.approx((0.6, 0.1, 0.0))
+    assert source.warnings.messages == []

@@ -25,6 +25,7 @@ from tpdwarp.scene.light_places import tiles_of
 from tpdwarp.scene.stretched_lights import area_stretched, faces_of, is_stretched
 from tpdwarp.usd.read.coordinate_frames import about_x, along_normal, as_they_are, frame_over, rows_over
 from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is_of_blender
+from tpdwarp.usd.read.light_filters import LightFilters
 from tpdwarp.usd.read.light_inputs import PREFIX, light_input, old_inputs
 from tpdwarp.usd.read.links import LightLinks
 from tpdwarp.usd.read.materials.textures import picture_of
@@ -135,6 +136,8 @@ class Light:
         self._inputs = [
             a for a in prim.GetAttributes() if a.GetName().startswith(PREFIX) or a.GetName() in ("treatAsPoint", *old)
         ]
+        self._filters = LightFilters(self._api, self.path, warnings)
+        self._inputs += self._filters.attributes
         self.power_varies = any(attribute.ValueMightBeTimeVarying() for attribute in self._inputs)
         self._visibilities = changing_visibilities(prim)
         self._pictures: dict[str, np.ndarray | None] = {}
@@ -363,7 +366,7 @@ class Light:
         profile = self._profile(frame)
         scale *= self._factor(frame) * (1.0 if profile is None else profile[0])
         with np.errstate(over="ignore", invalid="ignore"):
-            power = scale * color
+            power = scale * color * self._filters.scale(frame)
         if not power.max() <= LARGEST:
             raise InputError(
                 f"its intensity, exposure and colour come to {power.max():g} together (author less than {LARGEST:g})",
@@ -457,8 +460,6 @@ class Light:
             self._warnings(self.path, "the light's IES profile is not rendered")
         if _authored(self._input("specular"), 1.0, self._warnings):
             self._warnings(f"{self.path}.inputs:specular", "is not taken into account")
-        if self._api.GetFiltersRel().GetTargets():
-            self._warnings(self.path, "light filters are not rendered")
         distance = self._input("shadow:distance")
         if distance and distance.HasAuthoredValue() and number_or_fallback(distance, EARLIEST, self._warnings) >= 0:
             self._warnings(self.path, "shadow:distance is not taken into account")

@@ -33,6 +33,14 @@ MOST_PARTS = 16
 ALIKE = 0.95
 # An outline is a parallelogram or a disk where its area, and that of its variance, agree within this part.
 SAME_SHAPE = 0.03
+# What is as wide one way as another is halved along the same one at every frame, whatever rounding says, and what
+# differs by less than a part of this is the same.
+EVEN = 1e-5
+# A direction and its opposite are told apart by this one, to which hardly any is perpendicular.
+ASKEW = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])
+# Gaps count that leave either side so much of the area at least: a half less this.
+MIDDLING = 0.3
+UNEVEN = 1.0 + 0.001 * np.arange(6)
 
 
 def is_mesh_light(prim: Usd.Prim) -> bool:
@@ -40,12 +48,17 @@ def is_mesh_light(prim: Usd.Prim) -> bool:
     return prim.HasAPI(UsdLux.MeshLightAPI)
 
 
+def all_parts(path: str) -> list[str]:
+    """What the lights of a mesh may be called, by its path."""
+    return [f"{path}/light{number}{side}" for number in range(MOST_PARTS) for side in ("", "b")]
+
+
 class MeshLight(Light):
     """A mesh that shines; its :meth:`power` is its radiance (with ``normalize``, by area)."""
 
     def __init__(self, *arguments: object) -> None:
         super().__init__(*arguments)
-        self._parts: tuple[np.ndarray, list[np.ndarray]] | None = None
+        self._parts: tuple[np.ndarray, np.ndarray, list[np.ndarray]] | None = None
         self._seen: tuple[MeshAtShutter, tuple[float, ...], MeshAtShutter] | None = None
 
     @property
@@ -60,16 +73,27 @@ class MeshLight(Light):
         radiance = np.array(self._radiance(mesh, shutter))
         if not radiance.any():
             return []
-        if self._parts is None or not np.array_equal(self._parts[0], mesh.triangles):
-            self._parts = mesh.triangles, _clusters(mesh)
+        clusters = self._clusters(mesh, shutter)
         double = number_or_fallback(self.prim.GetAttribute("doubleSided"), shutter.frame, self._warnings)
         sides = (1.0, -1.0) if double else (1.0,)
         found = []
-        for number, faces in enumerate(self._parts[1]):
+        for number, faces in enumerate(clusters):
             flat = _flat(mesh, mesh.triangles[faces])
             for side in sides:
                 found.append(self._light(f"{self.path}/light{number}{'b' * (side < 0)}", radiance, flat, side))
         return found
+
+    def _clusters(self, mesh: MeshAtShutter, shutter: Shutter) -> list[np.ndarray]:
+        """Numbers of the triangles of each light, by the shape at the frame: whatever frames were asked for before."""
+        to_frame = (shutter.frame - shutter.middle) / shutter.exposure if shutter.exposure > 0 else 0.0
+        points = mesh.points if mesh.motions is None else mesh.points + to_frame * mesh.motions
+        shape = _in_own_space(points, mesh.triangles)
+        known = self._parts
+        same = known is not None and np.array_equal(known[0], mesh.triangles) and len(known[1]) == len(shape)
+        # What only moves and turns keeps its lights; this is what is left of rounding then.
+        if not same or np.abs(shape - known[1]).max() > 1e-6 * np.abs(shape).max():
+            self._parts = mesh.triangles, shape, _clusters(shape, mesh.triangles)
+        return self._parts[2]
 
     def shining(self, mesh: MeshAtShutter, shutter: Shutter) -> MeshAtShutter:
         """Its mesh as it is seen."""
@@ -140,31 +164,57 @@ def _areas(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     return vectors, np.linalg.norm(vectors, axis=1)
 
 
-def _clusters(mesh: MeshAtShutter) -> list[np.ndarray]:
+def _in_own_space(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Points [v, 3] as seen from the first triangle that has an area, so that what moves as a whole stays the same."""
+    vectors, areas = _areas(points, triangles)
+    first = int(np.argmax(areas > 1e-3 * areas.mean()))
+    a, b, _ = points[triangles[first]]
+    x, z = (v / max(float(np.linalg.norm(v)), np.finfo(float).tiny) for v in (b - a, vectors[first]))
+    return (points - a) @ np.stack([x, np.cross(z, x), z]).T
+
+
+def _clusters(points: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
     """Numbers of the triangles of each light: halved, where their normals differ most, until they are alike."""
-    vectors, areas = _areas(mesh.points, mesh.triangles)
+    vectors, areas = _areas(points, triangles)
     normals = vectors / np.maximum(areas, np.finfo(float).tiny)[:, None]
-    middles = mesh.points[mesh.triangles].mean(axis=1)
+    middles = points[triangles].mean(axis=1)
     size = max(float(np.ptp(middles, axis=0).max()), np.finfo(float).tiny)
     parts = [np.flatnonzero(areas > 0)]
     done: list[np.ndarray] = []
     while parts and len(parts) + len(done) < MOST_PARTS:
         # The part that misses most.
         misses = [areas[part].sum() - float(np.linalg.norm(vectors[part].sum(axis=0))) for part in parts]
-        part = parts.pop(int(np.argmax(misses)))
+        part = parts.pop(int(np.argmax(np.array(misses) > max(misses) - EVEN * areas.sum())))
         whole = float(areas[part].sum())
         if len(part) < 2 or max(misses) <= (1.0 - ALIKE) * whole:
             done.append(part)
             continue
-        features = np.concatenate([normals[part], middles[part] / size], axis=1)
+        features = np.concatenate([normals[part], middles[part] / size], axis=1) * UNEVEN
         weights = areas[part] / whole
         off = features - weights @ features
         spread, directions = np.linalg.eigh((off * weights[:, None]).T @ off)
-        along = off @ directions[:, int(np.argmax(spread))]
-        order = np.argsort(along, kind="stable")
-        half = int(np.searchsorted(np.cumsum(weights[order]), 0.5).clip(1, len(part) - 1))
+        widest = directions[:, int(np.argmax(spread))]
+        along = off @ (widest * np.sign(widest @ ASKEW))
+        order = np.argsort(np.round(along / EVEN), kind="stable")
+        half = _where_to_cut(along[order], weights[order], float(np.sqrt(spread.max())))
         parts += [np.sort(part[order[:half]]), np.sort(part[order[half:]])]
     return done + [part for part in parts if len(part)]
+
+
+def _where_to_cut(along: np.ndarray, weights: np.ndarray, spread: float) -> int:
+    """Where to cut triangles in a row in two: at a gap as wide as they are spread, as edges have it, or else in half.
+
+    Args:
+        along: Where they lie, increasing, shape [m], m above 1.
+        weights: Their shares of the area, shape [m].
+        spread: Standard deviation of ``along``.
+    """
+    share = np.cumsum(weights)
+    gaps = np.where(np.abs(share[:-1] - 0.5) <= MIDDLING, np.diff(along), 0.0)
+    widest = int(np.argmax(gaps > gaps.max() - EVEN))
+    if gaps[widest] > spread:
+        return widest + 1
+    return int(np.searchsorted(share, 0.5 + EVEN).clip(1, len(along) - 1))
 
 
 def _flat(mesh: MeshAtShutter, triangles: np.ndarray) -> _Flat:

@@ -25,6 +25,7 @@ from tpdwarp.usd.read.composed_prims import composed_prims
 from tpdwarp.usd.read.contents import Contents, Walker
 from tpdwarp.usd.read.diagnostics import usd_diagnostics
 from tpdwarp.usd.read.domes import Dome
+from tpdwarp.usd.read.draw_modes import draws_models_otherwise, lay_cards
 from tpdwarp.usd.read.emptiness import why_empty
 from tpdwarp.usd.read.frame_specs import frames_between
 from tpdwarp.usd.read.free_camera import CAMERA_LIGHT, CAMERA_LIGHT_IRRADIANCE, FREE_CAMERA, FreeCamera, camera_light
@@ -36,7 +37,7 @@ from tpdwarp.usd.read.layer_rates import check_rates, mend_rates, rate_or_defaul
 from tpdwarp.usd.read.lights import Light
 from tpdwarp.usd.read.materials import Materials
 from tpdwarp.usd.read.materialx_files import bring_in, references_materialx
-from tpdwarp.usd.read.mesh_lights import MeshLight, is_mesh_light
+from tpdwarp.usd.read.mesh_lights import MeshLight, all_parts, is_mesh_light
 from tpdwarp.usd.read.meshes import OnStage, PlacedMesh, Placement
 from tpdwarp.usd.read.motion_breaks import motion_breaks_of
 from tpdwarp.usd.read.numbered_files import changes_by_frame
@@ -202,9 +203,10 @@ class StageScene:
             mend_rates(layers, warnings)
             opened = _open_stage(stage, name, settings)
             check_rates(opened, name)
-            if isinstance(stage, Usd.Stage) and references_materialx(opened):
+            if isinstance(stage, Usd.Stage) and (references_materialx(opened) or draws_models_otherwise(opened)):
                 opened = _with_session_of_its_own(opened)
             kept = bring_in(opened, warnings)
+            lay_cards(opened, warnings)
             del layers
             check_native_instances(opened)
             source = cls(name, opened, settings, warnings)
@@ -423,11 +425,12 @@ class StageScene:
         shining = self._mesh_lights_at(self.start)
         if shining:
             parts = self.at(Shutter.still(self.start)).lights
-            own |= {
-                part.path: shining[whole].group or whole.rpartition("/")[2]
-                for part in parts
-                if (whole := part.path.rpartition("/light")[0]) in shining
-            }
+            bending = {placed.label for placed in self._placed(self.start) if placed.shape.span is not None}
+            for part in parts:
+                if (whole := part.path.rpartition("/light")[0]) in shining:
+                    # What bends may be more lights later.
+                    paths = all_parts(whole) if whole in bending else [part.path]
+                    own |= dict.fromkeys(paths, shining[whole].group or whole.rpartition("/")[2])
         return own
 
     def resolution(self) -> tuple[int, int]:
@@ -827,8 +830,8 @@ def _with_session_of_its_own(stage: Usd.Stage) -> Usd.Stage:
 def _time_range(stage: Usd.Stage, warnings: WarnOnce) -> tuple[float, float]:
     if stage.HasAuthoredTimeCodeRange():
         start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
-        if math.isfinite(start) and math.isfinite(end):
-            return start, max(start, end)
+        if math.isfinite(start) and math.isfinite(end) and start <= end:
+            return start, end
         warnings("the stage's range of time codes", f"holds {start:g} … {end:g}: that of its samples is taken")
     span = None
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):

@@ -10,6 +10,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.usd.read.materials.constants import Constants, size_of
 from tpdwarp.usd.read.materials.coordinates import Coordinates, placed, scaled_turned_moved
 from tpdwarp.usd.read.materials.nodes import operation_of
 from tpdwarp.usd.read.materials.patterns import curve_of, mean_of, pattern_of
@@ -29,6 +30,7 @@ ITS_MEAN = "its mean is rendered"
 FOUR = ("float4", "color4f")
 FILES = ("file", "filename", "in", "texture")
 _FILE_NAMES = (str, Sdf.AssetPath)
+MATERIALX_IMAGES = ("ND_image_", "ND_tiledimage_")
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,7 @@ class Inputs:
         frame: Time code.
         textures: Mean colours of textures.
         warnings: Takes what is not supported, and names the file in errors.
+        constants: Gives the primvars that are one value over the whole surface.
         walk: Where in the network one is that asks for these inputs.
     """
 
@@ -92,9 +95,11 @@ class Inputs:
         frame: float,
         textures: Textures,
         warnings: WarnOnce,
+        constants: Constants | None = None,
         walk: _Walk | None = None,
     ) -> None:
         self.shader, self.frame, self.textures, self.warnings = shader, frame, textures, warnings
+        self._constants = constants
         self.varies = False
         self._as_images = False
         self._walk = _Walk() if walk is None else walk
@@ -130,7 +135,7 @@ class Inputs:
 
     def of(self, shader: UsdShade.Shader) -> Inputs:
         """The inputs of another shader of the same network; ``varies`` is to be taken over."""
-        return Inputs(shader, self.frame, self.textures, self.warnings, self._walk)
+        return Inputs(shader, self.frame, self.textures, self.warnings, self._constants, self._walk)
 
     def find(self, *names: str) -> UsdShade.Input | None:
         """The first input of these names that is connected or has an authored value."""
@@ -337,7 +342,11 @@ class Inputs:
             self.varies |= inner.varies
             if "geomcolor" in kind:
                 name = "displayColor"
-            return Value(None if value is None else value.numbers, True, name)
+            constant = None if self._constants is None else self._constants.of(name, size_of(kind))
+            if constant is not None and constant.size:
+                return Value(constant, False, name)
+            # Where there is no such primvar, the fallback is what counts.
+            return Value(None if value is None else value.numbers, constant is None, name)
         value = self._drawn(inner, output, asking, kind, depth)
         if value is None:
             value = self._texture(inner, output, asking, kind)
@@ -408,6 +417,10 @@ class Inputs:
         named = kind or "a shading node"
         named_file = raw_at(attributes[0], self.frame) if attributes else None
         why = "whose file cannot be read" if named_file and isinstance(named_file, _FILE_NAMES) else "which is not read"
+        if kind.startswith(MATERIALX_IMAGES) and not named_file:
+            # As their definitions have it: what names no file has its default everywhere, which is black.
+            nothing = np.zeros(size_of(kind) or 1)
+            return Value(_channel(nothing if instead == "default" else fallback.numbers, output, kind))
         self.warnings(asking, f"is connected to {named}, {why}; its {instead} is used")
         if instead == "default":
             return Value(None, True)

@@ -9,6 +9,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from tpdwarp.errors import WarnOnce
 from tpdwarp.scene.description import Interaction, Material
+from tpdwarp.usd.read.materials.constants import Asked, Constants
 from tpdwarp.usd.read.materials.coordinates import Coordinates
 from tpdwarp.usd.read.materials.copies import Heard, Said, content_of
 from tpdwarp.usd.read.materials.dialects import handed_on, name_of, reader_of
@@ -65,11 +66,13 @@ UNBOUND = Surface(Material(), DISPLAY_COLOR, False)
 
 @dataclass(frozen=True)
 class _Original:
-    """A material that others may be copies of: its path, its surface, and what was said of it."""
+    """A material that others may be copies of: its path, its surface, what was said of it, and whether it was asked for
+    primvars."""
 
     path: str
     surface: Surface
     said: list[Said]
+    asked: bool
 
 
 class _Originals:
@@ -104,7 +107,8 @@ class Materials:
     def __init__(self, warnings: WarnOnce, purpose: str = UsdShade.Tokens.full) -> None:
         self.warnings, self.purpose = warnings, purpose
         self._textures = Textures()
-        self._known: dict[str, tuple[float, Surface]] = {}
+        # By path, by the primvars that were asked for, and by their values.
+        self._known: dict[str, dict[tuple[Asked, ...], dict[Hashable, tuple[float, Surface]]]] = {}
         self._originals = _Originals()
         self._unbound: set[str] = set()
 
@@ -118,27 +122,31 @@ class Materials:
         if not material:
             self._warn_lost(prim)
             return UNBOUND
-        path = str(material.GetPath())
-        if path in self._known:
-            time, surface = self._known[path]
-            if time == frame or not surface.varies:
-                return surface
-        surface = self._shared(material, frame)
-        self._known[path] = frame, surface
-        return surface
+        path, constants = str(material.GetPath()), Constants(prim, frame)
+        known = self._known.setdefault(path, {})
+        for asked, surfaces in known.items():
+            time, surface = surfaces.get(constants.values(asked), (frame, None))
+            if surface is not None and (time == frame or not surface.varies):
+                return _of_prim(surface, constants)
+        surface = self._shared(material, frame, constants)
+        asked = tuple(constants.asked)
+        known.setdefault(asked, {})[constants.values(asked)] = frame, surface
+        return _of_prim(surface, constants)
 
-    def _shared(self, material: UsdShade.Material, frame: float) -> Surface:
+    def _shared(self, material: UsdShade.Material, frame: float, constants: Constants) -> Surface:
         """The surface of a material, that of its original where it is a copy of one: they share their textures."""
         path, content = str(material.GetPath()), content_of(material, frame)
         original = None if content is None else self._originals.get(content, frame)
-        if original is not None:
+        # What depends on primvars differs from mesh to mesh.
+        if original is not None and not original.asked:
             for warning in original.said:
                 self.warnings(*warning.of(original.path, path))
             return original.surface.of_copy(original.path, path)
         heard = Heard(self.warnings)
-        surface = self._surface(material, frame, heard)
+        constants.asked.clear()
+        surface = self._surface(material, frame, heard, constants)
         if content is not None:
-            self._originals.add(content, frame, _Original(path, surface, heard.said))
+            self._originals.add(content, frame, _Original(path, surface, heard.said, bool(constants.asked)))
         return surface
 
     def _warn_lost(self, prim: Usd.Prim) -> None:
@@ -167,7 +175,9 @@ class Materials:
         surfaces = [self.bound(part, frame) for part in (prim, *(subset.GetPrim() for subset in subsets))]
         return any(surface.material.interaction != Interaction.DIFFUSE for surface in surfaces)
 
-    def _surface(self, material: UsdShade.Material, frame: float, warnings: WarnOnce) -> Surface:
+    def _surface(
+        self, material: UsdShade.Material, frame: float, warnings: WarnOnce, constants: Constants
+    ) -> Surface:
         path = str(material.GetPath())
         shaders = _surface_shaders(material)
         if not shaders:
@@ -183,7 +193,7 @@ class Materials:
             )
             return Surface(Material(path=path), DISPLAY_COLOR, False)
         shader, reader = readers[0]
-        inputs = Inputs(shader, frame, self._textures, warnings)
+        inputs = Inputs(shader, frame, self._textures, warnings, constants)
         physical = reader(inputs)
         found = interaction_of(physical, path, warnings)
         if any(source.GetPrim() != shader.GetPrim() for source in _displacements(material)):
@@ -207,6 +217,11 @@ class Materials:
             frozenset.intersection(*tiled) if tiled else None,
             physical,
         )
+
+
+def _of_prim(surface: Surface, constants: Constants) -> Surface:
+    """The surface of a prim whose primvars may change it with time."""
+    return replace(surface, varies=True) if constants.varies and not surface.varies else surface
 
 
 def _is_elsewhere(stage: Usd.Stage, path: Sdf.Path) -> bool:

@@ -83,7 +83,7 @@ class Dialect:
                 found = inputs.value(*where.names)
                 if name == "base_color":
                     shown = "displayColor" if found is None else found.primvar
-                elif found is not None and found.primvar:
+                elif found is not None and found.primvar and found.spread:
                     inputs.warn(where.names[0], "is a primvar, which is not spread; its fallback is used")
         if inputs.node(*NORMALS):
             values["normal_image"] = inputs.image(*NORMALS)
