@@ -13,6 +13,7 @@ from zlib import crc32
 import numpy as np
 
 from tpdwarp.photons.lattice_shape import specular_faces
+from tpdwarp.photons.row_numbers import row_numbers
 from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter
 
 # Facets that fewer photons than this fall on have hardly any that is not at their border: of 8 × 8 cells, 28 are.
@@ -118,4 +119,4 @@ def _clusters(rows: np.ndarray) -> np.ndarray:
     """Numbers of groups of ``rows`` [n, k] that are the same up to ``SAME_PLANE``, shape [n]."""
     # Whole numbers of steps, which planes along the axes lie on, are not where rounding cuts.
     keys = np.floor(rows / SAME_PLANE + 1.0 / math.pi).astype(np.int64)
-    return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    return row_numbers(*keys.T)

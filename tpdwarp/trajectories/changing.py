@@ -31,6 +31,7 @@ from tpdwarp.clock import Clock
 from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.row_numbers import distinct_rows, row_numbers
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.keyframes import (
     END,
@@ -125,7 +126,7 @@ def changing_cells(
         chosen = dict(besides or {})
         for found in (unfollowed, turned_over):
             for number, cells in found.items():
-                chosen[number] = np.unique(np.concatenate([cells, chosen.get(number, cells)]), axis=0)
+                chosen[number] = distinct_rows(np.concatenate([cells, chosen.get(number, cells)]))
         change_in = _Change([ends[0], photons, ends[1]], plan, typical) if suspects else None
         for number, cells in suspects.items():
             window = Window.around(cells.cell)
@@ -133,7 +134,7 @@ def changing_cells(
             suspected[window.at(cells.cell)] = True
             change = change_in.within(number, window)
             changing = window.cells(grown(change) & suspected)
-            chosen[number] = np.unique(np.concatenate([changing, chosen.get(number, changing)]), axis=0)
+            chosen[number] = distinct_rows(np.concatenate([changing, chosen.get(number, changing)]))
         chosen = {number: cells for number, cells in chosen.items() if len(cells)}
         fields = {
             number: _field(here, plan.lattices[number], number, suspects.get(number)) for number in here.numbers()
@@ -141,7 +142,7 @@ def changing_cells(
         for number, ride in fields.items():
             if ride.torn is not None:
                 cells = [ride.torn, *([chosen[number]] if number in chosen else [])]
-                chosen[number] = np.unique(np.concatenate(cells), axis=0)
+                chosen[number] = distinct_rows(np.concatenate(cells))
         # The ends are traced with the flux of the whole exposure, as keyframes are.
         shares = [flux_in(photons, plan, chosen) / max(flux_in(photons, plan), _TINY)]
         whole = max(flux_in(keyframes.photons(0.0), keyframes.plan), _TINY)
@@ -181,14 +182,13 @@ def resting_where_turned_over(photons: PhotonMap, plan: EmissionPlan) -> tuple[P
     if not np.any(growth > TURNS_OVER):
         return photons, {}
     _, lattice, planned = plan.paths_of(photons.ids)
-    keys = np.stack([np.where(planned, lattice, -1), photons.path.astype(np.int64)], axis=1)
-    names, paths = np.unique(keys, axis=0, return_inverse=True)
-    paths, flux = paths.reshape(-1), photons.flux.sum(axis=1, dtype=np.float64)
-    above = np.bincount(paths, flux * (growth > TURNS_OVER), len(names))
-    rests = (above > 0.5 * np.bincount(paths, flux, len(names)))[paths]
+    paths = row_numbers(np.where(planned, lattice, -1), photons.path)
+    flux = photons.flux.sum(axis=1, dtype=np.float64)
+    above = np.bincount(paths, flux * (growth > TURNS_OVER))
+    rests = (above > 0.5 * np.bincount(paths, flux))[paths]
     cells = CellsOfLattices(photons, plan, rests)
     shift = np.where(rests[:, None], np.float32(0.0), photons.shift)
-    return replace(photons, shift=shift), {number: np.unique(cells.of(number)[1], axis=0) for number in cells.numbers()}
+    return replace(photons, shift=shift), {number: distinct_rows(cells.of(number)[1]) for number in cells.numbers()}
 
 
 def _unfollowed(
@@ -210,7 +210,7 @@ def _unfollowed(
     off |= (apart > LEAST_DISAGREEMENT) & (np.minimum(miss, sagitta) > LARGEST_MISS * photons.size)
     off &= before.valid & after.valid
     lost = CellsOfLattices(photons, plan, off & matters(photons, typical, LEAST_SHARE))
-    return {number: np.unique(lost.of(number)[1], axis=0) for number in lost.numbers()}
+    return {number: distinct_rows(lost.of(number)[1]) for number in lost.numbers()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.row_numbers import distinct_rows
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.device.loading import LoadedScene
@@ -200,4 +201,4 @@ def _beside_edges(photons: PhotonMap, plan: EmissionPlan, emitted: dict[int, Win
                 found.setdefault(int(number), []).extend([here[inside], there[inside]])
                 last.setdefault(int(number), []).append(here[~inside])
     edges = {number: parts for number, parts in found.items() if any(map(len, parts))}
-    return {number: np.unique(np.concatenate([*parts, *last[number]]), axis=0) for number, parts in edges.items()}
+    return {number: distinct_rows(np.concatenate([*parts, *last[number]])) for number, parts in edges.items()}

@@ -22,6 +22,7 @@ from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap, row_index
 from tpdwarp.photons.power_curves import PowerCurve
+from tpdwarp.photons.row_numbers import row_numbers
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import LightAtShutter, Shutter
@@ -345,12 +346,12 @@ def _with_shifts(photons: PhotonMap, plan: EmissionPlan) -> dict[int, ChosenCell
 
 def _same_photons(photons: PhotonMap, rows: np.ndarray, others: PhotonMap) -> np.ndarray:
     """Rows of ``others`` that are of the same cells and paths as ``rows`` of photons, −1 where there are none."""
-    names = np.stack([others.ids, others.path.astype(np.int64), others.receiver.astype(np.int64)], axis=1)
-    wanted = np.stack([photons.ids, photons.path.astype(np.int64), photons.receiver.astype(np.int64)], axis=1)[rows]
-    numbers = np.unique(np.concatenate([names, wanted]), axis=0, return_inverse=True)[1].reshape(-1)
+    names = ("ids", "path", "receiver")
+    pairs = ((getattr(others, name), getattr(photons, name)[rows]) for name in names)
+    numbers = row_numbers(*(np.concatenate(pair) for pair in pairs))
     at = np.full(numbers.max(initial=-1) + 1, -1)
-    at[numbers[: len(names)]] = np.arange(len(names))
-    return at[numbers[len(names) :]]
+    at[numbers[: len(others)]] = np.arange(len(others))
+    return at[numbers[len(others) :]]
 
 
 def rows_by_path(photons: PhotonMap, plan: EmissionPlan) -> tuple[np.ndarray, np.ndarray]:

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.row_numbers import row_numbers
 from tpdwarp.trajectories.retraced import LEAST_LIGHT, RetracedCells, Window, cell_of, distances
 
 # Cells that an edge is looked for from each; of one farther off it is not known when it passes, since what lies as far
@@ -55,17 +56,17 @@ def parts_of_existence(maps: Sequence[PhotonMap], changing: RetracedCells) -> li
     found = [Existence(np.ones(len(photons)), *(np.zeros(len(photons), bool) for _ in range(2))) for photons in maps]
     plan = changing.plan
     lengths = np.array([photons.duration for photons in maps])
-    keys = []
-    for photons in maps:
-        mask, lattice, planned = plan.paths_of(photons.ids)
-        keys.append(np.stack([np.where(planned, lattice, -1), mask, photons.path.astype(np.int64)], axis=1))
-    names, numbers = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
-    splits = np.cumsum([len(photons) for photons in maps])[:-1]
-    numbers = np.split(numbers.reshape(-1), splits)
+    ids, paths = (np.concatenate([getattr(photons, name) for photons in maps]) for name in ("ids", "path"))
+    mask, lattice, planned = plan.paths_of(ids)
+    lattice = np.where(planned, lattice, -1)
+    numbers = row_numbers(lattice, mask, paths)
+    lattice_of = np.zeros(int(numbers.max(initial=-1)) + 1, np.int64)
+    lattice_of[numbers] = lattice
+    numbers = np.split(numbers, np.cumsum([len(photons) for photons in maps])[:-1])
     flux = [photons.flux.sum(axis=1, dtype=np.float64) for photons in maps]
-    light = sum(np.bincount(of, weights, len(names)) for of, weights in zip(numbers, flux, strict=True))
+    light = sum(np.bincount(of, weights, len(lattice_of)) for of, weights in zip(numbers, flux, strict=True))
     for name in np.flatnonzero(light > LEAST_LIGHT * light.sum()):
-        cells = changing.cells.get(int(names[name, 0]))
+        cells = changing.cells.get(int(lattice_of[name]))
         if cells is None:
             continue
         rows = [np.flatnonzero(of == name) for of in numbers]

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.row_numbers import row_numbers
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.passing import Existence
 from tpdwarp.trajectories.retraced import LEAST_LIGHT, LEAST_SHARE, RetracedCells
@@ -130,8 +131,7 @@ def _flux(photons: PhotonMap) -> float:
 
 def _names(maps: list[PhotonMap]) -> list[np.ndarray]:
     """A number for the cell and path of each photon, one for the same in all of ``maps``, each [n]."""
-    keys = [np.stack([photons.ids, photons.path.astype(np.int64)], axis=1) for photons in maps]
-    names = np.unique(np.concatenate(keys), axis=0, return_inverse=True)[1].reshape(-1)
+    names = row_numbers(*(np.concatenate([getattr(photons, name) for photons in maps]) for name in ("ids", "path")))
     return np.split(names, np.cumsum([len(photons) for photons in maps])[:-1])
 
 
