@@ -289,26 +289,20 @@ def _along_axis(x: Lanes, width: float, second: float) -> Lanes:
     return out
 
 
-@lane_func
-def _discs(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
-    """Discs, averaged over pixels (beyond the paper)."""
-    out = Lanes(0.0)
-    lane = int(0)
-    while lane < LANES:
-        out[lane] = averaged_disc(u[lane], v[lane], pixel)
-        lane += 1
-    return out
+@cache
+def _over_pixels(lanes: int, one: wp.Function) -> wp.Function:
+    """``one`` (u, v, pixel), a mean over a pixel, by lanes (beyond the paper)."""
 
+    @func_of_lanes(lanes)
+    def over_pixels(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
+        out = Lanes(0.0)
+        lane = int(0)
+        while lane < LANES:
+            out[lane] = one(u[lane], v[lane], pixel)
+            lane += 1
+        return out
 
-@lane_func
-def _cells(u: Lanes, v: Lanes, pixel: wp.mat22) -> Lanes:
-    """Cells, averaged over pixels (beyond the paper)."""
-    out = Lanes(0.0)
-    lane = int(0)
-    while lane < LANES:
-        out[lane] = cell_weight(u[lane], v[lane], pixel)
-        lane += 1
-    return out
+    return over_pixels
 
 
 @wp.func
@@ -344,14 +338,16 @@ def bspline_weight(lanes: int, moves: bool, curved: bool, extended: bool = False
     ``extended`` says whether there may be discs, the images of lights with extent.
     """
 
+    cells, discs = (_over_pixels(lanes, one) for one in (cell_weight, averaged_disc))
+
     @func_of_lanes(lanes)
     def tensor(u: Lanes, v: Lanes, width: wp.vec3, pixel: wp.mat22, is_cell: int) -> Lanes:
         """b(y_u) b(y_v), each averaged over its boxes where it has any; a disc, or a cell."""
         if is_cell == 1:
-            return _cells(u, v, pixel)
+            return cells(u, v, pixel)
         if wp.static(extended):
             if width[2] < 0.0:
-                return _discs(u, v, pixel)
+                return discs(u, v, pixel)
         along_u = _along_axis(u, width[0], 0.0)
         along_v = _along_axis(v, width[1], width[2])
         out = Lanes(0.0)
