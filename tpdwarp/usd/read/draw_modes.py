@@ -65,7 +65,7 @@ def lay_cards(stage: Usd.Stage, warnings: WarnOnce) -> None:
     for prim, mode in models:
         path, geometry = str(prim.GetPath()), text_at(UsdGeom.ModelAPI(prim).GetModelCardGeometryAttr())
         if mode != UsdGeom.Tokens.cards or geometry == UsdGeom.Tokens.fromTexture:
-            what = f"{mode} {geometry}".removesuffix(f" {geometry}" if mode != UsdGeom.Tokens.cards else "")
+            what = f"{mode} {geometry}" if mode == UsdGeom.Tokens.cards else mode
             warnings(f"{path}.model:drawMode", f"is {what}, in the place of which the model itself is rendered")
             continue
         box = boxes.ComputeUntransformedBound(prim).ComputeAlignedRange()
