@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tpdwarp.scene.description import EmissionProfile, Extent, ExtentShape, LightAtShutter, LightKind, Shaping
-from tpdwarp.scene.stretched_lights import area_stretched, faces_of, is_stretched
+from tpdwarp.scene.stretched_lights import UNEVEN, area_stretched, faces_of, is_stretched
 
 RADIUS, LENGTH = 0.3, 0.9
 TRANSFORMS = {
@@ -109,7 +109,8 @@ def test_areas_are_those_of_the_stretched_surface(name):
     [
         (ExtentShape.ROUND, 3.0 * np.eye(3), False),
         (ExtentShape.ROUND, np.diag([1.0, -1.0, 1.0]), False),
-        (ExtentShape.ROUND, np.diag([1.0, 1.0, 1.05]), True),
+        (ExtentShape.ROUND, np.diag([1.0, 1.0, 1.05]), False),
+        (ExtentShape.ROUND, np.diag([1.0, 1.0, 1.1]), True),
         (ExtentShape.CYLINDER, np.diag([7.0, 2.0, 2.0]), False),
         (ExtentShape.CYLINDER, np.diag([1.0, 2.0, 1.0]), True),
         (ExtentShape.CYLINDER, np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), True),
@@ -133,3 +134,15 @@ def test_faces_move_with_the_transform_and_keep_the_axis_of_a_cone():
         np.testing.assert_allclose(face.extent.spans_motion, after.extent.spans - before.extent.spans, atol=1e-12)
         np.testing.assert_allclose(face.axes_motion, after.axes - before.axes, atol=1e-12)
         np.testing.assert_array_equal(face.cone_axis, whole.cone_axis)
+
+
+@pytest.mark.parametrize("scales", [(1.0, 1.0, 1.0 + UNEVEN), (1.0 + UNEVEN, 1.0 + UNEVEN, 1.0)])
+def test_what_stays_a_sphere_looks_as_wide_as_one_from_all_sides(scales):
+    """The shadow of an ellipsoid along d is π √Σ (d_i s_j s_k)²."""
+    directions = np.random.default_rng(3).normal(size=(4000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    across = np.prod(scales) / np.array(scales)
+    shadows = np.linalg.norm(directions * across, axis=1)
+    points, _ = surface(ExtentShape.ROUND, np.eye(3))
+    area = area_stretched(points / RADIUS, np.full(len(points), 1.0 / len(points)), np.diag(scales))
+    np.testing.assert_allclose(shadows, area, rtol=0.055)

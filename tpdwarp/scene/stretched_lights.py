@@ -15,8 +15,11 @@ import numpy as np
 
 from tpdwarp.scene.description import EmissionProfile, Extent, ExtentShape, LightAtShutter
 
-# What is stretched by no more than this part stays what it was: it is as wide, within that. Chosen, not derived.
-UNEVEN = 0.02
+# What is stretched by no more than this part stays what it was: it looks as wide as that within two thirds of this, as
+# its faces do within 5.5 %. They are many lights, which take many times as long as one.
+UNEVEN = 0.08
+# A cylinder whose ends lean by more than this part of its width does not. Chosen, not derived.
+ASKEW = 0.02
 # Faces around a tube, which they leave as wide within 1 − cos 15°, 3 %. Chosen, not derived.
 AROUND = 12
 # What is flattened is still so thick, by its width: which side of it is which stays known. Chosen, not derived.
@@ -55,7 +58,7 @@ def is_stretched(shape: ExtentShape, rows: np.ndarray) -> bool:
     if shape == ExtentShape.ROUND or uneven:
         return bool(uneven)
     x = rows[0] / max(float(np.linalg.norm(rows[0])), np.finfo(float).tiny)
-    return bool(np.linalg.norm(rows[1:] @ x) > UNEVEN * scales[0])
+    return bool(np.linalg.norm(rows[1:] @ x) > ASKEW * scales[0])
 
 
 def faces_of(
