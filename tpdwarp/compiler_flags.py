@@ -13,7 +13,6 @@ MOST_UNROLLED = 4
 # measurement: camera rays over open water take .8 of the time that they take with half as many, and with twice as many
 # nothing but compiling takes longer.
 LARGEST_INLINED = 10000
-INLINED = 5000
 INLINED = f"-mllvm=-inline-threshold={LARGEST_INLINED}"
 # Bits of vectors where a CPU has such. LLVM prefers half of them for the sake of older ones' clocks: a footprint takes
 # 1.3 times as long with it.

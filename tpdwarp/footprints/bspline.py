@@ -216,9 +216,7 @@ def _relative_cell(square: float) -> float:
 
 
 @lane_func
-def panels_to(
-    u: Lanes, v: Lanes, middle: float, rates: wp.vec2, reach: wp.vec2, trajectory: Trajectory
-) -> int:
+def panels_to(u: Lanes, v: Lanes, middle: float, rates: wp.vec2, reach: wp.vec2, trajectory: Trajectory) -> int:
     """How many panels of the integral (beyond the paper) pass at least until the footprint may reach any (u, v).
 
     It is 0 if it does.
@@ -337,7 +335,6 @@ def bspline_weight(lanes: int, moves: bool, curved: bool, extended: bool = False
 
     ``extended`` says whether there may be discs, the images of lights with extent.
     """
-
     cells, discs = (_over_pixels(lanes, one) for one in (cell_weight, averaged_disc))
 
     @func_of_lanes(lanes)

@@ -195,14 +195,12 @@ def _add_to_leaf(
                 n_x = shading.x
                 n_y = shading.y
                 n_z = shading.z
-                while lane < LEAF:
+            while lane < LEAF:
+                w[lane] = w[lane] * counted[lane]
+                if wp.static(shaded):
                     n_s = wp.vec3(n_x[lane], n_y[lane], n_z[lane])
-                    w[lane] = w[lane] * counted[lane] * shading_ratio(placed.incidence, n_s)
-                    lane += 1
-            else:
-                while lane < LEAF:
-                    w[lane] = w[lane] * counted[lane]
-                    lane += 1
+                    w[lane] = w[lane] * shading_ratio(placed.incidence, n_s)
+                lane += 1
 
             # ---- Add
             if not summed:

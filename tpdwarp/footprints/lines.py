@@ -197,43 +197,35 @@ def _passing(u: float, v: float, trajectory: Trajectory, way: _Way) -> _Passing:
     jerk = trajectory.jerk
     measure = way.measure
     out = _Passing()
-    s = _time_of_passing(u, v, way)
-    speed_u = _speed(s, velocity[0], acceleration[0], jerk[0])
-    speed_v = _speed(s, velocity[1], acceleration[1], jerk[1])
-    slowness = 1.0 / _length(speed_u, speed_v)
-    ahead_u = slowness * speed_u
-    ahead_v = slowness * speed_v
-    apart_u = u - _place(s, velocity[0], acceleration[0], jerk[0])
-    apart_v = v - _place(s, velocity[1], acceleration[1], jerk[1])
-    out.apart = apart_u * ahead_v - apart_v * ahead_u
+    out.s = _time_of_passing(u, v, way)
+    out.inside = between(out.s, -0.5, 0.5)
+    speed_u = _speed(out.s, velocity[0], acceleration[0], jerk[0])
+    speed_v = _speed(out.s, velocity[1], acceleration[1], jerk[1])
+    out.slowness = 1.0 / _length(speed_u, speed_v)
+    out.ahead_u = out.slowness * speed_u
+    out.ahead_v = out.slowness * speed_v
+    apart_u = u - _place(out.s, velocity[0], acceleration[0], jerk[0])
+    apart_v = v - _place(out.s, velocity[1], acceleration[1], jerk[1])
+    out.apart = apart_u * out.ahead_v - apart_v * out.ahead_u
 
     # ---- The sides of its cell as they are then: across the line, and along it by what the footprint covers
-    inside = between(s, -0.5, 0.5)
     rate = trajectory.jacobian_rate
-    one_u = 1.0 + rate[0, 0] * inside
-    one_v = rate[1, 0] * inside
-    other_u = rate[0, 1] * inside
-    other_v = 1.0 + rate[1, 1] * inside
-    out.one = wp.abs(one_u * ahead_v - one_v * ahead_u)
-    out.other = wp.abs(other_u * ahead_v - other_v * ahead_u)
+    one_u = 1.0 + rate[0, 0] * out.inside
+    one_v = rate[1, 0] * out.inside
+    other_u = rate[0, 1] * out.inside
+    other_v = 1.0 + rate[1, 1] * out.inside
+    out.one = wp.abs(one_u * out.ahead_v - one_v * out.ahead_u)
+    out.other = wp.abs(other_u * out.ahead_v - other_v * out.ahead_u)
     way_u = measure[0, 0] * speed_u + measure[0, 1] * speed_v
     way_v = measure[1, 0] * speed_u + measure[1, 1] * speed_v
-    length = _length(way_u, way_v)
-    along_u = way_u / length
-    along_v = way_v / length
-    one_along = along_u * (measure[0, 0] * one_u + measure[0, 1] * one_v)
-    one_along += along_v * (measure[1, 0] * one_u + measure[1, 1] * one_v)
-    other_along = along_u * (measure[0, 0] * other_u + measure[0, 1] * other_v)
-    other_along += along_v * (measure[1, 0] * other_u + measure[1, 1] * other_v)
+    out.way = _length(way_u, way_v)
+    out.along_u = way_u / out.way
+    out.along_v = way_v / out.way
+    one_along = out.along_u * (measure[0, 0] * one_u + measure[0, 1] * one_v)
+    one_along += out.along_v * (measure[1, 0] * one_u + measure[1, 1] * one_v)
+    other_along = out.along_u * (measure[0, 0] * other_u + measure[0, 1] * other_v)
+    other_along += out.along_v * (measure[1, 0] * other_u + measure[1, 1] * other_v)
     out.length = _length(one_along, other_along)
-    out.s = s
-    out.inside = inside
-    out.slowness = slowness
-    out.ahead_u = ahead_u
-    out.ahead_v = ahead_v
-    out.way = length
-    out.along_u = along_u
-    out.along_v = along_v
     return out
 
 

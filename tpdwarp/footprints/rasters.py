@@ -85,6 +85,17 @@ def tile_of(rasters: RasterArrays, plane: int, level: int, u: int, v: int) -> in
 
 
 @wp.func
+def tile_around(rasters: RasterArrays, plane: int, level: int, first: wp.vec2i, corner: int) -> int:
+    """The tile of an outermost one of the corners that a value is interpolated from, of which ``first`` is the first.
+
+    Tiles are no narrower than all of them together: they lie in those of the four outermost ones.
+    """
+    u = first[0] + (STENCIL - 1) * (corner % 2)
+    v = first[1] + (STENCIL - 1) * (corner // 2)
+    return tile_of(rasters, plane, level, u, v)
+
+
+@wp.func
 def within_tile(u: int, v: int) -> int:
     """The place of corner (u, v) in its tile, leaf by leaf: squares of four by four corners."""
     across = u % TILE_U
@@ -197,10 +208,7 @@ def find_planes(
                 place = on_plane(rasters, plane, place_on_way(x, motion, window, number, count))
                 first = corner_below(place, side)
                 for corner in range(4):
-                    # Tiles are no narrower than what is interpolated from: it lies in those of its own corners.
-                    u = first[0] + (STENCIL - 1) * (corner % 2)
-                    v = first[1] + (STENCIL - 1) * (corner // 2)
-                    tile = tile_of(rasters, plane, level, u, v)
+                    tile = tile_around(rasters, plane, level, first, corner)
                     if rasters.slots[tile] == UNKNOWN:
                         wanted[tile] = 1
 
@@ -257,9 +265,7 @@ def interpolated(rasters: RasterArrays, plane: int, level: int, place: wp.vec2) 
     first = corner_below(place, side)
     lit = int(0)
     for corner in range(4):
-        u = first[0] + (STENCIL - 1) * (corner % 2)
-        v = first[1] + (STENCIL - 1) * (corner // 2)
-        if rasters.slots[tile_of(rasters, plane, level, u, v)] >= 0:
+        if rasters.slots[tile_around(rasters, plane, level, first, corner)] >= 0:
             lit = 1
     if lit == 0:
         return wp.vec3()

@@ -6,7 +6,7 @@ common: which cells they are, which of them count, and where in them photons sta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -103,39 +103,43 @@ class RetracedCells:
 
     def growth_of(self, photons: PhotonMap) -> np.ndarray:
         """∇S of the cell that each of the photons stands for, shape [n, 2, 2]; zero of others."""
-        found = np.zeros((len(photons), 2, 2))
-        of_lattices = CellsOfLattices(photons, self.plan)
-        for number, growth in self.growth.items():
-            window = Window.around(self.cells[number].cell)
-            grid = window.grid(2, 2)
-            grid[window.at(self.cells[number].cell)] = growth
-            rows, theirs = of_lattices.of(number)
-            inside = window.holds(theirs)
-            found[rows[inside]] = grid[window.at(theirs[inside])]
-        return found
+        return self._of_cells(photons, self.growth, (2, 2), np.float64)
 
     def offset_of(self, photons: PhotonMap) -> np.ndarray:
         """Shift over the whole shutter of the cell that each of the photons stands for, shape [n, 2]; of others 0."""
-        found = np.zeros((len(photons), 2), np.float32)
+        offsets = {number: mine.offset for number, mine in self.cells.items()}
+        return self._of_cells(photons, offsets, (2,), np.float32)
+
+    def _of_cells(
+        self, photons: PhotonMap, values: dict[int, np.ndarray], shape: tuple[int, ...], dtype: type
+    ) -> np.ndarray:
+        """What ``values`` say, for the cells of each lattice, of the cell that each of the photons stands for; shape
+        [n, *shape], zero of others."""
+        found = np.zeros((len(photons), *shape), dtype)
         of_lattices = CellsOfLattices(photons, self.plan)
-        for number, mine in self.cells.items():
-            window = Window.around(mine.cell)
-            grid = window.grid(2, dtype=np.float32)
-            grid[window.at(mine.cell)] = mine.offset
+        for number, of_cells in values.items():
+            cells = self.cells[number].cell
+            window = Window.around(cells)
+            grid = window.grid(*shape, dtype=dtype)
+            grid[window.at(cells)] = of_cells
             rows, theirs = of_lattices.of(number)
             inside = window.holds(theirs)
             found[rows[inside]] = grid[window.at(theirs[inside])]
         return found
 
+    def _shared_with(self, others: RetracedCells) -> Iterator[tuple[int, ChosenCells, np.ndarray]]:
+        """The cells of each lattice, by its number, and which of them are among ``others``."""
+        for number, mine in self.cells.items():
+            rows = np.zeros(len(mine), bool)
+            if number in others.cells:
+                rows = _among(mine.cell, others.cells[number].cell)
+            yield number, mine, rows
+
     def without(self, others: RetracedCells) -> RetracedCells:
         """Those of these cells that are not among ``others`` of the same lattices."""
-        found = {}
-        for number, mine in self.cells.items():
-            rows = np.ones(len(mine), bool)
-            if number in others.cells:
-                rows = ~_among(mine.cell, others.cells[number].cell)
-            if rows.any():
-                found[number] = ChosenCells(mine.cell[rows])
+        found = {
+            number: ChosenCells(mine.cell[~rows]) for number, mine, rows in self._shared_with(others) if not rows.all()
+        }
         return RetracedCells(found, self.plan)
 
     def parted(self, others: RetracedCells) -> tuple[RetracedCells, RetracedCells]:
@@ -143,10 +147,7 @@ class RetracedCells:
         parts = []
         for among in (True, False):
             cells, growth = {}, {}
-            for number, mine in self.cells.items():
-                rows = np.zeros(len(mine), bool)
-                if number in others.cells:
-                    rows = _among(mine.cell, others.cells[number].cell)
+            for number, mine, rows in self._shared_with(others):
                 if np.any(rows == among):
                     cells[number] = ChosenCells(mine.cell[rows == among], mine.offset[rows == among])
                     if number in self.growth:
