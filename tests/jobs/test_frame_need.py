@@ -16,13 +16,19 @@ SMALL = {"image_width": 12, "samples": 1, "photons": 64}
 def test_frames_that_need_too_much_are_refused_in_one_line(tmp_path, caplog):
     stage = write_stage(tmp_path / "stage.usda")
     with pytest.raises(InputError) as refusal:
-        tpdwarp.render(stage, tmp_path / "a.##.exr", photons=2**28, image_width=12, max_memory=8e9)
+        tpdwarp.render(stage, tmp_path / "a.##.exr", photons=2**28, estimator="pd", image_width=12, max_memory=8e9)
     assert str(refusal.value).startswith(f"{stage}: a frame would need about 300 GB of memory (4 triangles, 26843545")
     assert list(tmp_path.iterdir()) == [tmp_path / "stage.usda"]
     with caplog.at_level(logging.INFO, "tpdwarp"):
         tpdwarp.render(stage, tmp_path / "a.##.exr", max_memory=8e9, **SMALL)
     (said,) = [record.getMessage() for record in caplog.records if "a frame needs about" in record.getMessage()]
     assert "4 triangles, 64 photons, 96 pixels" in said
+
+
+def test_photons_that_come_in_strips_of_the_light_need_no_more_memory_than_one_of_these(tmp_path):
+    stage = write_stage(tmp_path / "stage.usda")
+    needs = [tpdwarp.info(stage, photons=count)["memory_of_a_frame"]["bytes"] for count in (2**21, 2**28)]
+    assert needs[0] == needs[1] < 3 * 2**30
 
 
 def test_info_says_what_a_frame_will_need(tmp_path):

@@ -11,10 +11,12 @@ import numpy as np
 from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, bent, light_of
 from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.photons.emission import ChosenCells, Patch
 from tpdwarp.photons.energy import COARSE_PARTS, STARVED, EnergyAccount
-from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.strips import PHOTONS_OF_STRIP
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
@@ -24,7 +26,7 @@ from tpdwarp.trajectories.edges import edge_cells, finer_in_time, in_coarse_cell
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.parts import traced_in_parts
-from tpdwarp.trajectories.retraced import RetracedCells
+from tpdwarp.trajectories.retraced import RetracedCells, cell_of
 
 Traced = tuple[PhotonMap, EmissionPlan]
 
@@ -39,42 +41,82 @@ class Temporal:
         plan = tracer.plan(max(1, settings.photons // count), clock)
         for seen in scenes:
             plan = plan.foreseeing(seen.scene)
-        maps: list[PhotonMap] = []
-        energy = EnergyAccount()
-        for number, seen in enumerate(scenes):
-            moves = seen.requirements.photon_motion
-            opening = settings.trace_at == "open" and moves
-            time, duration = (number + 0.5) / count - 0.5, 1.0 / count
-            options = {"seed": settings.seed + number}
-            if opening:
-                loaded = tracer.loader.load_opening(seen.scene.shutter, clock)
-                photons, account = tracer.trace(loaded, plan, clock, weight=duration, **options)
-                # Footprints stand at mid shutter and sweep to both sides: the same path, seen from its middle.
-                traced = [(replace(photons, position=photons.position + 0.5 * photons.dxdt), plan)]
-            elif settings.path == "curved" and settings.kernel == "bspline" and moves:
-                traced, account = _along_keyframes(tracer, plan, seen, duration, options, clock)
-            else:
-                traced, account = _whole(tracer, plan, seen, duration, options, clock)
-            bends = [(bent(photons, lattices, tracer, pixel, clock), lattices) for photons, lattices in traced]
-            traced = [
-                part
-                for photons, lattices in bends
-                for part in ([photons] if lattices is plan else in_coarse_cells(photons, lattices, plan))
-            ]
-            maps += [
-                replace(photons, time=time + duration * photons.time, duration=duration * photons.duration)
-                for photons in traced
-            ]
-            energy.add(account)
-        energy.counts["segments traced"] = count
+        counts = {"segments traced": count}
         if plan.splits > 1:
-            energy.counts["parts of each light with extent"] = plan.splits
+            counts["parts of each light with extent"] = plan.splits
         if tracer.split_error:
-            energy.counts[COARSE_PARTS] = round(1000.0 * tracer.split_error)
+            counts[COARSE_PARTS] = round(1000.0 * tracer.split_error)
         if plan.starved_lights:
-            energy.counts[STARVED] = plan.starved_lights
+            counts[STARVED] = plan.starved_lights
         moves = any(seen.requirements.photon_motion for seen in scenes)
-        yield Part(maps, energy, light_of(maps, energy, moves, tracer, pixel, clock), plan, scenes, shutter)
+        weight = 1.0
+        for emitted in plan.in_strips([seen.scene for seen in scenes], -(-settings.photons // PHOTONS_OF_STRIP)):
+            energy = EnergyAccount(counts=counts)
+            maps = _traced(tracer, emitted, scenes, pixel, energy, clock)
+            light = light_of(maps, energy, moves, tracer, pixel, clock)
+            yield Part(maps, energy, light, emitted, scenes, shutter, weight)
+            # What the camera sees besides is in the first part; the next makes room for its photons.
+            weight, counts = 0.0, {}
+            del maps, light
+
+
+def _traced(
+    tracer: PhotonTracer,
+    plan: EmissionPlan,
+    scenes: list[LoadedScene],
+    pixel: PixelSize | None,
+    energy: EnergyAccount,
+    clock: Clock,
+) -> list[PhotonMap]:
+    """The photons of ``plan`` in all segments of a shutter; where their flux went is added to ``energy``."""
+    settings, count = tracer.settings, len(scenes)
+    maps: list[PhotonMap] = []
+    for number, seen in enumerate(scenes):
+        moves = seen.requirements.photon_motion
+        opening = settings.trace_at == "open" and moves
+        time, duration = (number + 0.5) / count - 0.5, 1.0 / count
+        options = {"seed": settings.seed + number}
+        emits = tracer.loader.load_opening(seen.scene.shutter, clock) if opening else seen
+        if opening:
+            photons, account = tracer.trace(emits, plan, clock, weight=duration, **options)
+            # Footprints stand at mid shutter and sweep to both sides: the same path, seen from its middle.
+            traced = [(replace(photons, position=photons.position + 0.5 * photons.dxdt), plan)]
+        elif settings.path == "curved" and settings.kernel == "bspline" and moves:
+            traced, account = _along_keyframes(tracer, plan, seen, duration, options, clock)
+        else:
+            traced, account = _whole(tracer, plan, seen, duration, options, clock)
+        bends = [(bent(photons, lattices, tracer, pixel, clock), lattices) for photons, lattices in traced]
+        traced = [
+            part
+            for photons, lattices in bends
+            for part in ([photons] if lattices is plan else in_coarse_cells(photons, lattices, plan))
+        ]
+        if plan.strip is not None:
+            traced = [_of_strip(photons, plan) for photons in traced]
+            account.subtract(_beside_strip(tracer, plan, emits, duration, options, clock))
+        maps += [
+            replace(photons, time=time + duration * photons.time, duration=duration * photons.duration)
+            for photons in traced
+        ]
+        energy.add(account)
+    return maps
+
+
+def _of_strip(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
+    """Those of the photons that count in the strip of ``plan``."""
+    _, lattice, planned = plan.paths_of(photons.ids)
+    return photons.rows(plan.strip.holds(np.where(planned, lattice, -1), cell_of(photons)))
+
+
+def _beside_strip(
+    tracer: PhotonTracer, plan: EmissionPlan, seen: LoadedScene, weight: float, options: dict[str, Any], clock: Clock
+) -> EnergyAccount:
+    """Where the flux of cells went that count in other strips than that of ``plan``; arguments as of :func:`_whole`."""
+
+    def beside(lattice: Lattice, patch: Patch) -> ChosenCells:
+        return plan.strip.cells_beside(plan.number_of(lattice), patch)
+
+    return tracer.trace(seen, plan, clock, weight=weight, chosen=beside, **options)[1]
 
 
 def _whole(

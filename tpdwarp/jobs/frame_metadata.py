@@ -70,7 +70,7 @@ def frame_metadata(
         numbers = object_ids(made.landed.receiver_paths)
         metadata["tpdwarp:ids"] = json.dumps({str(number): path for path, number in numbers.items()})
     if "cryptomatte" in settings.aovs:
-        metadata |= cryptomatte_metadata(made.photons.receiver_paths)
+        metadata |= cryptomatte_metadata(made.landed.receiver_paths)
     if target is not None:
         metadata |= {"tpdwarp:targetError": target.wanted, "tpdwarp:expectedError": target.expected}
     if not math.isnan(frame):

@@ -86,9 +86,10 @@ class RenderWork:
                 if kept is not None:
                     made = trace_frame(self._context(shutter), shutter, clock, MOST_PATHS)
                 else:
-                    region, paths = self._region, 0 if self._layer is None else MOST_PATHS
-                    size = region.width, region.height
-                    made = render_frame(self._context(shutter), shutter, *size, clock, paths=paths, region=region)
+                    region, keeping = self._region, self._layer is not None
+                    size, options = (region.width, region.height), {"region": region, "keeping": keeping}
+                    paths = MOST_PATHS if keeping else 0
+                    made = render_frame(self._context(shutter), shutter, *size, clock, paths=paths, **options)
                     self._dark(frame, made.channels)
                     made = replace(made, channels=held_out(made.channels, plan.settings.holdout, frame, region))
             self._watch(frame, shutter, made.energy)
@@ -157,8 +158,8 @@ class LazyContext:
     Before, it is said what memory a frame will need; one that needs too much is not begun.
     """
 
-    def __init__(self, plan: SequencePlan, pixels: int) -> None:
-        self._plan, self._pixels = plan, pixels
+    def __init__(self, plan: SequencePlan, pixels: int, *, shared: bool = False) -> None:
+        self._plan, self._pixels, self._shared = plan, pixels, shared
         self._context: RenderContext | None = None
 
     def __call__(self, shutter: Shutter) -> RenderContext:
@@ -172,7 +173,7 @@ class LazyContext:
         """
         if self._context is None:
             source, settings = self._plan.source, self._plan.settings
-            need = need_of(source, shutter, settings, self._pixels)
+            need = need_of(source, shutter, settings, self._pixels, shared=self._shared)
             logger.info(f"{source.file}: a frame needs about {need}")
             refuse_beyond(need, self._plan.max_memory, source.file)
             self._context = RenderContext(source, settings)

@@ -80,7 +80,7 @@ def contexts_of(plans: Sequence[SequencePlan]) -> list[Callable[[Shutter], Rende
     if len(plans) == 1 or plans[0].source.lit_by_camera:
         return [LazyContext(plan, pixels) for plan, pixels in zip(plans, regions, strict=True)]
     first, shared = plans[0], SharedTrace()
-    whole = LazyContext(first, max(regions))
+    whole = LazyContext(first, max(regions), shared=True)
 
     def seen(plan: SequencePlan, shutter: Shutter) -> RenderContext:
         return whole(shutter).seen_by(plan.source, plan.settings, shared)

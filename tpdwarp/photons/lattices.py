@@ -21,6 +21,7 @@ from tpdwarp.photons.aiming import Bounds, Specular, area_of, bounds_of, cube_ax
 from tpdwarp.photons.emission import Domain, Patch
 from tpdwarp.photons.energy import FEWEST_OF_SEVERAL
 from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape, turned
+from tpdwarp.photons.strips import Strip, strips_of
 from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import (
     ExtentShape,
@@ -111,6 +112,7 @@ class EmissionPlan:
         splits: Parts that each light with extent is cut into; each of them has lattices of its own.
         gains: What the photons of some lights are brighter by, by the paths of their prims
             (:class:`tpdwarp.photons.tracer.LightSplits`).
+        strip: The rows of cells that are emitted; None for all.
     """
 
     lattices: tuple[Lattice, ...]
@@ -120,6 +122,7 @@ class EmissionPlan:
     candidates: tuple[_Candidate, ...] = ()
     splits: int = 1
     gains: Mapping[str, float] = field(default_factory=dict, compare=False)
+    strip: Strip | None = None
     # What scenes that are still in use emit is found once: it is asked for by each that traces or looks for edges.
     _found: WeakKeyDictionary[SceneAtShutter, _Emitted] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False, compare=False
@@ -162,8 +165,28 @@ class EmissionPlan:
             for entry in self.lattices
         ]
         return replace(
-            self, lattices=tuple(lattices), planned_ids=self.planned_ids * count**2, photons=self.photons * count**2
+            self,
+            lattices=tuple(lattices),
+            planned_ids=self.planned_ids * count**2,
+            photons=self.photons * count**2,
+            strip=None,
         )
+
+    def in_strips(self, scenes: Sequence[SceneAtShutter], count: int) -> list[EmissionPlan]:
+        """The plan cut into a number of strips of the light, as it is emitted in ``scenes``."""
+        if count == 1:
+            return [self]
+        emitted = [(self.number_of(lattice), patch) for scene in scenes for lattice, patch in self.patches(scene)]
+        return [replace(self, strip=strip) for strip in strips_of(len(self.lattices), emitted, count)]
+
+    @property
+    def photons_at_once(self) -> int:
+        """Photons that are sent at once."""
+        return self.photons if self.strip is None else self.photons // self.strip.count
+
+    def number_of(self, lattice: Lattice) -> int:
+        """Number of one of the lattices; −1 of one that was made for a frame alone."""
+        return next((number for number, planned in enumerate(self.lattices) if planned is lattice), -1)
 
     def paths_of(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Path mask of each photon, index of its lattice in ``lattices``, and whether that one was planned."""
@@ -209,10 +232,13 @@ class EmissionPlan:
             found = self._emitted(_Sight(split, self.normalization, self._bounds.setdefault(scene, {})), aimed)
             if aimed:
                 self._found[scene] = found
-        return [
+        pairs = [
             (lattice, _patch(lattice, self._as_seen(light), bounds, found.behind, found.magnitude, self.normalization))
             for lattice, light, bounds in found.parts
         ]
+        if self.strip is None or not aimed:
+            return pairs
+        return [(lattice, patch) for lattice, patch in pairs if self.strip.cut(self.number_of(lattice), patch)]
 
     def _as_seen(self, light: LightAtShutter) -> LightAtShutter:
         """A light or part of one with the power that its photons have."""

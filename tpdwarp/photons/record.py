@@ -71,17 +71,21 @@ class LandedPhotons:
     Args:
         maps: As :func:`record_of` takes them.
         receiver_paths: Prim paths of the meshes.
+        count: Number of photons where they were not kept.
     """
 
-    def __init__(self, maps: list[tuple[PhotonMap, EmissionPlan]], receiver_paths: tuple[str, ...]) -> None:
+    def __init__(
+        self, maps: list[tuple[PhotonMap, EmissionPlan]], receiver_paths: tuple[str, ...], count: int | None = None
+    ) -> None:
         self._maps, self.receiver_paths = maps, receiver_paths
+        self._count = sum(len(photons) for photons, _ in maps) if count is None else count
 
     def __len__(self) -> int:
-        return sum(len(photons) for photons, _ in self._maps)
+        return self._count
 
     @cached_property
     def record(self) -> PhotonRecord:
-        """The photons in scene units."""
+        """The photons in scene units, where they were kept."""
         return record_of(self._maps, self.receiver_paths)
 
 
@@ -97,11 +101,16 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
         paths: Prim paths of the objects.
     """
     norm = maps[0][1].normalization
-    ids = sum(plan.id_count for photons, plan in maps if photons.part == 0)
+    first_strip = maps[0][1].strip
+    ids = sum(plan.id_count for photons, plan in maps if photons.part == 0 and plan.strip == first_strip)
     first = own = 0
+    strip = first_strip
     lights: dict[str, int] = {}
     rows: dict[str, list[np.ndarray]] = {}
     for photons, plan in maps:
+        if plan.strip != strip:
+            # Each strip goes through all segments.
+            first, own, strip = 0, 0, plan.strip
         if photons.part == 0:
             first, own = first + own, plan.id_count
         mask, cell = np.divmod(photons.ids, plan.id_count)

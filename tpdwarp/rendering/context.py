@@ -87,8 +87,8 @@ class RenderContext:
         estimator = ESTIMATORS[self.settings.estimator]()
         traced = partial(estimator.parts, self.tracer, shutter, scenes, pixel, clock)
         if self._shared is None:
-            for part in traced():
-                yield part, None
+            # Nothing here holds on to a part while the next is traced.
+            yield from map(lambda part: (part, None), traced())
             return
         for part, of_others in self._shared.parts(scenes, traced):
             yield part, pixel if of_others else None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.record import LandedPhotons, PhotonRecord
 from tpdwarp.photons.thinning import thinning_ranks
 from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.kept_view import KeptView
 from tpdwarp.rendering.light_groups import Fields
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
@@ -73,18 +75,25 @@ class Frame(Traced):
 
 
 class FramePhotons:
-    """The photons of all parts of a frame, and the account of their flux."""
+    """The photons of all parts of a frame, and the account of their flux.
 
-    def __init__(self) -> None:
+    Args:
+        kept: Whether the photons are; else they are counted only.
+    """
+
+    def __init__(self, *, kept: bool = True) -> None:
         self.energy = EnergyAccount()
+        self._kept, self._count = kept, 0
         self._maps: list[tuple[PhotonMap, EmissionPlan]] = []
 
     def add(self, part: Part) -> None:
         self.energy.add(part.energy)
-        self._maps += [(photons, part.plan) for photons in part.maps]
+        self._count += sum(map(len, part.maps))
+        if self._kept:
+            self._maps += [(photons, part.plan) for photons in part.maps]
 
     def landed(self, scenes: list[LoadedScene]) -> LandedPhotons:
-        return LandedPhotons(self._maps, scenes[0].geometry.paths)
+        return LandedPhotons(self._maps, scenes[0].geometry.paths, self._count)
 
 
 def trace_frame(context: RenderContext, shutter: Shutter, clock: Clock | None = None, paths: int = 0) -> Traced:
@@ -129,6 +138,7 @@ def render_frame(
     clock: Clock | None = None,
     paths: int = 0,
     region: ImageRegion | None = None,
+    keeping: bool = True,
 ) -> Frame:
     """Renders one frame of ``width`` × ``height`` pixels.
 
@@ -138,6 +148,7 @@ def render_frame(
         clock: Measures the stages; goes on where it stands.
         paths: At most so many paths of photons are recorded; 0 for none.
         region: The part of the image that is rendered, as in the whole of it; None for all.
+        keeping: Whether the frame keeps its photons; ten million take 2 GB.
 
     Raises:
         InputError: The scene cannot be used there.
@@ -158,21 +169,17 @@ def render_frame(
         scenes[0].geometry.paths,
         context.light_groups.names,
     )
-    photons = FramePhotons()
-    for part, unshaped in context.parts(shutter, scenes, pixel, clock):
+    photons, kept = FramePhotons(kept=keeping), KeptView()
+    order = (None, None) if region.is_whole else region_order(region)
+
+    def view_of(part: Part) -> CameraView:
         with clock.stage("view"):
-            view = CameraView(
-                part.scenes,
-                settings,
-                context.normalization,
-                context.launcher,
-                width,
-                height,
-                clock,
-                *((None, None) if region.is_whole else region_order(region)),
-            )
+            seen_by = context.normalization, context.launcher, width, height, clock
+            return CameraView(part.scenes, settings, *seen_by, *order)
+
+    for part, unshaped in context.parts(shutter, scenes, pixel, clock):
         fields = context.light_groups.fields(part, unshaped, context.tracer, clock)
-        part.energy.add(expose(film, fields, view.look(), part.weight, clock))
+        part.energy.add(expose(film, fields, kept.look(part, partial(view_of, part)), part.weight, clock))
         photons.add(part)
         # Ten million footprints take more memory than their photons.
         del part, fields
@@ -203,9 +210,11 @@ def expose(
     account = EnergyAccount()
     for seen in view:
         if isinstance(seen, SeenPoints):
-            with clock.stage("view"):
-                film.add_view(seen.points, seen.pixels, weight)
-                account.add(EnergyAccount(counts=seen.counts()))
+            # Where the photons of a shutter come in several parts, one of them has all of the view.
+            if weight:
+                with clock.stage("view"):
+                    film.add_view(seen.points, seen.pixels, weight)
+                    account.add(EnergyAccount(counts=seen.counts()))
             continue
         for group, light in fields.items():
             with clock.stage("gather"):

@@ -234,6 +234,8 @@ def irradiance_at(
                         _add_light(light, chosen, part, field, context, group.points.of(chosen), with_motion)
                     if name:
                         light.by_group[name] += light.irradiance - before
+        # Makes room for the photons of the next part.
+        del part, fields
     norm = context.normalization
     for group, light in zip(groups, lights, strict=True):
         for irradiance in (light.irradiance, *light.by_group.values()):

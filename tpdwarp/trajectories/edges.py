@@ -110,7 +110,7 @@ def resting_edges(
     cells = RetracedCells({number: ChosenCells(found) for number, found in resting.items()}, plan)
     if besides is not None:
         cells = cells.without(besides)
-    if FINER**2 * len(cells) > MOST_FINER * plan.photons:
+    if FINER**2 * len(cells) > MOST_FINER * plan.photons_at_once:
         return None
     light = float(photons.flux.sum(dtype=np.float64))
     chosen = {number: mine.cell for number, mine in cells.cells.items()}
@@ -126,7 +126,7 @@ def finer_in_time(changing: RetracedCells, resting: Cells) -> tuple[RetracedCell
     plan = changing.plan
     at_edges = RetracedCells({number: ChosenCells(cells) for number, cells in resting.items()}, plan)
     both, others = changing.parted(at_edges)
-    if not len(both) or FINER**2 * PARTS * len(both) > plan.photons:
+    if not len(both) or FINER**2 * PARTS * len(both) > plan.photons_at_once:
         return changing, None
     cells = {
         number: ChosenCells(_finer_cells(mine.cell), np.repeat(FINER * mine.offset, FINER**2, axis=0))

@@ -9,7 +9,7 @@ too few photons to say; those cells are traced at either end themselves.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -147,6 +147,8 @@ class ShutterKeyframes:
             clock,
             shared=False,
         ).foreseeing(loaded.scene)
+        if plan.strip is not None:
+            sparse = replace(sparse, strip=plan.strip.on(plan.lattices, sparse.lattices))
         ends = keyframe_shutters(loaded.scene.shutter)[::2]
         opening, closing = (tracer.load(end, clock, beside=loaded) for end in ends)
         (opening, closing), changes = steadily_lit(tracer, [opening, closing], [-END, END], loaded.scene.lights)

@@ -251,7 +251,7 @@ def riding(cells: dict[int, ChosenCells], plan: EmissionPlan, part: float) -> Ca
     none = ChosenCells(np.zeros((0, 2), np.int64))
 
     def chosen(lattice: Lattice, patch: Patch) -> ChosenCells:
-        mine = cells.get(number_of(plan, lattice), none)
+        mine = cells.get(plan.number_of(lattice), none)
         return ChosenCells(mine.cell, None if part == 0.0 or not len(mine) else np.float32(part) * mine.offset)
 
     return chosen
@@ -260,16 +260,11 @@ def riding(cells: dict[int, ChosenCells], plan: EmissionPlan, part: float) -> Ca
 def emitted_cells(plan: EmissionPlan, scene: SceneAtShutter) -> dict[int, Window]:
     """The cells of each lattice that are emitted in a scene."""
     return {
-        number_of(plan, lattice): Window(
+        plan.number_of(lattice): Window(
             np.array([patch.first_u, patch.first_v]), np.array([patch.count_u, patch.count_v])
         )
         for lattice, patch in plan.patches(scene)
     }
-
-
-def number_of(plan: EmissionPlan, lattice: Lattice) -> int:
-    """Number of a lattice in its plan; −1 for one that was made for a frame alone."""
-    return next((number for number, planned in enumerate(plan.lattices) if planned is lattice), -1)
 
 
 def numbers_of(maps: Sequence[CellsOfLattices]) -> list[int]:
