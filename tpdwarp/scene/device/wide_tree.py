@@ -13,6 +13,9 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.scene.device.ray_tree import BLOCK_FLOATS, MOST_LEVELS, NODE_FLOATS, WIDTH, RayTree
 
+# Items of a launch that only copies, at least: to begin one takes as long as to copy thousands.
+LEAST_COPIED = 1 << 14
+
 
 @wp.func_native(f"""
     using namespace wp;
@@ -191,5 +194,6 @@ class WideTree:
 
     def _fit(self) -> None:
         tree, mesh = self.tree, self.mesh
-        self._launcher(copy_boxes, len(tree.links), [mesh.id, self._sources, tree.boxes])
-        self._launcher(copy_corners, len(tree.faces), [mesh.points, mesh.indices, tree.faces, tree.corners])
+        self._launcher(copy_boxes, len(tree.links), [mesh.id, self._sources, tree.boxes], LEAST_COPIED)
+        inputs = [mesh.points, mesh.indices, tree.faces, tree.corners]
+        self._launcher(copy_corners, len(tree.faces), inputs, LEAST_COPIED)
