@@ -17,7 +17,7 @@ from pathlib import Path
 FOLDER = Path(__file__).resolve().parent
 CASES = (
     "frame_time", "accuracy", "presets", "comparison", "target_error", "rounding", "check_frames", "solids", "house",
-    "speed", "features", "efficiency", "large", "extent", "gpu", "memory", "farm",
+    "speed", "features", "efficiency", "peers", "large", "extent", "gpu", "memory", "farm",
 )  # fmt: skip
 
 

@@ -173,7 +173,7 @@ def _measured(stage: Path, truth: Truth, **settings: Any) -> dict[str, object]:
         **{"samples": SAMPLES, **settings},
     )
     seconds = time.process_time() - start
-    found = _channel(picture, "irradiance.R")
+    found = channel(picture, "irradiance.R")
     difference, mean = (found - truth.irradiance)[truth.mask], truth.irradiance[truth.mask].mean()
     energy = result.energy[float(FRAME)]
     receivers = sum(watts for name, watts in truth.energy.items() if name.startswith("/"))
@@ -189,7 +189,7 @@ def _measured(stage: Path, truth: Truth, **settings: Any) -> dict[str, object]:
     }
 
 
-def _channel(path: Path, name: str) -> np.ndarray:
+def channel(path: Path, name: str) -> np.ndarray:
     """One channel of an image, shape [height, width] float64."""
     pixels = oiio.ImageBuf(str(path))
     return pixels.get_pixels(oiio.FLOAT)[:, :, pixels.spec().channelindex(name)].astype(np.float64)
