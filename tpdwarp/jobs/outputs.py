@@ -40,7 +40,8 @@ def prepare_outputs(
         holdouts: Images that frames are held out by.
 
     Raises:
-        InputError: An output cannot be written, statistics have the name of an image or a layer, or an output is one of the stage's files, or is two outputs.
+        InputError: An output cannot be written, is one of the stage's files, or is two outputs; or statistics have the
+            name of an image or a layer.
     """
     if stats is not None and os.path.splitext(stats)[1].lower() in (*IMAGES, *LAYERS):
         raise InputError("is no name for statistics (use .json or .jsonl)", file=os.fspath(stats))
