@@ -47,8 +47,16 @@ AOVS = (
 AOV_ALIASES = {"caustics": "caustic", "depth": "Z", "normal": "N", "normals": "N", "position": "P"}
 EXR_TYPES = ("half", "float")
 # What asks for more is a slip of the hand: samples of a pixel are looked at together, in arrays that take a tenth of a
-# gigabyte for so many, and so many traces take days.
-MOST = {"photons": 2**28, "samples": 2**16, "segments": 2**12, "accumulation_times": 2**16}
+# gigabyte for so many, so many traces take days, and kernels know no number beyond 2³¹.
+MOST = {
+    "photons": 2**28,
+    "samples": 2**16,
+    "segments": 2**12,
+    "accumulation_times": 2**16,
+    "light_splits": 2**16,
+    "bounces": 2**16,
+    "tdpm_neighbours": 2**16,
+}
 MOST_THREADS = 1024
 # The entry of light groups that puts lights into those that they name themselves.
 AUTOMATIC_GROUPS = "auto"
