@@ -135,3 +135,12 @@ def test_a_smooth_mirror_that_is_seen_in_a_rough_one_shows_lights_as_blurred():
     one, alone = (shown(mirror(0.09, white), light, other)[0] for other in (board, dark))
     assert one > 1.05 * alone
     assert shown(mirror(0.0, white), light, board).max() == 0
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.09])
+def test_what_is_a_mirror_in_part_shows_lights_in_that_part(alpha):
+    light, whole = ahead(ExtentShape.RECT), mirror(alpha)
+    diffuse = shown(Material(color=COLOR), light)
+    scene = SceneAtShutter(SHUTTER, (floor(material=replace(whole, diffuse_share=0.25)),), (light,), eye(0.8))
+    part = sum(seen.direct.sum(axis=0) for seen in see(scene, 1, 1, PLACES[:64])) / 64
+    np.testing.assert_allclose(part, 0.25 * diffuse + 0.75 * shown(whole, light), rtol=1e-4)
