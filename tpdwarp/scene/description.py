@@ -369,6 +369,7 @@ class LightAtShutter:
         passed: Paths of meshes that its light goes through as if they were not there.
         shaped_about: The axis of its shaping and the change of that over the shutter, shape [2, 3], where it is not −z
             of the frame.
+        meshed: Whether a mesh that shines stands in its place for who looks at it in a mirror.
     """
 
     path: str
@@ -385,6 +386,7 @@ class LightAtShutter:
     unlit: frozenset[str] = frozenset()
     passed: frozenset[str] = frozenset()
     shaped_about: np.ndarray | None = None
+    meshed: bool = False
 
     @property
     def cone_axis(self) -> np.ndarray:

@@ -58,6 +58,7 @@ class AreaLightArrays:
     ``place`` is the direction of travel or the position, ``span_a`` and ``span_b`` are as in
     :class:`tpdwarp.scene.description.Extent`; each changes by its motion over the shutter. ``facing`` is the normal of
     what is flat. ``radius`` of parallel light is the sine of the half angle. ``shaping`` is that beside the profile.
+    ``meshed`` is 1 for lights in whose place mirrors show a mesh that shines.
     """
 
     distant: wp.array(dtype=wp.int32)
@@ -73,6 +74,7 @@ class AreaLightArrays:
     facing: wp.array(dtype=wp.vec3)
     facing_motion: wp.array(dtype=wp.vec3)
     shaping: wp.array(dtype=ShapingValues)
+    meshed: wp.array(dtype=wp.int32)
     links: wp.array2d(dtype=wp.int32)
     link_row: wp.array(dtype=wp.int32)
 
@@ -112,6 +114,7 @@ def area_light_arrays(
     values = np.array([shaping_of_surface(light) for light in chosen], np.float32)
     out.shaping = launcher.array(values.reshape(-1, SHAPING_COUNT), ShapingValues)
     out.distant = launcher.array(np.array(distant, np.int32), wp.int32)
+    out.meshed = launcher.array(np.array([light.meshed for light in chosen], np.int32), wp.int32)
     out.shape = launcher.array(np.array([light.extent.shape for light in chosen], np.int32), wp.int32)
     radii = [
         math.sin(light.extent.radius) if far else scale * light.extent.radius
