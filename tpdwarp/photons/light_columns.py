@@ -24,9 +24,10 @@ from tpdwarp.photons.differentials import (
 )
 from tpdwarp.photons.emission import Patch
 from tpdwarp.scene.description import ExtentShape
+from tpdwarp.scene.device.ellipsoids import SeenEllipsoid, ellipsoid_from, ellipsoid_irradiance
 from tpdwarp.scene.device.intersection import Hit, normal_variation
 from tpdwarp.scene.device.round_lights import VISIBLE_SIDE, round_irradiance
-from tpdwarp.scene.device.shaping import across_of, shaped
+from tpdwarp.scene.device.shaping import across_of, area_shown, shaped
 
 
 class LightImage(IntEnum):
@@ -55,6 +56,7 @@ NODE = wp.constant(math.sqrt(0.6))
 # Light of what all but touches a surface is no narrower by its flux than this. Chosen, not derived.
 LEAST_NARROWING = wp.constant(0.05)
 CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
+ELLIPSOID = wp.constant(int(ExtentShape.ELLIPSOID))
 # Variance of places along either axis of a disc, and of an interval.
 VARIANCE_OF_DISC = wp.constant(0.25)
 VARIANCE_OF_INTERVAL = wp.constant(1.0 / 3.0)
@@ -135,7 +137,8 @@ def nearness(patch: Patch, x: wp.vec3, n: wp.vec3) -> float:
     are far off, and what is left of first order for lights that are twice as large. Photons from one place are followed
     through one point: how far first order misses them says what parts are worth, which lie farther off for their size.
     """
-    if patch.domain == 0 or patch.extent_shape == ROUND or patch.is_place == 1:
+    has_depth = patch.extent_shape == ROUND or patch.extent_shape == ELLIPSOID
+    if patch.domain == 0 or has_depth or patch.is_place == 1:
         return 0.0
     spread = (wp.length_sq(patch.span_a) + wp.length_sq(patch.span_b)) / wp.length_sq(x - patch.position)
     fourth = wp.pow(wp.min(spread, NEAREST), 4.0)
@@ -147,11 +150,18 @@ def nearness(patch: Patch, x: wp.vec3, n: wp.vec3) -> float:
 
 
 @wp.func
+def seen_ellipsoid(patch: Patch, x: wp.vec3) -> SeenEllipsoid:
+    """A light that is an ellipsoid, from x."""
+    return ellipsoid_from(patch.span_a, patch.span_b, patch.span_c, patch.position - x)
+
+
+@wp.func
 def columns_at(patch: Patch, beam: Beam, n_g: wp.vec3) -> LightColumns:
     """The columns of a beam on the first specular surface: D_a ω = −(I − ωωᵀ) a/d for a place a on a light d away.
 
     Of parallel light they are the sine of its half angle, across the beam; what is round is a disc across the beam
-    from everywhere. A cylinder ρ away from its axis turns ω about that by its radius, b, over ρ.
+    from everywhere, and an ellipsoid what a disc across the beam is where that is a sphere. A cylinder ρ away from its
+    axis turns ω about that by its radius, b, over ρ.
 
     From a lamp that nearly touches the surface, light of one direction is followed in the place of light through one
     point: D_a ω is 0 and D_a x is a, along ω into the surface.
@@ -177,6 +187,10 @@ def columns_at(patch: Patch, beam: Beam, n_g: wp.vec3) -> LightColumns:
     if patch.extent_shape == ROUND:
         a = patch.extent_radius * across_of(beam.w)
         b = wp.cross(beam.w, a)
+    elif patch.extent_shape == ELLIPSOID:
+        seen = seen_ellipsoid(patch, beam.x)
+        a = seen.a
+        b = seen.b
     elif patch.extent_shape != DISK:
         out.image = IMAGE_PARALLELOGRAM
     out.dwdb = (beam.w * wp.dot(beam.w, b) - b) / d
@@ -204,7 +218,7 @@ def _flux_from(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3, a: f
         # By the sines of its directions, a part of the sun sends cosines over theirs to its own axis.
         return wp.vec2(wp.max(wp.dot(beam.w + a * columns.dwda + b * columns.dwdb, n), 0.0), 1.0)
     off = beam.x - patch.position
-    if patch.extent_shape == ROUND:
+    if patch.extent_shape == ROUND or patch.extent_shape == ELLIPSOID:
         d = wp.length(off)
         way = off + d * (a * columns.dwda + b * columns.dwdb)
     elif patch.extent_shape == CYLINDER:
@@ -318,6 +332,15 @@ def flux_of_places(
         if patch.domain == 1:
             h *= wp.length(beam.x - patch.position)
         mean *= of_middle / unshaped * round_irradiance(cosine, wp.max(h, 1.0)) / cosine
+    elif patch.extent_shape == ELLIPSOID:
+        # The same light without its cone, by the area that it shows to each of these directions.
+        unshaped = (1.0 - 2.0 * k) * middle[0] * area_shown(patch.shaping, beam.w)
+        unshaped += 0.5 * k * right[0] * area_shown(patch.shaping, wp.normalize(beam.w + columns.dwda))
+        unshaped += 0.5 * k * left[0] * area_shown(patch.shaping, wp.normalize(beam.w - columns.dwda))
+        unshaped += 0.5 * k * upper[0] * area_shown(patch.shaping, wp.normalize(beam.w + columns.dwdb))
+        unshaped += 0.5 * k * lower[0] * area_shown(patch.shaping, wp.normalize(beam.w - columns.dwdb))
+        sent = ellipsoid_irradiance(seen_ellipsoid(patch, beam.x), -n)
+        mean *= sent / wp.max(unshaped, 1.0e-30) / (math.pi * patch.extent_radius * patch.extent_radius)
     else:
         if patch.domain == 1 and (patch.extent_shape == DISK or patch.extent_shape == RECT):
             moments = moments_of_flux(patch, beam, columns, n)
