@@ -179,6 +179,25 @@ def test_photons_of_an_ellipsoid_bring_what_all_of_its_surface_sends_to_the_firs
     np.testing.assert_allclose(whole.flux[:, 0] / middle.flux[:, 0], np.array(sent) / alone, rtol=5e-3)
 
 
+@pytest.mark.parametrize("height", [0.02, 0.1, 0.15, 0.3])
+@pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT])
+def test_all_the_light_of_a_lamp_close_above_a_sheet_passes_it_once(shape, height):
+    """All of its places send as much through a wide sheet as its middle does, wherever light of one direction is told
+    apart from that through one point."""
+    light = replace(
+        LAMP,
+        position=np.array([0.1, 0.05, 0.2 + height]),
+        axes=np.eye(3),
+        profile=EmissionProfile.COSINE,
+        extent=Extent(shape, 0.0, 0.15 * np.eye(3)[:2]),
+    )
+    clear = quad("/clear", (-3, -3), (3, 3), 0.2, Material(Interaction.DIELECTRIC, ior=1.0))
+    wide = quad("/wide", (-30, -30), (30, 30), 0.0, floor().materials[0])
+    scene = scene_of(light, [wide, clear])
+    middle, whole = (traced(Written(scene), 4096, shutter=STILL, place=p).photons for p in ((0.0, 0.0), None))
+    assert whole.flux.sum() == pytest.approx(middle.flux.sum(), rel=5e-3)
+
+
 @pytest.mark.parametrize("name", ["disk", "rect"])
 def test_photons_land_where_the_middle_of_their_light_does_with_its_mean_flux(name):
     """Straight on through a sheet of index one: the mean over places, each of which sends cos θ_l cos θ / d² to it."""

@@ -129,6 +129,20 @@ def from_visible_side(patch: Patch, beam: Beam) -> Beam:
 
 
 @wp.func
+def nearness_of_place(patch: Patch, n: wp.vec3, off: wp.vec3, a: float, b: float) -> float:
+    """:func:`nearness` of the point of a plane of normal n to which the middle of a lamp sends what the place (a, b)
+    sends to x, if all of the lamp lies before the plane; ``off`` leads from the middle to x."""
+    way = off - a * patch.span_a - b * patch.span_b
+    height = wp.dot(n, way)
+    if height <= 0.0:
+        return 1.0
+    farther = wp.dot(n, off) / height
+    spread = (wp.length_sq(patch.span_a) + wp.length_sq(patch.span_b)) / (farther * farther * wp.length_sq(way))
+    fourth = wp.pow(wp.min(spread, NEAREST), 4.0)
+    return fourth / (1.0 + fourth)
+
+
+@wp.func
 def nearness(patch: Patch, x: wp.vec3, n: wp.vec3) -> float:
     """Whether x is nearer to a lamp than that is large: 1 where it touches, 0 far off, ½ at its own size; 0 as well for
     lamps that the plane with normal n through x cuts, of which it is lit by what stands before it alone.
@@ -140,13 +154,11 @@ def nearness(patch: Patch, x: wp.vec3, n: wp.vec3) -> float:
     has_depth = patch.extent_shape == ROUND or patch.extent_shape == ELLIPSOID
     if patch.domain == 0 or has_depth or patch.is_place == 1:
         return 0.0
-    spread = (wp.length_sq(patch.span_a) + wp.length_sq(patch.span_b)) / wp.length_sq(x - patch.position)
-    fourth = wp.pow(wp.min(spread, NEAREST), 4.0)
     depth = wp.abs(wp.dot(n, patch.span_a)) + wp.abs(wp.dot(n, patch.span_b))
     height = wp.abs(wp.dot(n, x - patch.position))
     # Half as deep as high up and less, it is all before the plane.
     before = wp.clamp(2.0 - 2.0 * depth / wp.max(height, 1.0e-30), 0.0, 1.0)
-    return before * fourth / (1.0 + fourth)
+    return before * nearness_of_place(patch, n * wp.sign(wp.dot(n, x - patch.position)), x - patch.position, 0.0, 0.0)
 
 
 @wp.func
@@ -250,25 +262,34 @@ def shaping_of_place(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3
 def moments_of_flux(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3) -> wp.vec3:
     """The means of f, a² f and b² f over a flat lamp, whose place (a, b) sends the flux f through a surface.
 
-    By nodes that are exact to the fifth order, shaping included.
+    By nodes that are exact to the fifth order, shaping included. Light of one direction is not: as much as is followed
+    so from the point of the surface to which each place sends what the middle sends here, that all of it is counted
+    once.
     """
     out = wp.vec3(0.0, 0.0, 0.0)
+    off = beam.x - patch.position
+    own = nearness_of_place(patch, n, off, 0.0, 0.0)
+    before = float(0.0)
+    if own > 0.0:
+        before = nearness(patch, beam.x, n) / own
     if patch.extent_shape == DISK:
         middle = _flux_from(patch, beam, columns, n, 0.0, 0.0)
-        out[0] = 0.25 * middle[0] * middle[1]
+        out[0] = 0.25 * middle[0] * middle[1] * (1.0 - before * own)
         for k in range(6):
             a = NODE_OF_DISC * wp.cos(float(k) * SIXTH)
             b = NODE_OF_DISC * wp.sin(float(k) * SIXTH)
             f = _flux_from(patch, beam, columns, n, a, b)
-            out += (0.125 * f[0] * f[1]) * wp.vec3(1.0, a * a, b * b)
+            rest = 1.0 - before * nearness_of_place(patch, n, off, a, b)
+            out += (0.125 * rest * f[0] * f[1]) * wp.vec3(1.0, a * a, b * b)
         return out
     for i in range(3):
         for j in range(3):
             a = NODE * float(i - 1)
             b = NODE * float(j - 1)
             f = _flux_from(patch, beam, columns, n, a, b)
+            rest = 1.0 - before * nearness_of_place(patch, n, off, a, b)
             weight = (5.0 + 3.0 * float(i % 2)) * (5.0 + 3.0 * float(j % 2)) / 324.0
-            out += (weight * f[0] * f[1]) * wp.vec3(1.0, a * a, b * b)
+            out += (weight * rest * f[0] * f[1]) * wp.vec3(1.0, a * a, b * b)
     return out
 
 
@@ -349,8 +370,10 @@ def flux_of_places(
                 deviation = wp.sqrt(moments[1 + axis] / wp.max(k * moments[0], 1.0e-30))
                 out.narrowing[axis] = wp.clamp(deviation, LEAST_NARROWING, 1.0)
             change = wp.cw_div(change, out.narrowing)
-        # All places send alike in one direction.
-        mean = wp.lerp(mean, middle[1], nearness(patch, beam.x, n_g))
+            # All places send alike in one direction.
+            mean += nearness(patch, beam.x, n_g) * middle[1]
+        else:
+            mean = wp.lerp(mean, middle[1], nearness(patch, beam.x, n_g))
     most = wp.max(wp.max(wp.max(right[1], left[1]), wp.max(upper[1], lower[1])), middle[1])
     out.mean = wp.clamp(mean, 0.1 * middle[1], 2.0 * most)
     if out.mean > 0.0:
