@@ -70,6 +70,7 @@ def turn_of_light(light: LightAtShutter, before: np.ndarray, after: np.ndarray) 
     if light.kind == LightKind.DISTANT or not is_shaped(light):
         return 0.0
     about_two_axes = light.profile == EmissionProfile.SINE and light.shaping is not None
+    about_two_axes = about_two_axes or light.profile == EmissionProfile.SHOWN
     if about_two_axes or (light.extent is not None and light.extent.shape == ExtentShape.RECT):
         cosine = 0.5 * (float(np.sum(before * after)) - 1.0)
     else:

@@ -25,6 +25,7 @@ from tpdwarp.view.area_lights import (
     AreaLight,
     AreaLightArrays,
     PlaceOnLight,
+    before_surface,
     light_seen_from,
     place_on_light,
     within,
@@ -111,7 +112,7 @@ def radiance_of(light: AreaLight) -> float:
     """Radiance of a light by its power: its largest intensity, or its irradiance at normal incidence."""
     if light.shape == ROUND:
         return 1.0 / (PI * light.radius * light.radius)
-    return 1.0 / area_of(light)
+    return light.share / area_of(light)
 
 
 @wp.func
@@ -129,6 +130,9 @@ def solid_angle(light: AreaLight, w: wp.vec3, distance: float) -> float:
     if light.shape == ROUND:
         return area / wp.max(wp.dot(w, wp.normalize(light.d)), RIM)
     facing = -wp.dot(w, light.facing)
+    if light.depth > 0.0:
+        # By the distance of the disk, behind the surface of the ellipsoid that it stands for.
+        distance = wp.dot(light.d, light.facing) / wp.dot(w, light.facing)
     if light.shape == CYLINDER:
         before = before_axis(light)
         axis = wp.normalize(light.a)
@@ -180,6 +184,8 @@ def distance_to(light: AreaLight, w: wp.vec3) -> float:
     outside = wp.max(wp.abs(u), wp.abs(v)) > 1.0
     if light.shape == DISK:
         outside = u * u + v * v > 1.0
+        if light.depth > 0.0:
+            distance *= before_surface(light, u * u + v * v)
     return wp.where(outside, -1.0, distance)
 
 
