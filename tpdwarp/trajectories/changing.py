@@ -162,7 +162,7 @@ def changing_cells(
                 continue
             if ride is None or ride.torn is None:
                 window = Window.around(cells, margin=1)
-                ride = _Field(window, _shifts(here, number, window, suspects.get(number)), None)
+                ride = _Field(window, shifts_over(here, number, window, suspects.get(number)), None)
             found[number] = ChosenCells(cells, ride.shifts[ride.window.at(cells)].astype(np.float32))
             growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
             if ride.torn is None:
@@ -241,7 +241,7 @@ def _field(found: CellsOfLattices, lattice: Lattice, number: int, given: ChosenC
     window = Window.around(cells, margin=1)
     if np.ptp(found.photons.shift[rows], axis=0).max() <= LARGEST_DRIFT_APART:
         return _Field(window, window.grid(2), None)
-    shifts = _shifts(found, number, window, given)
+    shifts = shifts_over(found, number, window, given)
     torn, smooth = rift_cells(shifts)
     if not torn.any():
         return _Field(window, shifts, None, not smooth.any())
@@ -266,7 +266,7 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
             windows[number] = window = Window.around(cells, margin=1)
             inside = window.cells(np.ones(window.size, bool))
             inside = inside[sparse.lattices[number].holds(inside)]
-            shifts[number] = _shifts(of_lattices[0.0], number, window)
+            shifts[number] = shifts_over(of_lattices[0.0], number, window)
             riders[number] = ChosenCells(inside, shifts[number][window.at(inside)])
         drift = max((END * np.abs(cells.offset).max() for cells in riders.values()), default=0.0)
     if drift > LARGEST_DRIFT:
@@ -359,7 +359,7 @@ class _Change:
         return grid
 
 
-def _shifts(found: CellsOfLattices, number: int, window: Window, given: ChosenCells | None = None) -> np.ndarray:
+def shifts_over(found: CellsOfLattices, number: int, window: Window, given: ChosenCells | None = None) -> np.ndarray:
     """Shift over the whole shutter of all cells of ``window``, of those without a photon as ``given`` or as of those
     nearest; shape [u, v, 2]."""
     grid, known = window.grid(2, dtype=np.float32), window.grid(dtype=bool)
@@ -401,6 +401,6 @@ def _spread(grid: np.ndarray, known: np.ndarray) -> None:
 
 
 def _shifts_of(cells: np.ndarray, found: CellsOfLattices, number: int, given: ChosenCells | None) -> np.ndarray:
-    """Shift of ``cells`` [n, 2], as :func:`_shifts` has it."""
+    """Shift of ``cells`` [n, 2], as :func:`shifts_over` has it."""
     window = Window.around(cells, margin=1)
-    return _shifts(found, number, window, given)[window.at(cells)]
+    return shifts_over(found, number, window, given)[window.at(cells)]
