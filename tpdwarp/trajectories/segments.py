@@ -45,7 +45,7 @@ from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.brightening import lights_change
-from tpdwarp.trajectories.changing import shifts_over
+from tpdwarp.trajectories.changing import resting_where_turned_over, shifts_over
 from tpdwarp.trajectories.keyframes import (
     END,
     KEYFRAME_DURATION,
@@ -57,7 +57,7 @@ from tpdwarp.trajectories.keyframes import (
     steadily_lit,
 )
 from tpdwarp.trajectories.neighbours import Pairs, growth_of, neighbours
-from tpdwarp.trajectories.retraced import PARTS, CellsOfLattices, Window, numbers_of
+from tpdwarp.trajectories.retraced import PARTS, CellsOfLattices, Window
 from tpdwarp.trajectories.rifts import widths_of_rifts
 from tpdwarp.trajectories.turns import least_segments
 
@@ -289,18 +289,21 @@ def _over_shutter(photons: PhotonMap) -> PhotonMap:
 
 
 def _widest_rift(maps: Sequence[PhotonMap], plan: EmissionPlan) -> float:
-    """How wide the rifts of any lattice are, as a part of what its light meets when that is narrowest.
+    """How wide the rifts of any lattice are, as a part of what its light meets in the middle of the shutter.
+
+    What turns over has none: its cells rest.
 
     Args:
-        maps: Photons at several times, of which one may hide what others show.
+        maps: Photons in the middle of the shutter, then at other times, which may show what is hidden there.
     """
-    found = [CellsOfLattices(photons, plan) for photons in maps]
+    found = [CellsOfLattices(resting_where_turned_over(photons, plan)[0], plan) for photons in maps]
     widest = 0.0
-    for number in numbers_of(found):
-        seen = [(there, Window.around(there.of(number)[1])) for there in found if number in there.numbers()]
-        narrowest = np.min([window.size for _, window in seen], axis=0)
-        for there, window in seen:
-            widest = max(widest, *(widths_of_rifts(shifts_over(there, number, window)) / narrowest))
+    for number in found[0].numbers():
+        size = Window.around(found[0].of(number)[1]).size
+        for there in found:
+            if number in there.numbers():
+                field = shifts_over(there, number, Window.around(there.of(number)[1]))
+                widest = max(widest, *(widths_of_rifts(field) / size))
     return widest
 
 
