@@ -44,6 +44,21 @@ def test_every_chunk_is_run_once(count):
     assert sorted(recorder.begun) == list(range(count))
 
 
+def test_where_the_system_allows_few_threads_those_do_all(monkeypatch):
+    start, started = threading.Thread.start, []
+
+    def allowed_two(thread):
+        if len(started) == 2:
+            raise RuntimeError("can't start new thread")
+        started.append(thread)
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", allowed_two)
+    workers, recorder = Workers(8), Recorder(seconds=0)
+    Chunks(recorder, range(20)).on(workers)
+    assert workers.count == 2 and sorted(recorder.begun) == list(range(20))
+
+
 @pytest.mark.parametrize("error", [MemoryError, KeyboardInterrupt, SystemExit, RuntimeError])
 def test_a_chunk_that_raises_ends_the_launch_when_the_others_have_ended(error):
     recorder = Recorder(fail={5: error("5")})

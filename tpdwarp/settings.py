@@ -46,6 +46,18 @@ AOVS = (
 # What else people call them.
 AOV_ALIASES = {"caustics": "caustic", "depth": "Z", "normal": "N", "normals": "N", "position": "P"}
 EXR_TYPES = ("half", "float")
+# What asks for more is a slip of the hand: samples of a pixel are looked at together, in arrays that take a tenth of a
+# gigabyte for so many, so many traces take days, and kernels know no number beyond 2³¹.
+MOST = {
+    "photons": 2**28,
+    "samples": 2**16,
+    "segments": 2**12,
+    "accumulation_times": 2**16,
+    "light_splits": 2**16,
+    "bounces": 2**16,
+    "tdpm_neighbours": 2**16,
+}
+MOST_THREADS = 1024
 # The entry of light groups that puts lights into those that they name themselves.
 AUTOMATIC_GROUPS = "auto"
 _GROUP_ENTRY = re.compile(r"[A-Za-z]\w*=.+", re.ASCII)
@@ -117,6 +129,8 @@ class _Group:
                 continue
             if not isinstance(value, int) or isinstance(value, bool) or value < 1:
                 _refuse("imageWidth" if name == "image_width" else name, f"must be a whole number above 0, not {value}")
+            if value > MOST.get(name, math.inf):
+                _refuse(name, f"must be at most {MOST[name]}, not {value}")
 
     def _check_parts(self, *names: str) -> None:
         for name in names:
@@ -174,6 +188,8 @@ class StageSettings(_Group):
                 _refuse("resolution", "says all that --imageWidth says (leave one out)")
         if self.crop is not None:
             self._check_crop(self.crop)
+        if not 1 <= self.complexity <= 2:
+            _refuse("complexity", f"must lie in 1 … 2, not {self.complexity:g}")
         if self.exposure is not None and not (math.isfinite(self.exposure) and self.exposure >= 0):
             _refuse("exposure", f"must be 0 frames or more, not {self.exposure}")
         if self.shutter is not None:
@@ -249,8 +265,6 @@ class LightSettings(_Group):
             if method != ("tpd", "bspline", "lattice", "middle"):
                 _refuse("target_error", "is for tpd on a lattice (leave --estimator, --kernel and --emission out)")
         self._check_parts("branch_cutoff")
-        if self.photons > 2**28:
-            _refuse("photons", f"must be at most {2**28}, not {self.photons}")
         if self.tdpm_neighbours < 2:
             _refuse("tdpm_neighbours", "must be at least 2: the last of them marks the edge and adds nothing")
         if self.tdpm_between is not None and (not isinstance(self.tdpm_between, int) or self.tdpm_between < 0):
@@ -329,8 +343,8 @@ class MachineSettings(_Group):
     threads: int = 0
 
     def _check(self) -> None:
-        if not isinstance(self.threads, int) or self.threads < 0:
-            _refuse("threads", f"must be 0 (all cores) or more, not {self.threads}")
+        if not isinstance(self.threads, int) or not 0 <= self.threads <= MOST_THREADS:
+            _refuse("threads", f"must lie in 0 (all cores) … {MOST_THREADS}, not {self.threads}")
         if not isinstance(self.seed, int) or not 0 <= self.seed < 2**31:
             _refuse("seed", f"must lie in 0 … 2^31−1, not {self.seed}")
 

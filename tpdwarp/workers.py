@@ -20,16 +20,24 @@ class Workers:
     """Threads that end with the object.
 
     Args:
-        count: How many threads.
+        count: How many threads; there are fewer where the system allows no more.
+
+    Raises:
+        RuntimeError: It allows none.
     """
 
     def __init__(self, count: int) -> None:
-        self.count = count
+        self.count = 0
         self._tasks: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
-        for _ in range(count):
-            # Daemons, for an interpreter that ends must not wait for threads that wait for it.
-            threading.Thread(target=_work_off, args=(self._tasks,), name="tpdwarp-launch", daemon=True).start()
-        weakref.finalize(self, _dismiss, self._tasks, count)
+        try:
+            while self.count < count:
+                # Daemons, for an interpreter that ends must not wait for threads that wait for it.
+                threading.Thread(target=_work_off, args=(self._tasks,), name="tpdwarp-launch", daemon=True).start()
+                self.count += 1
+        except RuntimeError:
+            if self.count == 0:
+                raise
+        weakref.finalize(self, _dismiss, self._tasks, self.count)
 
     def submit(self, task: Callable[[], None]) -> None:
         """Has ``task``, which must not raise, called once by one of the threads."""

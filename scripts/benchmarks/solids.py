@@ -60,14 +60,17 @@ def run(
     Returns:
         A row a render: ``scene``, ``settings``, ``photons``, ``relative_rmse`` (by the truth's mean, within its mask),
         ``truth_error`` (the truth's own), ``irradiance_ratio`` (of the means), ``deposited`` and ``lost`` (shares of
-        the flux sent, the latter by cause), ``true_deposited``, ``cpu_seconds`` and ``slope`` (of the error with
-        photons since the row before, or None).
+        the flux sent, the latter by cause), ``true_deposited``, ``beside`` and ``true_beside`` (what of that does not
+        lie in the picture, or not in its mask), ``cpu_seconds`` and ``slope`` (of the error with photons since the row
+        before, or None).
     """
     rows: list[dict[str, object]] = []
     print(f"  {'scene':22s} {'settings':9s} {'photons':>8s} {'rel.RMSE':>9s} {'slope':>6s} {'mean':>6s}", end=" ")
-    print(f"{'landed':>7s} {'(true)':>7s} {'lost':>8s} {'CPU s':>6s}")
+    print(f"{'landed':>7s} {'(true)':>7s} {'beside':>7s} {'(true)':>7s} {'lost':>8s} {'CPU s':>6s}")
     for name in scenes or [name for name in SCENES if (FOLDER / f"{name}.npz").exists()]:
-        truth = kept_truth(SCENES[name]())
+        scene = SCENES[name]()
+        truth = kept_truth(scene)
+        in_picture = truth.irradiance[truth.mask].sum() * scene.camera.pixel**2 / truth.energy["sent"]
         print(f"  {name}: the truth errs by {truth.error:.4f}", flush=True)
         with tempfile.TemporaryDirectory() as folder:
             stage = write(name, Path(folder))
@@ -78,6 +81,8 @@ def run(
                 for count in photons:
                     row = {"scene": name, "settings": chosen, "photons": count, "slope": None}
                     row |= _measured(stage, truth, photons=count, **SETTINGS[chosen])
+                    row["beside"] = row["deposited"] - row["irradiance_ratio"] * in_picture
+                    row["true_beside"] = row["true_deposited"] - in_picture
                     if before is not None:
                         change = math.log(row["relative_rmse"] / before["relative_rmse"])
                         row["slope"] = change / math.log(count / before["photons"])
@@ -201,6 +206,7 @@ def _print(row: dict[str, Any]) -> None:
     print(
         f"  {row['scene']:22s} {row['settings']:9s} {row['photons']:8d} {row['relative_rmse']:9.4f} {slope:>6s} "
         f"{row['irradiance_ratio']:6.3f} {row['deposited']:7.4f} {row['true_deposited']:7.4f} "
+        f"{row['beside']:7.4f} {row['true_beside']:7.4f} "
         f"{sum(row['lost'].values()):8.1e} {row['cpu_seconds']:6.2f}  {causes}",
         flush=True,
     )

@@ -71,6 +71,15 @@ def start(arguments, *command, **options):
         (["render", "a", "b.exr", "-f", "1", "-d"], "not allowed with"),
         (["render", "no.usda", "b.exr"], "no.usda: no such file"),
         (["render", "no.usda", "b.exr", "--kernel", "square"], "--kernel must be one of"),
+        (["render", "no.usda", "b.exr", "--samples", "9" * 20], "--samples must be at most 65536"),
+        (["render", "no.usda", "b.exr", "--bounces", "4294967297"], "--bounces must be at most 65536"),
+        (["render", "no.usda", "b.exr", "--segments", "all"], "'all' is neither a whole number nor auto"),
+        (["render", "no.usda", "b.exr", "--complexity", "best"], "'best' is neither a number nor low, medium"),
+        (["render", "no.usda", "b.exr", "--segments", "100000"], "--segments must be at most 4096"),
+        (["render", "no.usda", "b.exr", "--accumulation-times", "1000000000"], "--accumulation-times must be at most"),
+        (["render", "no.usda", "b.exr", "--threads", "100000"], "--threads must lie in 0 (all cores) … 1024"),
+        (["render", "no.usda", "b.exr", "--complexity", "-1"], "--complexity must lie in 1 … 2"),
+        (["render", "no.usda", "b.exr", "--complexity", "nan"], "--complexity must lie in 1 … 2"),
         (["render", "no.usda", "b.exr", "--progress", "wheel"], "--progress must be one of"),
         (["photons", "no.usda", "b.usdc"], "no.usda: no such file"),
         (["info", "no.usda"], "no.usda: no such file"),
@@ -80,6 +89,24 @@ def test_what_cannot_be_used_is_said_in_one_line_with_code_2(arguments, message,
     assert main(arguments) == 2
     out, err = capsys.readouterr()
     assert out == "" and re.fullmatch(r"error: [^\n]*\n", err) and message in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["render", "a.####.exr", "--stats", "a.png"], "a.png: is no name for statistics"),
+        (["render", "a.####.exr", "--stats", "a.usdc"], "a.usdc: is no name for statistics"),
+        (["photons", ""], "error: is "),
+        (["photons", "."], ".: is a folder"),
+    ],
+)
+def test_a_name_that_cannot_be_meant_is_refused_before_any_work(arguments, message, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command, *rest = arguments
+    assert main([command, write_stage(tmp_path / "scene.usda", frames=1), *rest]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+    assert os.listdir(tmp_path) == ["scene.usda"]
 
 
 def test_help_and_version_are_no_errors(capsys):

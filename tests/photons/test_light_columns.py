@@ -22,6 +22,7 @@ from tpdwarp.scene.description import (
     Shaping,
     Shutter,
 )
+from tpdwarp.scene.stretched_lights import ellipsoid_of
 from usd_scenes.oracle import surfaces_of, trace
 
 STILL = Shutter.still(4)
@@ -38,6 +39,7 @@ LIGHTS = {
         LAMP, profile=EmissionProfile.SINE, extent=Extent(ExtentShape.CYLINDER, 0.1, SPANS * [[1.0], [0.0]])
     ),
 }
+LIGHTS["ellipsoid"] = ellipsoid_of(LIGHTS["sphere"], 0.2, np.diag([1.5, 0.4, 1.0]) @ AXES, np.zeros((3, 3)))
 # One part in so many of the light: what is left of second order is as small a part of D_a x.
 STEP = 1e-4
 
@@ -63,6 +65,12 @@ def directions_across(light: LightAtShutter, w: np.ndarray, origin: np.ndarray) 
     d = np.linalg.norm(origin - light.position, axis=1)[:, None, None]
     if extent.shape == ExtentShape.ROUND:
         return 0.5 * extent.radius * frames / d
+    if extent.shape == ExtentShape.ELLIPSOID:
+        # Two radii across the view where it is the unit sphere.
+        views = (origin - light.position) @ np.linalg.inv(extent.spans)
+        radii = np.array([np.linalg.svd(view[None])[2][1:] @ extent.spans for view in views])
+        along = np.einsum("nkj,nj->nk", radii, w)[:, :, None] * w[:, None]
+        return 0.5 * (along - radii) / d
     deviation = 0.5 if extent.shape == ExtentShape.DISK else 1 / math.sqrt(3)
     spans = np.broadcast_to(deviation * extent.spans, (len(w), 2, 3))
     if extent.shape == ExtentShape.CYLINDER:
@@ -140,6 +148,54 @@ def test_a_plane_mirror_spreads_a_lamp_by_the_distances_after_and_before_it():
     scene = scene_of(light, [floor(), quad("/mirror", (-0.1, -0.1), (0.1, 0.1), 2.0, MIRROR, up=False)])
     photons = traced(Written(scene), 64, shutter=STILL).photons
     np.testing.assert_allclose(np.linalg.norm(photons.dxda, axis=1), 0.1 * 2.0 / 1.5, rtol=0.02)
+
+
+@pytest.mark.parametrize("radii", [(1.5, 0.4, 1.0), (3.0, 2.0, 0.05), (1.0, 1.0, 9.0)])
+def test_photons_of_an_ellipsoid_bring_what_all_of_its_surface_sends_to_the_first_one(radii):
+    """By the flux of its middle: equal parts of a sphere, carried along, send (N · ω) (ω · n)/d² of their area."""
+    light = ellipsoid_of(LIGHTS["sphere"], 0.1, np.diag(radii) @ AXES, np.zeros((3, 3)))
+    level = 2.0
+    clear = quad("/clear", (-3, -3), (3, 3), level, Material(Interaction.DIELECTRIC, ior=1.0))
+    scene = scene_of(light, [floor(), clear])
+    middle, whole = (traced(Written(scene), 256, shutter=STILL, place=p).photons for p in ((0.0, 0.0), None))
+    assert np.array_equal(middle.ids, whole.ids)
+    first = LAMP.position + (middle.positions - LAMP.position) * (1.0 - level / LAMP.position[2])
+    u, v = ((np.arange(200) + 0.5) / 200 for _ in range(2))
+    height, turn = (axis.ravel() for axis in np.meshgrid(2.0 * u - 1.0, 2.0 * np.pi * v))
+    level_of = np.sqrt(1.0 - height**2)
+    outward = np.stack([level_of * np.cos(turn), level_of * np.sin(turn), height], axis=1)
+    spans = light.extent.spans
+    vectors = outward @ np.linalg.inv(spans).T * (4.0 * math.pi * abs(np.linalg.det(spans)) / len(outward))
+    area = np.linalg.norm(vectors, axis=1).sum()
+    sent = []
+    for x in first:
+        d = x - LAMP.position - outward @ spans
+        squares = np.einsum("ni,ni->n", d, d)
+        sent.append((np.maximum((vectors * d).sum(axis=1), 0.0) * np.maximum(-d[:, 2], 0.0) / squares**2).sum())
+    off = first - LAMP.position
+    distance = np.linalg.norm(off, axis=1)
+    shown = np.linalg.norm(off @ light.shown.T, axis=1) / distance
+    alone = 0.25 * area * shown * -off[:, 2] / distance**3
+    np.testing.assert_allclose(whole.flux[:, 0] / middle.flux[:, 0], np.array(sent) / alone, rtol=5e-3)
+
+
+@pytest.mark.parametrize("height", [0.02, 0.1, 0.15, 0.3])
+@pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT])
+def test_all_the_light_of_a_lamp_close_above_a_sheet_passes_it_once(shape, height):
+    """All of its places send as much through a wide sheet as its middle does, wherever light of one direction is told
+    apart from that through one point."""
+    light = replace(
+        LAMP,
+        position=np.array([0.1, 0.05, 0.2 + height]),
+        axes=np.eye(3),
+        profile=EmissionProfile.COSINE,
+        extent=Extent(shape, 0.0, 0.15 * np.eye(3)[:2]),
+    )
+    clear = quad("/clear", (-3, -3), (3, 3), 0.2, Material(Interaction.DIELECTRIC, ior=1.0))
+    wide = quad("/wide", (-30, -30), (30, 30), 0.0, floor().materials[0])
+    scene = scene_of(light, [wide, clear])
+    middle, whole = (traced(Written(scene), 4096, shutter=STILL, place=p).photons for p in ((0.0, 0.0), None))
+    assert whole.flux.sum() == pytest.approx(middle.flux.sum(), rel=5e-3)
 
 
 @pytest.mark.parametrize("name", ["disk", "rect"])

@@ -57,6 +57,7 @@ SUN = replace(LAMP, kind=LightKind.DISTANT, extent=Extent(ExtentShape.ROUND, 0.5
     [
         (sphere(0.3), pane(GLASS), True),
         (sphere(-0.3), pane(GLASS), True),
+        (sphere(0.0), pane(GLASS), True),
         (sphere(0.6), pane(GLASS), False),
         (sphere(0.3, x=1.6), pane(GLASS), False),
         (sphere(0.3), pane(Material(Interaction.MIRROR)), True),
@@ -69,6 +70,7 @@ SUN = replace(LAMP, kind=LightKind.DISTANT, extent=Extent(ExtentShape.ROUND, 0.5
         (flat(ExtentShape.DISK, UPRIGHT, 0.3), pane(GLASS), True),
         (flat(ExtentShape.DISK, UPRIGHT, 0.6), pane(GLASS), False),
         (flat(ExtentShape.CYLINDER, [[0.5, 0.0, 0.0], [0.0] * 3], 0.1, radius=0.2), pane(GLASS), True),
+        (flat(ExtentShape.CYLINDER, [[0.5, 0.0, 0.0], [0.0] * 3], 0.0, radius=0.2), pane(GLASS), True),
         (flat(ExtentShape.CYLINDER, [[0.5, 0.0, 0.0], [0.0] * 3], 0.3, radius=0.2), pane(GLASS), False),
         (SUN, pane(GLASS), False),
         (LAMP, pane(GLASS), False),

@@ -9,6 +9,7 @@ import numpy as np
 
 from tests.photons.shapes import DIFFUSE, MIRROR, floor, glass, moving
 from tests.photons.traced import axes_along, lamp, scene_of, sun
+from tests.view.lit_by_surfaces import LIGHTS
 from tpdwarp.scene.description import CameraAtShutter
 from tpdwarp.scene.requirements import MOST_BOUNCES, requirements_of
 
@@ -56,6 +57,22 @@ def test_a_moving_camera_changes_the_view_and_not_the_photons():
     assert not requirements_of(replace(scene, camera=still)).view_motion
     needs = requirements_of(replace(scene, camera=moved))
     assert needs.moving_camera and needs.view_motion and not needs.photon_motion
+
+
+def test_mirrors_look_for_lights_where_there_are_any_that_they_show():
+    def needs(roughness, light):
+        found = requirements_of(scene_of([floor(1.0, material=replace(MIRROR, roughness=roughness)), floor()], light))
+        return found.glints, found.mirrored_lights
+
+    panel = LIGHTS["rectangle overhead"]
+    assert needs(0.0, lamp((0, 0, 3))) == (False, False)
+    assert needs(0.0, panel) == (False, True)
+    assert needs(0.05, lamp((0, 0, 3))) == (True, False)
+    assert needs(0.05, panel) == (True, False)
+    # Meshes that shine are seen themselves.
+    assert needs(0.0, replace(panel, meshed=True)) == needs(0.05, replace(panel, meshed=True)) == (False, False)
+    water = requirements_of(scene_of([floor(1.0, material=glass()), floor()], panel))
+    assert not (water.glints or water.mirrored_lights)
 
 
 def test_requirements_are_json_and_name_the_columns():

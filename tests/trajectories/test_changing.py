@@ -244,9 +244,7 @@ def test_light_that_no_curve_of_third_order_follows_is_where_a_turning_mirror_se
     first, last, width, columns = math.radians(first), math.radians(last), 0.6, 96
     source = turning_mirror(first, last, width)
     exact = light_of_turning_mirror(first, last, width, columns)
-    found, straight = (
-        irradiance(rendered(source, columns, path=path)).mean(axis=0) for path in ("curved", "straight")
-    )
+    found, straight = (irradiance(rendered(source, columns, path=path)).mean(axis=0) for path in ("curved", "straight"))
     errors = [float(np.sqrt(np.mean((light - exact) ** 2)) / exact.mean()) for light in (found, straight)]
     # The spot is brighter than its mean by a factor of two, and passes an edge of a pixel within a sixteenth of the
     # shutter or more slowly; from eighth to eighth D_t x changes by a third, of which a curve of second order leaves
@@ -292,3 +290,22 @@ def test_a_mirror_that_turns_over_sends_each_way_what_it_catches(tilt, segments)
     # As it rides, light is twice as bright on one side, and half as bright on the other; with D_t x as it rides in what
     # is traced at rest there are stripes.
     assert np.sqrt(np.mean((found - exact) ** 2)) < 0.02 * exact.mean()
+
+
+def test_light_that_a_roof_hides_at_mid_shutter_is_there_when_it_is_not():
+    """A pane slides out of a beam between two roofs: what of it is lit as the shutter opens is hidden in its middle."""
+    columns, half, way = 64, 0.3125, 0.4
+    roofs = [quad("/left", (-3, -3), (-half, 3), 1.5), quad("/right", (half, -3), (3, 3), 1.5)]
+
+    def light(meshes) -> np.ndarray:
+        source = steady([floor(), *meshes], (sun(),), looking_down((-1, 1, -0.125, 0.125), height=0.3))
+        settings = Settings(photons=16384, segments=1, samples=1, aovs=("irradiance",))
+        return irradiance(render_frame(RenderContext(source, settings), OPEN, columns, 8)).mean(axis=0)
+
+    passed = np.median(light([box("/pane", (-2, -2, 0.7), (2, 2, 0.72), glass())]))
+    found = light([*roofs, moving(box("/pane", (0, -2, 0.7), (1.2, 2, 0.72), glass()), (way, 0, 0))])
+    x = (np.arange(columns) + 0.5) / (columns / 2) - 1
+    exact = passed * np.clip(0.5 + x / way, 0, 1) * (np.abs(x) < half)
+    inside = np.abs(np.abs(x) - half) > 2.0 / columns
+    assert found.mean() == pytest.approx(exact.mean(), rel=0.01)
+    assert np.abs(found - exact)[inside].max() < 0.06 * passed

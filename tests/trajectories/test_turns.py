@@ -24,7 +24,7 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.turns import least_segments, turn_between, turn_of_light
+from tpdwarp.trajectories.turns import largest_slide, least_segments, turn_between, turn_of_light
 from usd_scenes.shapes import rotation
 
 BODY = box("/box", (-0.4, -0.3, 0.6), (0.4, 0.5, 1.4), glass())
@@ -126,3 +126,22 @@ def test_lamps_that_go_around_a_body_have_a_segment_for_each_fifteen_degrees_see
         return SceneAtShutter(shutter, (floor(), body), (light,), looking_down(height=0.05))
 
     assert least_segments([at(Shutter(0, time, time)) for time in (0.0625, 0.5, 0.9375)], 0.875) == least
+
+
+@pytest.mark.parametrize(("rise", "half", "least"), [(0.2, 0.2, 1), (1.0, 0.2, 3), (1.0, 2.0, 1)])
+def test_a_lamp_that_rises_from_a_body_has_segments_in_which_that_shrinks_evenly(rise, half, least):
+    """What it leaves an even growth by goes with the square of the time; what holds the lamp has all its light."""
+
+    def at(time: float) -> SceneAtShutter:
+        lamp = LightAtShutter(
+            "/lamp", LightKind.POINT, (1.0,) * 3, position=np.array([0, 0, 2.2 + rise * (time - 0.5)])
+        )
+        body = box("/box", (-half, -half, 0.6), (half, half, 0.8), glass())
+        return SceneAtShutter(Shutter(0, time, time), (floor(), body), (lamp,), looking_down(height=0.05))
+
+    scenes = [at(time) for time in (0.0625, 0.5, 0.9375)]
+    assert least_segments(scenes, 0.875) == least
+    if half < 1.0:
+        radii = np.arcsin(np.sqrt(2 * half**2 + 0.1**2) / (1.5 + rise * np.array([-0.4375, 0.0, 0.4375])))
+        slide = largest_slide([scene.lights[0].position for scene in scenes], scenes)
+        assert slide == pytest.approx(0.5 * (radii[0] + radii[2] - 2 * radii[1]) / radii[1])

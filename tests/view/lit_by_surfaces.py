@@ -9,6 +9,7 @@ import numpy as np
 
 from tests.view.scenes import turned
 from tpdwarp.scene.description import EmissionProfile, Extent, ExtentShape, LightAtShutter, LightKind
+from tpdwarp.scene.stretched_lights import ellipsoid_of
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -31,6 +32,12 @@ def sun(degrees: float, tilt: float) -> LightAtShutter:
     return LightAtShutter("/sun", LightKind.DISTANT, (1.0, 2.0, 4.0), axes=turned((0, tilt, 1e-12)), extent=extent)
 
 
+def ellipsoid(position, rotation, radii) -> LightAtShutter:
+    """A lamp of intensity one on average."""
+    sphere = lamp(ExtentShape.ROUND, position, radius=1.0)
+    return ellipsoid_of(sphere, 1.0, np.array(radii)[:, None] * turned(rotation), np.zeros((3, 3)))
+
+
 LIGHTS = {
     "sphere overhead": lamp(ExtentShape.ROUND, (0.2, 0.1, 1.0), radius=0.5),
     "sphere far off": lamp(ExtentShape.ROUND, (3.0, 1.0, 20.0), radius=0.3),
@@ -47,6 +54,10 @@ LIGHTS = {
     "rectangle cut by the horizon": lamp(ExtentShape.RECT, (-1.3, 0.1, 0.2), (0.2, -1.4, 0.1), (0.6, 0.3)),
     "rectangle far off": lamp(ExtentShape.RECT, (0.2, 0.1, 40.0), sizes=(0.6, 0.3)),
     "tube": lamp(ExtentShape.CYLINDER, (0.2, 0.1, 1.2), (0.1, 0.3, 0.4), (0.6, 0.0), 0.05),
+    "ellipsoid overhead": ellipsoid((0.2, 0.1, 1.0), (0.3, -0.8, 0.2), (0.6, 0.3, 0.4)),
+    "ellipsoid far off": ellipsoid((0.2, 0.1, 20.0), (0.3, -0.8, 0.2), (0.6, 0.3, 0.4)),
+    "flat ellipsoid aside": ellipsoid((-1.6, 0.1, 1.1), (0.3, -0.8, 0.2), (0.6, 0.5, 0.01)),
+    "ellipsoid cut by the horizon": ellipsoid((-1.5, 0.2, 0.1), (0.3, -0.8, 0.2), (0.4, 0.3, 0.2)),
     "sun": sun(0.53, 0.4),
     "wide sun": sun(30.0, 0.4),
     "sun at the horizon": sun(5.0, math.pi / 2 - 0.02),
@@ -100,6 +111,13 @@ def expected(
             normal = np.cos(turn)[:, None] * axes[1] + np.sin(turn)[:, None] * axes[2]
             d = light.position + (2 * u - 1)[:, None] * extent.spans[0] + extent.radius * normal - x
             scale = math.pi
+        elif extent.shape == ExtentShape.ELLIPSOID:
+            # Vectors of the area of what a sphere's equal parts are.
+            level = 2 * np.sqrt(u - u**2)
+            outward = np.stack([level * np.cos(turn), level * np.sin(turn), 1 - 2 * u], axis=1)
+            d = light.position + outward @ extent.spans - x
+            normal = outward @ np.linalg.inv(extent.spans).T * abs(np.linalg.det(extent.spans))
+            scale = 4.0 / extent.radius**2
         else:
             place = disc if extent.shape == ExtentShape.DISK else np.stack([2 * u - 1, 2 * v - 1], axis=1)
             d, normal, scale = light.position + place @ extent.spans - x, -light.axes[2], 1.0

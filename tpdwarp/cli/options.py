@@ -24,12 +24,18 @@ def names(text: str) -> tuple[str, ...]:
 
 def complexity(text: str) -> float:
     """A complexity by usdrecord's words, or as a number."""
-    return COMPLEXITIES[text] if text in COMPLEXITIES else float(text)
+    try:
+        return COMPLEXITIES[text] if text in COMPLEXITIES else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a number nor {', '.join(COMPLEXITIES)}") from None
 
 
 def count_or_auto(text: str) -> int | str:
     """A number, or auto."""
-    return text if text == "auto" else int(text)
+    try:
+        return text if text == "auto" else int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is neither a whole number nor auto") from None
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,13 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from tpdwarp.errors import InputError
 from tpdwarp.io.files import sweep_temporaries
+from tpdwarp.io.images import EXTENSIONS as IMAGES
 from tpdwarp.io.outputs import FilePath, check_outputs
 from tpdwarp.jobs.claims import sweep_claims
 from tpdwarp.jobs.stage_files import StageFiles
+from tpdwarp.usd.write.debug_layer import EXTENSIONS as LAYERS
 from tpdwarp.usd.write.debug_layer import view_path
 
 if TYPE_CHECKING:
@@ -37,8 +40,11 @@ def prepare_outputs(
         holdouts: Images that frames are held out by.
 
     Raises:
-        InputError: An output cannot be written, is one of the stage's files, or is two outputs.
+        InputError: An output cannot be written, is one of the stage's files, or is two outputs; or statistics have the
+            name of an image or a layer.
     """
+    if stats is not None and os.path.splitext(stats)[1].lower() in (*IMAGES, *LAYERS):
+        raise InputError("is no name for statistics (use .json or .jsonl)", file=os.fspath(stats))
     layers = {} if layer is None else {"the debug layer": layer, "its view layer": view_path(layer)}
     outputs = {"--stats": stats, **layers, **(others or {})}
     inputs = {"is read by the scene": files.paths, "is the scene itself": [source.file]}

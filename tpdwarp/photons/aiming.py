@@ -124,7 +124,7 @@ def _parallax(light: LightAtShutter, specular: Specular, normalization: Normaliz
     """
     if light.extent is None:
         return 0.0
-    reach = normalization.scale * (light.extent.radius + float(np.linalg.norm(light.extent.spans)))
+    reach = normalization.scale * light.extent.reach
     corners = specular.points[specular.triangles] - normalization.points(light.position[None])[0]
     sides = corners[:, (1, 2, 0)] - corners
     normals = np.cross(sides[:, 0], sides[:, 1])

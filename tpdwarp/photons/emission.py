@@ -13,6 +13,7 @@ from tpdwarp.scene.description import ExtentShape
 from tpdwarp.scene.device.shaping import ShapingValues, shaped
 
 CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
+ELLIPSOID = wp.constant(int(ExtentShape.ELLIPSOID))
 
 
 class Domain(IntEnum):
@@ -36,7 +37,8 @@ class Patch:
     none, ``span_a`` and ``span_b`` are its spans, and ``extent_radius`` its radius, or the sine of its half angle.
     Where ``is_place`` is 1, photons come from ``light_place`` alone from the first specular surface on, by the
     coordinates (a, b) of the light. Where ``ball_radius`` is above 0, the light is a place in a ball of that radius,
-    ``ball_place`` beside its middle.
+    ``ball_place`` beside its middle; where ``is_in_ellipsoid`` is 1, a place in an ellipsoid that ``to_ball`` makes the
+    unit sphere. ``span_c`` is the third radius of an ellipsoid.
     """
 
     domain: int
@@ -69,6 +71,9 @@ class Patch:
     light_place: wp.vec2
     ball_place: wp.vec3
     ball_radius: float
+    span_c: wp.vec3
+    is_in_ellipsoid: int
+    to_ball: wp.mat33
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +106,13 @@ def leaving(patch: Patch, w: wp.vec3) -> float:
 
     So light of a lamp that stands in water by half does not pass the water's surface within the lamp.
     """
+    if patch.is_in_ellipsoid == 1:
+        place = patch.to_ball * patch.ball_place
+        way = patch.to_ball * w
+        there = wp.dot(place, way)
+        squared = wp.length_sq(way)
+        rest = there * there + squared * (1.0 - wp.length_sq(place))
+        return wp.max(wp.sqrt(wp.max(rest, 0.0)) - there, 0.0) / squared
     if patch.ball_radius > 0.0:
         along = wp.dot(patch.ball_place, w)
         square = along * along + patch.ball_radius * patch.ball_radius - wp.length_sq(patch.ball_place)

@@ -557,13 +557,24 @@ def _patch(
         distant = light.kind == LightKind.DISTANT
         patch.extent_radius = math.sin(radius) if distant else radius * normalization.scale
         spans = light.extent.spans if distant else normalization.scale * light.extent.spans
-        patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in spans)
+        patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in spans[:2])
         if light.extent.shape == ExtentShape.ROUND and not distant:
             patch.ball_radius = patch.extent_radius
-    if light.ball is not None:
+        if light.extent.shape == ExtentShape.ELLIPSOID:
+            patch.span_c = wp.vec3(*map(float, spans[2]))
+            _set_ellipsoid(patch, spans)
+    if light.ball is not None and light.ball.spans is not None:
+        patch.ball_place = wp.vec3(*map(float, normalization.scale * light.ball.place))
+        _set_ellipsoid(patch, normalization.scale * light.ball.spans)
+    elif light.ball is not None:
         patch.ball_place = wp.vec3(*map(float, normalization.scale * light.ball.place))
         patch.ball_radius = normalization.scale * light.ball.radius
     diameter = 2.0 * float(np.linalg.norm(magnitude))
     patch.near = patch.start + (distance - diameter if diameter < NEARBY * distance else 0.0)
     patch.power = wp.vec3(*normalization.light_power(light))
     return patch
+
+
+def _set_ellipsoid(patch: Patch, spans: np.ndarray) -> None:
+    """Light begins on the surface of an ellipsoid of these radii, shape [3, 3]."""
+    patch.is_in_ellipsoid, patch.to_ball = 1, wp.mat33(*np.linalg.inv(spans).T.ravel().astype(float).tolist())

@@ -24,9 +24,10 @@ from tpdwarp.photons.differentials import (
 )
 from tpdwarp.photons.emission import Patch
 from tpdwarp.scene.description import ExtentShape
+from tpdwarp.scene.device.ellipsoids import SeenEllipsoid, ellipsoid_from, ellipsoid_irradiance
 from tpdwarp.scene.device.intersection import Hit, normal_variation
 from tpdwarp.scene.device.round_lights import VISIBLE_SIDE, round_irradiance
-from tpdwarp.scene.device.shaping import across_of, shaped
+from tpdwarp.scene.device.shaping import across_of, area_shown, shaped
 
 
 class LightImage(IntEnum):
@@ -55,6 +56,7 @@ NODE = wp.constant(math.sqrt(0.6))
 # Light of what all but touches a surface is no narrower by its flux than this. Chosen, not derived.
 LEAST_NARROWING = wp.constant(0.05)
 CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
+ELLIPSOID = wp.constant(int(ExtentShape.ELLIPSOID))
 # Variance of places along either axis of a disc, and of an interval.
 VARIANCE_OF_DISC = wp.constant(0.25)
 VARIANCE_OF_INTERVAL = wp.constant(1.0 / 3.0)
@@ -127,6 +129,20 @@ def from_visible_side(patch: Patch, beam: Beam) -> Beam:
 
 
 @wp.func
+def nearness_of_place(patch: Patch, n: wp.vec3, off: wp.vec3, a: float, b: float) -> float:
+    """:func:`nearness` of the point of a plane of normal n to which the middle of a lamp sends what the place (a, b)
+    sends to x, if all of the lamp lies before the plane; ``off`` leads from the middle to x."""
+    way = off - a * patch.span_a - b * patch.span_b
+    height = wp.dot(n, way)
+    if height <= 0.0:
+        return 1.0
+    farther = wp.dot(n, off) / height
+    spread = (wp.length_sq(patch.span_a) + wp.length_sq(patch.span_b)) / (farther * farther * wp.length_sq(way))
+    fourth = wp.pow(wp.min(spread, NEAREST), 4.0)
+    return fourth / (1.0 + fourth)
+
+
+@wp.func
 def nearness(patch: Patch, x: wp.vec3, n: wp.vec3) -> float:
     """Whether x is nearer to a lamp than that is large: 1 where it touches, 0 far off, ½ at its own size; 0 as well for
     lamps that the plane with normal n through x cuts, of which it is lit by what stands before it alone.
@@ -135,15 +151,20 @@ def nearness(patch: Patch, x: wp.vec3, n: wp.vec3) -> float:
     are far off, and what is left of first order for lights that are twice as large. Photons from one place are followed
     through one point: how far first order misses them says what parts are worth, which lie farther off for their size.
     """
-    if patch.domain == 0 or patch.extent_shape == ROUND or patch.is_place == 1:
+    has_depth = patch.extent_shape == ROUND or patch.extent_shape == ELLIPSOID
+    if patch.domain == 0 or has_depth or patch.is_place == 1:
         return 0.0
-    spread = (wp.length_sq(patch.span_a) + wp.length_sq(patch.span_b)) / wp.length_sq(x - patch.position)
-    fourth = wp.pow(wp.min(spread, NEAREST), 4.0)
     depth = wp.abs(wp.dot(n, patch.span_a)) + wp.abs(wp.dot(n, patch.span_b))
     height = wp.abs(wp.dot(n, x - patch.position))
     # Half as deep as high up and less, it is all before the plane.
     before = wp.clamp(2.0 - 2.0 * depth / wp.max(height, 1.0e-30), 0.0, 1.0)
-    return before * fourth / (1.0 + fourth)
+    return before * nearness_of_place(patch, n * wp.sign(wp.dot(n, x - patch.position)), x - patch.position, 0.0, 0.0)
+
+
+@wp.func
+def seen_ellipsoid(patch: Patch, x: wp.vec3) -> SeenEllipsoid:
+    """A light that is an ellipsoid, from x."""
+    return ellipsoid_from(patch.span_a, patch.span_b, patch.span_c, patch.position - x)
 
 
 @wp.func
@@ -151,7 +172,8 @@ def columns_at(patch: Patch, beam: Beam, n_g: wp.vec3) -> LightColumns:
     """The columns of a beam on the first specular surface: D_a ω = −(I − ωωᵀ) a/d for a place a on a light d away.
 
     Of parallel light they are the sine of its half angle, across the beam; what is round is a disc across the beam
-    from everywhere. A cylinder ρ away from its axis turns ω about that by its radius, b, over ρ.
+    from everywhere, and an ellipsoid what a disc across the beam is where that is a sphere. A cylinder ρ away from its
+    axis turns ω about that by its radius, b, over ρ.
 
     From a lamp that nearly touches the surface, light of one direction is followed in the place of light through one
     point: D_a ω is 0 and D_a x is a, along ω into the surface.
@@ -177,6 +199,10 @@ def columns_at(patch: Patch, beam: Beam, n_g: wp.vec3) -> LightColumns:
     if patch.extent_shape == ROUND:
         a = patch.extent_radius * across_of(beam.w)
         b = wp.cross(beam.w, a)
+    elif patch.extent_shape == ELLIPSOID:
+        seen = seen_ellipsoid(patch, beam.x)
+        a = seen.a
+        b = seen.b
     elif patch.extent_shape != DISK:
         out.image = IMAGE_PARALLELOGRAM
     out.dwdb = (beam.w * wp.dot(beam.w, b) - b) / d
@@ -204,7 +230,7 @@ def _flux_from(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3, a: f
         # By the sines of its directions, a part of the sun sends cosines over theirs to its own axis.
         return wp.vec2(wp.max(wp.dot(beam.w + a * columns.dwda + b * columns.dwdb, n), 0.0), 1.0)
     off = beam.x - patch.position
-    if patch.extent_shape == ROUND:
+    if patch.extent_shape == ROUND or patch.extent_shape == ELLIPSOID:
         d = wp.length(off)
         way = off + d * (a * columns.dwda + b * columns.dwdb)
     elif patch.extent_shape == CYLINDER:
@@ -236,25 +262,34 @@ def shaping_of_place(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3
 def moments_of_flux(patch: Patch, beam: Beam, columns: LightColumns, n: wp.vec3) -> wp.vec3:
     """The means of f, a² f and b² f over a flat lamp, whose place (a, b) sends the flux f through a surface.
 
-    By nodes that are exact to the fifth order, shaping included.
+    By nodes that are exact to the fifth order, shaping included. Light of one direction is not: as much as is followed
+    so from the point of the surface to which each place sends what the middle sends here, that all of it is counted
+    once.
     """
     out = wp.vec3(0.0, 0.0, 0.0)
+    off = beam.x - patch.position
+    own = nearness_of_place(patch, n, off, 0.0, 0.0)
+    before = float(0.0)
+    if own > 0.0:
+        before = nearness(patch, beam.x, n) / own
     if patch.extent_shape == DISK:
         middle = _flux_from(patch, beam, columns, n, 0.0, 0.0)
-        out[0] = 0.25 * middle[0] * middle[1]
+        out[0] = 0.25 * middle[0] * middle[1] * (1.0 - before * own)
         for k in range(6):
             a = NODE_OF_DISC * wp.cos(float(k) * SIXTH)
             b = NODE_OF_DISC * wp.sin(float(k) * SIXTH)
             f = _flux_from(patch, beam, columns, n, a, b)
-            out += (0.125 * f[0] * f[1]) * wp.vec3(1.0, a * a, b * b)
+            rest = 1.0 - before * nearness_of_place(patch, n, off, a, b)
+            out += (0.125 * rest * f[0] * f[1]) * wp.vec3(1.0, a * a, b * b)
         return out
     for i in range(3):
         for j in range(3):
             a = NODE * float(i - 1)
             b = NODE * float(j - 1)
             f = _flux_from(patch, beam, columns, n, a, b)
+            rest = 1.0 - before * nearness_of_place(patch, n, off, a, b)
             weight = (5.0 + 3.0 * float(i % 2)) * (5.0 + 3.0 * float(j % 2)) / 324.0
-            out += (weight * f[0] * f[1]) * wp.vec3(1.0, a * a, b * b)
+            out += (weight * rest * f[0] * f[1]) * wp.vec3(1.0, a * a, b * b)
     return out
 
 
@@ -318,6 +353,15 @@ def flux_of_places(
         if patch.domain == 1:
             h *= wp.length(beam.x - patch.position)
         mean *= of_middle / unshaped * round_irradiance(cosine, wp.max(h, 1.0)) / cosine
+    elif patch.extent_shape == ELLIPSOID:
+        # The same light without its cone, by the area that it shows to each of these directions.
+        unshaped = (1.0 - 2.0 * k) * middle[0] * area_shown(patch.shaping, beam.w)
+        unshaped += 0.5 * k * right[0] * area_shown(patch.shaping, wp.normalize(beam.w + columns.dwda))
+        unshaped += 0.5 * k * left[0] * area_shown(patch.shaping, wp.normalize(beam.w - columns.dwda))
+        unshaped += 0.5 * k * upper[0] * area_shown(patch.shaping, wp.normalize(beam.w + columns.dwdb))
+        unshaped += 0.5 * k * lower[0] * area_shown(patch.shaping, wp.normalize(beam.w - columns.dwdb))
+        sent = ellipsoid_irradiance(seen_ellipsoid(patch, beam.x), -n)
+        mean *= sent / wp.max(unshaped, 1.0e-30) / (math.pi * patch.extent_radius * patch.extent_radius)
     else:
         if patch.domain == 1 and (patch.extent_shape == DISK or patch.extent_shape == RECT):
             moments = moments_of_flux(patch, beam, columns, n)
@@ -326,8 +370,10 @@ def flux_of_places(
                 deviation = wp.sqrt(moments[1 + axis] / wp.max(k * moments[0], 1.0e-30))
                 out.narrowing[axis] = wp.clamp(deviation, LEAST_NARROWING, 1.0)
             change = wp.cw_div(change, out.narrowing)
-        # All places send alike in one direction.
-        mean = wp.lerp(mean, middle[1], nearness(patch, beam.x, n_g))
+            # All places send alike in one direction.
+            mean += nearness(patch, beam.x, n_g) * middle[1]
+        else:
+            mean = wp.lerp(mean, middle[1], nearness(patch, beam.x, n_g))
     most = wp.max(wp.max(wp.max(right[1], left[1]), wp.max(upper[1], lower[1])), middle[1])
     out.mean = wp.clamp(mean, 0.1 * middle[1], 2.0 * most)
     if out.mean > 0.0:

@@ -48,6 +48,7 @@ def _is_cut(middle: np.ndarray, ends: np.ndarray, triangles: np.ndarray) -> bool
         inverse = np.divide(1.0, volume, out=np.zeros_like(volume), where=volume != 0.0)
         u, v = inverse * np.einsum("ij,ij->i", off, p), inverse * (across @ way)
         along = inverse * np.einsum("ij,ij->i", across, e2)
-        if ((volume != 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (along > 0.0) & (along < 1.0)).any():
+        # A middle that lies in the surface has half of the light on either side of it.
+        if ((volume != 0.0) & (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (along >= 0.0) & (along < 1.0)).any():
             return True
     return False

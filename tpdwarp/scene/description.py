@@ -272,12 +272,14 @@ class EmissionProfile(IntEnum):
     """How the radiant intensity of a light differs by direction, apart from its shaping.
 
     A surface of one radiance looks smaller from aside: flat ones shine by the cosine of the angle to −z of their frame,
-    and to one side only; the side of a cylinder by the sine of the angle to its axis, x of its frame.
+    and to one side only; the side of a cylinder by the sine of the angle to its axis, x of its frame; ellipsoids, and
+    cylinders that are oval or askew, by the area that they show (``LightAtShutter.shown``).
     """
 
     UNIFORM = 0
     COSINE = 1
     SINE = 2
+    SHOWN = 3
 
 
 class ExtentShape(IntEnum):
@@ -290,6 +292,7 @@ class ExtentShape(IntEnum):
     DISK = 1
     RECT = 2
     CYLINDER = 3
+    ELLIPSOID = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,10 +301,12 @@ class Extent:
 
     Attributes:
         shape: What it is.
-        radius: Of what is round, and of a cylinder: scene units; of parallel light: half the angle of its disc [rad].
+        radius: Of what is round, and of a cylinder: scene units; of an ellipsoid: that of the sphere of its area; of
+            parallel light: half the angle of its disc [rad].
         spans: Half of a disk or rectangle along its x and y axes, half of a cylinder along its axis (and zero), in the
-            world at mid shutter, shape [2, 3]; of a part of the sun's disc, sines.
-        spans_motion: Change of ``spans`` over the shutter, shape [2, 3].
+            world at mid shutter, shape [2, 3]; of a part of the sun's disc, sines; of an ellipsoid, what a sphere's
+            radii along x, y and z are, shape [3, 3].
+        spans_motion: Change of ``spans`` over the shutter, of its shape.
     """
 
     shape: ExtentShape
@@ -309,18 +314,26 @@ class Extent:
     spans: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
     spans_motion: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
 
+    @property
+    def reach(self) -> float:
+        """No place on it is farther from its middle than this, scene units."""
+        along = float(np.linalg.norm(self.spans))
+        return along if self.shape == ExtentShape.ELLIPSOID else self.radius + along
+
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """The sphere that a light is a place in, or a part of: its light begins where it leaves that.
+    """The sphere or ellipsoid that a light is a place in, or a part of: its light begins where it leaves that.
 
     Attributes:
         place: From the middle of the sphere to the light's position, world units, shape [3].
-        radius: Of the sphere, scene units.
+        radius: Of the sphere, scene units; 0 of an ellipsoid.
+        spans: Of an ellipsoid, as in :class:`Extent`, shape [3, 3]; None of a sphere.
     """
 
     place: np.ndarray
     radius: float
+    spans: np.ndarray | None = None
 
 
 # Two degrees apart. Chosen, not derived: profiles of luminaires are given every 2.5 or 5 degrees.
@@ -356,7 +369,7 @@ class LightAtShutter:
         path: Prim path.
         kind: Distant (along −z of its frame) or at a point.
         power: Distant: irradiance at normal incidence [W/m²]. Point: radiant intensity [W/sr], of a light whose profile
-            is not uniform the largest. Linear Rec.709.
+            is not uniform the largest, or the mean over all directions where it goes by the area shown. Linear Rec.709.
         position: Position (of its middle) at mid shutter, shape [3] (unused for distant lights).
         axes: Rows are the light's unit x, y, z axes in the world at mid shutter, shape [3, 3].
         position_motion: Displacement over the shutter, shape [3].
@@ -369,6 +382,8 @@ class LightAtShutter:
         passed: Paths of meshes that its light goes through as if they were not there.
         shaped_about: The axis of its shaping and the change of that over the shutter, shape [2, 3], where it is not −z
             of the frame.
+        meshed: Whether a mesh that shines stands in its place for who looks at it in a mirror.
+        shown: Of a light that shines by the area it shows: along a unit ω, by the length of shown · ω, shape [3, 3].
     """
 
     path: str
@@ -385,6 +400,8 @@ class LightAtShutter:
     unlit: frozenset[str] = frozenset()
     passed: frozenset[str] = frozenset()
     shaped_about: np.ndarray | None = None
+    meshed: bool = False
+    shown: np.ndarray | None = None
 
     @property
     def cone_axis(self) -> np.ndarray:

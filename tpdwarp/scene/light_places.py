@@ -4,7 +4,9 @@ A sphere of one radiance sends the same light, ray by ray, as a cloud of points 
 density 1/√(R² − r²) at the distance r from its middle: the integral of that along any chord is the same. So its places
 lie in it, and not on it, and none of them is ever turned away. Its parts are pieces of the disc as which it is seen
 from what is specular, each at a depth of its own along that view, as places of the cloud are: so they have their width
-from the side, too. A cylinder (its side) is such a cloud about its axis, but for its ends: so its places lie on its
+from the side, too. Those of an ellipsoid are carried along from the sphere that it is made of, and shine by the area
+that it shows: the cloud thins out by the same factor all over, and what is left of chords differs by direction alone. A
+cylinder (its side) is such a cloud about its axis, but for its ends: so its places lie on its
 surface, and so do its parts, flat ones, unless it is thin.
 
 Beyond the paper, whose lights are points or parallel.
@@ -41,6 +43,8 @@ FROM_ABOVE = np.array([[1.0, 0.0, 0.0], [0.0, -0.8, 0.6], [0.0, -0.6, -0.8]])
 # A prism that stands for a cylinder has no fewer faces: one of six is as wide as that within a tenth, from anywhere.
 # Chosen, not derived.
 FEWEST_FACES = 6
+# Shapes whose places lie within them.
+WITH_DEPTH = (ExtentShape.ROUND, ExtentShape.ELLIPSOID)
 # Steps of the table that inverts the distribution of radii in a sphere.
 TABLE = np.linspace(0.0, 0.5 * math.pi, 4097)
 
@@ -75,7 +79,7 @@ def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = N
     what is round into a disc in its middle and rings of pieces around it, nearly rectangles of its area.
 
     Args:
-        seen_from: From where a sphere is seen as a disc, as the shutter opens and closes, shape [2, 3].
+        seen_from: From where a sphere or ellipsoid is seen as a disc, as the shutter opens and closes, shape [2, 3].
     """
     extent = light.extent
     if extent.shape == ExtentShape.CYLINDER:
@@ -90,14 +94,14 @@ def parts_of(light: LightAtShutter, count: int, seen_from: np.ndarray | None = N
     else:
         pieces = pieces_of_disc(count)
         shapes = [ExtentShape.DISK] + [ExtentShape.RECT] * (len(pieces) - 1)
-        if extent.shape == ExtentShape.ROUND:
+        if extent.shape in WITH_DEPTH:
             depths = _depths_in_ball(pieces)
     found = []
     for number, ((place, sides), shape) in enumerate(zip(pieces, shapes, strict=True)):
         part = _at(light, np.append(place, 0.0 if depths is None else depths[number]), spans, motions)
         power = tuple(channel / len(pieces) for channel in part.power)
         smaller = Extent(shape, extent.radius, sides @ spans[:2], sides @ motions[:2])
-        ball = None if depths is None else Ball(part.position - light.position, extent.radius)
+        ball = None if depths is None else _ball(light, part.position - light.position)
         found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller, ball=ball))
     return found
 
@@ -318,7 +322,8 @@ def _middles_of_glass(scene: SceneAtShutter) -> np.ndarray | None:
 def _spans(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Half of a light along two axes, and what its depth is measured by, [3, 3], and their motion; of a sun, sines.
 
-    Of a sphere, they are its radius across and along the view from ``seen_from`` [2, 3] while the shutter is open.
+    Of a sphere, they are its radius across and along the view from ``seen_from`` [2, 3] while the shutter is open; of
+    an ellipsoid, what these are of the sphere that it is made of.
     """
     extent = light.extent
     if light.kind == LightKind.DISTANT:
@@ -331,6 +336,11 @@ def _spans(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndar
     if seen_from is not None:
         view = 0.5 * (seen_from[0] + seen_from[1]) - light.position
         motion = seen_from[1] - seen_from[0] - light.position_motion
+    if extent.shape == ExtentShape.ELLIPSOID:
+        radii = [extent.spans + part * extent.spans_motion for part in (-0.5, 0.0, 0.5)]
+        views = [view + part * motion for part in (-0.5, 0.0, 0.5)]
+        opened, middle, closed = (_axes_across(v @ np.linalg.inv(r)) @ r for v, r in zip(views, radii, strict=True))
+        return middle, closed - opened
     opened, middle, closed = (extent.radius * _axes_across(view + part * motion) for part in (-0.5, 0.0, 0.5))
     return middle, closed - opened
 
@@ -404,13 +414,24 @@ def _without_extent(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:
         return replace(light, power=power, axes=tilts[1], axes_motion=tilts[2] - tilts[0], extent=None)
     if extent.shape == ExtentShape.ROUND:
         offset = extent.radius * place
-        return replace(light, position=light.position + offset, extent=None, ball=Ball(offset, extent.radius))
+        return replace(light, position=light.position + offset, extent=None, ball=_ball(light, offset))
+    if extent.shape == ExtentShape.ELLIPSOID:
+        offset, motion = place @ extent.spans, light.position_motion + place @ extent.spans_motion
+        place_there = light.position + offset
+        return replace(light, position=place_there, position_motion=motion, extent=None, ball=_ball(light, offset))
     if extent.shape == ExtentShape.CYLINDER:
         return _on_cylinder(light, place)
     offset, motion = place[:2] @ extent.spans, place[:2] @ extent.spans_motion
     return replace(
         light, position=light.position + offset, position_motion=light.position_motion + motion, extent=None
     )
+
+
+def _ball(light: LightAtShutter, place: np.ndarray) -> Ball:
+    """The sphere or ellipsoid that a place in it, beside its middle, belongs to."""
+    if light.extent.shape == ExtentShape.ELLIPSOID:
+        return Ball(place, 0.0, light.extent.spans)
+    return Ball(place, light.extent.radius)
 
 
 def _on_cylinder(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:

@@ -33,6 +33,8 @@ class Requirements:
         normal_maps: Whether a normal does.
         specular_maps: Whether what a surface reflects or refracts does: its share, its tint or its roughness.
         metals: Whether there is metal too rough for a mirror.
+        glints: Whether there is a mirror that is rough, or seen in what is, and a light that it shows by its lobe.
+        mirrored_lights: Whether there is a smooth mirror, and a light with extent that it shows as it is.
         partial: Whether light passes through a part of a surface, or meets one that is both clear and diffuse.
         tinted: Whether dielectrics take from the light that they refract.
         emission: Whether a surface gives off light.
@@ -69,6 +71,8 @@ class Requirements:
     normal_maps: bool = False
     specular_maps: bool = False
     metals: bool = False
+    glints: bool = False
+    mirrored_lights: bool = False
 
     @property
     def material_arrays(self) -> bool:
@@ -126,6 +130,9 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
     materials = {material for group in shared.values() for material in group}
     partial = any(material.partial for material in materials)
     metals = any(material.metallic for material in materials)
+    roughnesses = {material.rough for material in materials if material.interaction == Interaction.MIRROR}
+    mapped_mirrors = any(material.roughness_map is not None for material in materials)
+    shown = [light for light in scene.lights if not light.meshed]
     placed = {material for mesh in scene.meshes if mesh.coordinates is not None for material in mesh.materials}
     normal_maps = any(material.normal_map is not None for material in placed)
     return Requirements(
@@ -153,4 +160,6 @@ def requirements_of(scene: SceneAtShutter, bounces: int | None = None) -> Requir
         normal_maps=normal_maps,
         specular_maps=any(material.specular_maps for material in placed),
         metals=metals,
+        glints=bool(shown) and (True in roughnesses or (metals and mirrors)),
+        mirrored_lights=(False in roughnesses or mapped_mirrors) and any(light.extent is not None for light in shown),
     )

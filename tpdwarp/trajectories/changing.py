@@ -35,6 +35,8 @@ from tpdwarp.photons.row_numbers import distinct_rows, row_numbers
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.keyframes import (
     END,
+    INSTANT,
+    KEYFRAME_DURATION,
     LARGEST_DISAGREEMENT,
     LARGEST_DRIFT,
     KeyframeState,
@@ -81,6 +83,9 @@ LARGEST_GROWTH = 4.0
 # four, not by .24; but then all cells of a gliding ball rest, which takes four times as long and errs by .013, not by
 # .014 (65 536 photons).
 TURNS_OVER = 1.0
+
+# Of the shifts of a lattice's photons no more than this quantile says how far its cells may ride. Chosen, not derived.
+MOST_RIDE_ALONG = 0.95
 
 # When the shutter opens and closes, as parts of it from its middle.
 OPENS, CLOSES = -0.5, 0.5
@@ -157,7 +162,7 @@ def changing_cells(
                 continue
             if ride is None or ride.torn is None:
                 window = Window.around(cells, margin=1)
-                ride = _Field(window, _shifts(here, number, window, suspects.get(number)), None)
+                ride = _Field(window, shifts_over(here, number, window, suspects.get(number)), None)
             found[number] = ChosenCells(cells, ride.shifts[ride.window.at(cells)].astype(np.float32))
             growth[number] = gradients(ride.shifts)[ride.window.at(cells)]
             if ride.torn is None:
@@ -236,7 +241,7 @@ def _field(found: CellsOfLattices, lattice: Lattice, number: int, given: ChosenC
     window = Window.around(cells, margin=1)
     if np.ptp(found.photons.shift[rows], axis=0).max() <= LARGEST_DRIFT_APART:
         return _Field(window, window.grid(2), None)
-    shifts = _shifts(found, number, window, given)
+    shifts = shifts_over(found, number, window, given)
     torn, smooth = rift_cells(shifts)
     if not torn.any():
         return _Field(window, shifts, None, not smooth.any())
@@ -257,11 +262,11 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
         shifts: dict[int, np.ndarray] = {}
         of_lattices = {part: CellsOfLattices(photons, sparse) for part, photons in maps.items()}
         for number in numbers_of(list(of_lattices.values())):
-            cells = np.concatenate([found.of(number)[1] for found in of_lattices.values()])
+            cells = np.concatenate([_at_middle(found, number, part) for part, found in of_lattices.items()])
             windows[number] = window = Window.around(cells, margin=1)
             inside = window.cells(np.ones(window.size, bool))
             inside = inside[sparse.lattices[number].holds(inside)]
-            shifts[number] = _shifts(of_lattices[0.0], number, window)
+            shifts[number] = shifts_over(of_lattices[0.0], number, window)
             riders[number] = ChosenCells(inside, shifts[number][window.at(inside)])
         drift = max((END * np.abs(cells.offset).max() for cells in riders.values()), default=0.0)
     if drift > LARGEST_DRIFT:
@@ -277,6 +282,18 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
                 lattices = plan.lattices[number], sparse.lattices[number]
                 found[number] = _finer(*lattices, window, changing, shifts[number])
     return found
+
+
+def _at_middle(found: CellsOfLattices, number: int, part: float) -> np.ndarray:
+    """The cells of a lattice whose photons were found at a part of the shutter, and where these ride at its middle,
+    shape [n, 2]: what a roof hides then may be lit as the shutter opens or closes."""
+    rows, cells = found.of(number)
+    if part == 0.0 or not len(rows):
+        return cells
+    shift = found.photons.shift[rows] / (KEYFRAME_DURATION if abs(part) == END else INSTANT)
+    # Where light grazes shifts grow without bound.
+    shift = shift.clip(*np.quantile(shift, [1.0 - MOST_RIDE_ALONG, MOST_RIDE_ALONG], axis=0))
+    return np.concatenate([cells, np.rint(cells - part * shift).astype(np.int64)])
 
 
 def _at_keyframes(keyframes: ShutterKeyframes) -> dict[float, PhotonMap]:
@@ -342,7 +359,7 @@ class _Change:
         return grid
 
 
-def _shifts(found: CellsOfLattices, number: int, window: Window, given: ChosenCells | None = None) -> np.ndarray:
+def shifts_over(found: CellsOfLattices, number: int, window: Window, given: ChosenCells | None = None) -> np.ndarray:
     """Shift over the whole shutter of all cells of ``window``, of those without a photon as ``given`` or as of those
     nearest; shape [u, v, 2]."""
     grid, known = window.grid(2, dtype=np.float32), window.grid(dtype=bool)
@@ -384,6 +401,6 @@ def _spread(grid: np.ndarray, known: np.ndarray) -> None:
 
 
 def _shifts_of(cells: np.ndarray, found: CellsOfLattices, number: int, given: ChosenCells | None) -> np.ndarray:
-    """Shift of ``cells`` [n, 2], as :func:`_shifts` has it."""
+    """Shift of ``cells`` [n, 2], as :func:`shifts_over` has it."""
     window = Window.around(cells, margin=1)
-    return _shifts(found, number, window, given)[window.at(cells)]
+    return shifts_over(found, number, window, given)[window.at(cells)]

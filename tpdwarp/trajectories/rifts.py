@@ -53,6 +53,17 @@ def rift_cells(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return _mean_over(rift[..., None].astype(np.float64), width)[..., 0] > 0.0, _mean_over(field, width)
 
 
+def widths_of_rifts(field: np.ndarray) -> np.ndarray:
+    """How wide the rifts across u and across v of a field of shifts [u, v, 2] are [cells], shape [2]; 0 without any."""
+    widths = np.zeros(2)
+    for axis in (0, 1):
+        apart = np.linalg.norm(np.diff(field, axis=axis), axis=2)
+        torn = apart[apart > max(LARGEST_DRIFT_APART, LEAST_PART * max(field.shape[:2]))]
+        if len(torn):
+            widths[axis] = np.quantile(torn, WIDTH_QUANTILE)
+    return widths
+
+
 def gradients(field: np.ndarray) -> np.ndarray:
     """∂_a S_b of a field [u, v, 2], shape [u, v, 2, 2] by a and b."""
     sizes = field.shape[:2]

@@ -45,6 +45,7 @@ from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.brightening import lights_change
+from tpdwarp.trajectories.changing import resting_where_turned_over, shifts_over
 from tpdwarp.trajectories.keyframes import (
     END,
     KEYFRAME_DURATION,
@@ -56,7 +57,8 @@ from tpdwarp.trajectories.keyframes import (
     steadily_lit,
 )
 from tpdwarp.trajectories.neighbours import Pairs, growth_of, neighbours
-from tpdwarp.trajectories.retraced import PARTS
+from tpdwarp.trajectories.retraced import PARTS, CellsOfLattices, Window
+from tpdwarp.trajectories.rifts import widths_of_rifts
 from tpdwarp.trajectories.turns import least_segments
 
 # Photons of the trace from which the number of segments is chosen. Chosen, not derived.
@@ -79,6 +81,10 @@ PASSING_ERROR_IN_PARTS = 0.03125 / PARTS
 # wide. Chosen on a thin mirror that turns over, which errs by .019 in one segment, .023 in two and .040 in four (16 k
 # photons; else it took 59), and on a prism (``scripts/benchmarks/solids.py prism-turning``), for which two are best.
 PASSING_BORDER = 0.03125
+# Where bodies pass one another cells ride along a field that goes over from the one to the other, over twice the width
+# of the rift between them, and not where that is wider than half of the lattice. Two glass balls of radius .35 that
+# cross each other by 1.0 err by .25 in one segment, .115 in two, .026 in three and .032 in six (16 k photons).
+WIDEST_RIFT = 0.4
 # Parts into which longer shutters are cut to be looked at.
 MOST_PARTS = 8
 # Beyond this quantile D_tt x belongs to light that appears and vanishes at edges, which no trajectory follows. Chosen,
@@ -228,7 +234,8 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
         shutter_part = whole.segments(parts)[number % parts]
         scenes = _keyframe_scenes(tracer, shutter_part)
         least = max(least, parts * least_segments([loaded.scene for loaded in scenes], 2.0 * END))
-        errors = _errors_over(tracer, scenes, plan)
+        errors, rifts = _errors_over(tracer, scenes, plan)
+        least = max(least, math.ceil(parts * rifts / WIDEST_RIFT))
         if errors is not None:
             found.append(errors.over(parts))
     most = min(MOST_SEGMENTS, photons // FEWEST_PHOTONS)
@@ -243,8 +250,11 @@ def _keyframe_scenes(tracer: PhotonTracer, shutter: Shutter) -> list[LoadedScene
     return steadily_lit(tracer, scenes, (-END, 0.0, END), tracer.source.at(shutter).lights)[0]
 
 
-def _errors_over(tracer: PhotonTracer, scenes: Sequence[LoadedScene], plan: EmissionPlan) -> SegmentErrors | None:
-    """Errors of the photons that land over the shutter of a frame; None where none do that keyframes say anything of.
+def _errors_over(
+    tracer: PhotonTracer, scenes: Sequence[LoadedScene], plan: EmissionPlan
+) -> tuple[SegmentErrors | None, float]:
+    """Errors of the photons that land over the shutter of a frame, None where none do that keyframes say anything of;
+    and how wide the rifts between them are, as a part of their lattice.
 
     Args:
         scenes: At the keyframes of that shutter, in the order of time.
@@ -253,9 +263,8 @@ def _errors_over(tracer: PhotonTracer, scenes: Sequence[LoadedScene], plan: Emis
     opening, middle, closing = scenes
     scenes = [middle, opening, closing]
     keyframes = ShutterKeyframes(tracer, plan, *scenes, PathTags(scenes[0].scene, plan.photons), clock)
-    photons = keyframes.photons(0.0)
-    # Traced over a short time, wanted over the whole shutter.
-    photons = replace(photons, dxdt=photons.dxdt / KEYFRAME_DURATION, shift=photons.shift / KEYFRAME_DURATION)
+    photons = _over_shutter(keyframes.photons(0.0))
+    rifts = _widest_rift([photons, *(_over_shutter(keyframes.photons(part)) for part in (-END, END))], plan)
     before, after = keyframes.around(photons, plan)
     known = before.valid & after.valid
     # At borders of the lattice keyframes say nothing even in the middle of the shutter.
@@ -267,11 +276,35 @@ def _errors_over(tracer: PhotonTracer, scenes: Sequence[LoadedScene], plan: Emis
         known, before, after = begins, at_middle, at_middle
     rows = np.flatnonzero(known)
     if not len(rows):
-        return None
+        return None, rifts
     known = photons.rows(rows)
     share = plan.photons / settings.photons
     passing = float(photons.flux[begins].sum() / photons.flux.sum())
-    return _errors(known, before.rows(rows), after.rows(rows), plan, share, curves, passing)
+    return _errors(known, before.rows(rows), after.rows(rows), plan, share, curves, passing), rifts
+
+
+def _over_shutter(photons: PhotonMap) -> PhotonMap:
+    """Photons of a keyframe, traced over a short time, as over the whole shutter."""
+    return replace(photons, dxdt=photons.dxdt / KEYFRAME_DURATION, shift=photons.shift / KEYFRAME_DURATION)
+
+
+def _widest_rift(maps: Sequence[PhotonMap], plan: EmissionPlan) -> float:
+    """How wide the rifts of any lattice are, as a part of what its light meets in the middle of the shutter.
+
+    What turns over has none: its cells rest.
+
+    Args:
+        maps: Photons in the middle of the shutter, then at other times, which may show what is hidden there.
+    """
+    found = [CellsOfLattices(resting_where_turned_over(photons, plan)[0], plan) for photons in maps]
+    widest = 0.0
+    for number in found[0].numbers():
+        size = Window.around(found[0].of(number)[1]).size
+        for there in found:
+            if number in there.numbers():
+                field = shifts_over(there, number, Window.around(there.of(number)[1]))
+                widest = max(widest, *(widths_of_rifts(field) / size))
+    return widest
 
 
 def _errors(

@@ -3,7 +3,7 @@
 Unshadowed irradiance is known in closed form: of a sphere and of the sun's disc (Snyder 1996), a disk (its light
 vector, Fock 1924), a rectangle (Lambert 1760). It is multiplied by the share of the light that nothing hides, which a
 few stratified places on the light tell; so there is noise in penumbras only. That of a cylinder is that of a rectangle
-that is seen as its side is.
+that is seen as its side is, and that of an ellipsoid that of the flat ellipse as which it is seen.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import ExtentShape, LightAtShutter, LightKind
+from tpdwarp.scene.device.ellipsoids import ellipsoid_from
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.links import UNLIT
 from tpdwarp.scene.device.round_lights import VISIBLE_SIDE, round_irradiance
@@ -35,12 +36,17 @@ ROUND = wp.constant(int(ExtentShape.ROUND))
 DISK = wp.constant(int(ExtentShape.DISK))
 RECT = wp.constant(int(ExtentShape.RECT))
 CYLINDER = wp.constant(int(ExtentShape.CYLINDER))
+ELLIPSOID = wp.constant(int(ExtentShape.ELLIPSOID))
 PI = wp.constant(math.pi)
+NODE_OF_DISC = wp.constant(math.sqrt(2.0 / 3.0))
 # A point is never nearer to the middle of a sphere than its radius, and a little: within it nothing is defined.
 OUTSIDE = wp.constant(1.0001)
 # A flat light farther off than so many times its size is a point: that errs by the square of the ratio, 0.1 %, and the
 # sum over the edges of a polygon by its rounding, 6e-8 by that square.
 POINT_FROM = wp.constant(30.0)
+# An ellipse farther off than so many times its size, all above the horizon, is summed over nodes that are exact to the
+# fifth order: that errs by the sixth power of the ratio.
+NODES_FROM = wp.constant(3.0)
 # Edges of the polygon that stands for a disk which the horizon cuts; of equal area, it errs by 0.1 %.
 EDGES = wp.constant(24)
 EDGE_SCALE = wp.constant(math.sqrt(2.0 * math.pi / (24 * math.sin(2.0 * math.pi / 24))))
@@ -55,9 +61,10 @@ OF_LIGHTS = wp.constant(15485863)
 class AreaLightArrays:
     """Lights with extent in the tracer's units, one row a light.
 
-    ``place`` is the direction of travel or the position, ``span_a`` and ``span_b`` are as in
+    ``place`` is the direction of travel or the position, ``span_a``, ``span_b`` and ``span_c`` are as in
     :class:`tpdwarp.scene.description.Extent`; each changes by its motion over the shutter. ``facing`` is the normal of
     what is flat. ``radius`` of parallel light is the sine of the half angle. ``shaping`` is that beside the profile.
+    ``meshed`` is 1 for lights in whose place mirrors show a mesh that shines.
     """
 
     distant: wp.array(dtype=wp.int32)
@@ -70,9 +77,12 @@ class AreaLightArrays:
     span_a_motion: wp.array(dtype=wp.vec3)
     span_b: wp.array(dtype=wp.vec3)
     span_b_motion: wp.array(dtype=wp.vec3)
+    span_c: wp.array(dtype=wp.vec3)
+    span_c_motion: wp.array(dtype=wp.vec3)
     facing: wp.array(dtype=wp.vec3)
     facing_motion: wp.array(dtype=wp.vec3)
     shaping: wp.array(dtype=ShapingValues)
+    meshed: wp.array(dtype=wp.int32)
     links: wp.array2d(dtype=wp.int32)
     link_row: wp.array(dtype=wp.int32)
 
@@ -102,6 +112,8 @@ def area_light_arrays(
         "span_a_motion": [scale * light.extent.spans_motion[0] for light in chosen],
         "span_b": [scale * light.extent.spans[1] for light in chosen],
         "span_b_motion": [scale * light.extent.spans_motion[1] for light in chosen],
+        "span_c": [scale * third_of(light.extent.spans) for light in chosen],
+        "span_c_motion": [scale * third_of(light.extent.spans_motion) for light in chosen],
         "facing": [-light.axes[2] for light in chosen],
         "facing_motion": [-light.axes_motion[2] for light in chosen],
     }
@@ -112,6 +124,7 @@ def area_light_arrays(
     values = np.array([shaping_of_surface(light) for light in chosen], np.float32)
     out.shaping = launcher.array(values.reshape(-1, SHAPING_COUNT), ShapingValues)
     out.distant = launcher.array(np.array(distant, np.int32), wp.int32)
+    out.meshed = launcher.array(np.array([light.meshed for light in chosen], np.int32), wp.int32)
     out.shape = launcher.array(np.array([light.extent.shape for light in chosen], np.int32), wp.int32)
     radii = [
         math.sin(light.extent.radius) if far else scale * light.extent.radius
@@ -121,9 +134,18 @@ def area_light_arrays(
     return out
 
 
+def third_of(spans: np.ndarray) -> np.ndarray:
+    """The third of what spans a light, shape [3]; zero of what has but two."""
+    return spans[2] if len(spans) > 2 else np.zeros(3)
+
+
 @wp.struct
 class AreaLight:
-    """A light with extent at a time, as seen from a point: ``d`` leads to its middle, or is the direction there."""
+    """A light with extent at a time, as seen from a point: ``d`` leads to its middle, or is the direction there.
+
+    An ellipsoid is the disk as which it is seen: ``share`` is the power of that by its own, and ``depth`` the inverse
+    of its distance where it is the unit sphere, 0 of what is flat.
+    """
 
     distant: bool
     shape: int
@@ -132,6 +154,8 @@ class AreaLight:
     a: wp.vec3
     b: wp.vec3
     facing: wp.vec3
+    share: float
+    depth: float
 
 
 @wp.func
@@ -149,7 +173,29 @@ def light_seen_from(lights: AreaLightArrays, k: int, x: wp.vec3, time: float) ->
     out.a = lights.span_a[k] + time * lights.span_a_motion[k]
     out.b = lights.span_b[k] + time * lights.span_b_motion[k]
     out.facing = wp.normalize(lights.facing[k] + time * lights.facing_motion[k])
+    out.share = 1.0
+    if out.shape == ELLIPSOID:
+        c = lights.span_c[k] + time * lights.span_c_motion[k]
+        seen = ellipsoid_from(out.a, out.b, c, out.d)
+        out.shape = DISK
+        out.depth = 1.0 / seen.away
+        nearer = 1.0 - out.depth * out.depth
+        out.d *= nearer
+        out.a = wp.sqrt(nearer) * seen.a
+        out.b = wp.sqrt(nearer) * seen.b
+        area = wp.cross(out.a, out.b)
+        out.facing = wp.normalize(area)
+        if wp.dot(out.facing, out.d) > 0.0:
+            out.facing = -out.facing
+        out.share = wp.length(area) / (out.radius * out.radius)
     return out
+
+
+@wp.func
+def before_surface(light: AreaLight, square: float) -> float:
+    """Which part of the way to a place on the disk that stands for an ellipsoid lies before its surface; ``square`` is
+    that of the place's distance from the middle of a unit disk."""
+    return 1.0 / (1.0 + light.depth * wp.sqrt(wp.max(1.0 - square, 0.0)))
 
 
 @wp.func
@@ -257,6 +303,22 @@ def cylinder_irradiance(light: AreaLight, n: wp.vec3) -> float:
 
 
 @wp.func
+def irradiance_of_nodes(light: AreaLight, n: wp.vec3) -> float:
+    """Irradiance of an elliptical disk above the horizon, by that of its intensity along its normal, by seven nodes."""
+    total = float(0.0)
+    for number in range(7):
+        d = light.d
+        weight = float(0.25)
+        if number < 6:
+            turn = TURN / 6.0 * float(number)
+            d += NODE_OF_DISC * (wp.cos(turn) * light.a + wp.sin(turn) * light.b)
+            weight = 0.125
+        square = wp.length_sq(d)
+        total -= weight * wp.dot(n, d) * wp.dot(light.facing, d) / (square * square)
+    return total
+
+
+@wp.func
 def unshadowed_irradiance(light: AreaLight, n: wp.vec3) -> float:
     """Irradiance of a light that nothing hides, by its power: its largest intensity, or its irradiance."""
     distance = wp.length(light.d)
@@ -284,6 +346,8 @@ def unshadowed_irradiance(light: AreaLight, n: wp.vec3) -> float:
         is_circle = wp.abs(a2 - b2) <= CIRCLE * a2 and wp.abs(wp.dot(light.a, light.b)) <= CIRCLE * a2
         if wp.dot(n, light.d) >= reach and is_circle:
             return disk_irradiance(light, n)
+        if wp.dot(n, light.d) >= reach and distance * distance > NODES_FROM * NODES_FROM * wp.max(a2, b2):
+            return irradiance_of_nodes(light, n)
     return polygon_irradiance(light, n) / area
 
 
@@ -354,6 +418,8 @@ def place_on_light(light: AreaLight, n: wp.vec3, place: wp.vec2) -> PlaceOnLight
     if light.shape == CYLINDER:
         emitted = wp.length(wp.cross(wp.normalize(light.a), out.w))
     out.weight = wp.max(wp.dot(n, out.w), 0.0) * wp.max(emitted, 0.0) / (out.distance * out.distance)
+    if light.depth > 0.0:
+        out.distance *= before_surface(light, place[0])
     return out
 
 
@@ -415,7 +481,7 @@ def area_irradiance(share: wp.Function, linked: bool = False) -> wp.Function:
                         if part > 0.0:
                             counted += there.weight * part * shaped(lights.shaping[k], light.facing, -there.w)
                 if counted > 0.0:
-                    total += lights.power[k] * (mean * counted / whole)
+                    total += lights.power[k] * (light.share * mean * counted / whole)
         return total
 
     return irradiance

@@ -1,4 +1,4 @@
-"""What lights send off a rough metal to the viewer: those without extent, those with it, and domes.
+"""What lights send off metal to the viewer, rough or polished: those without extent, those with it, and domes.
 
 Of a light with extent some places are looked at, and some directions of the lobe, weighted by the balance heuristic
 (Veach 1995): wide lights lie all over a narrow lobe, and narrow ones in a small part of a wide lobe. Of domes, some
@@ -25,6 +25,7 @@ from tpdwarp.view.area_lights import (
     AreaLight,
     AreaLightArrays,
     PlaceOnLight,
+    before_surface,
     light_seen_from,
     place_on_light,
     within,
@@ -111,7 +112,7 @@ def radiance_of(light: AreaLight) -> float:
     """Radiance of a light by its power: its largest intensity, or its irradiance at normal incidence."""
     if light.shape == ROUND:
         return 1.0 / (PI * light.radius * light.radius)
-    return 1.0 / area_of(light)
+    return light.share / area_of(light)
 
 
 @wp.func
@@ -129,6 +130,9 @@ def solid_angle(light: AreaLight, w: wp.vec3, distance: float) -> float:
     if light.shape == ROUND:
         return area / wp.max(wp.dot(w, wp.normalize(light.d)), RIM)
     facing = -wp.dot(w, light.facing)
+    if light.depth > 0.0:
+        # By the distance of the disk, behind the surface of the ellipsoid that it stands for.
+        distance = wp.dot(light.d, light.facing) / wp.dot(w, light.facing)
     if light.shape == CYLINDER:
         before = before_axis(light)
         axis = wp.normalize(light.a)
@@ -180,17 +184,20 @@ def distance_to(light: AreaLight, w: wp.vec3) -> float:
     outside = wp.max(wp.abs(u), wp.abs(v)) > 1.0
     if light.shape == DISK:
         outside = u * u + v * v > 1.0
+        if light.depth > 0.0:
+            distance *= before_surface(light, u * u + v * v)
     return wp.where(outside, -1.0, distance)
 
 
 @cache
-def area_reflection(share: wp.Function, linked: bool = False) -> wp.Function:
+def area_reflection(share: wp.Function, linked: bool = False, meshed: bool = True) -> wp.Function:
     """The function that sums the radiance that lights with extent send off a lobe.
 
     Args:
         share: What part of the light from a place on a light is counted, as in
             :func:`tpdwarp.view.lights.point_irradiance`.
         linked: Whether lights are linked to some objects only.
+        meshed: Whether lights count in whose place a mesh shines, which is left out then.
     """
 
     @wp.func
@@ -214,6 +221,8 @@ def area_reflection(share: wp.Function, linked: bool = False) -> wp.Function:
             if wp.static(linked):
                 row = lights.link_row[k]
                 shines = shines and (lights.links[row, object] & UNLIT) == 0
+            if wp.static(not meshed):
+                shines = shines and lights.meshed[k] == 0
             if shines:
                 facets = float(places)
                 if light.shape == ROUND and sine_of(light) < SMALL * lobe.alpha:
@@ -240,6 +249,47 @@ def area_reflection(share: wp.Function, linked: bool = False) -> wp.Function:
                                 often = places / angle + facets * chance_of(lobe, there.w)
                                 counted += reflected(lobe, there.w) * (part / often)
                 total += wp.cw_mul(lights.power[k], counted) * radiance_of(light)
+        return total
+
+    return radiance
+
+
+@cache
+def lights_along(share: wp.Function, linked: bool = False) -> wp.Function:
+    """The function that sums the radiance of lights with extent that a ray meets, as smooth mirrors show them.
+
+    A light hides nothing: what is behind it is seen as well.
+
+    Args:
+        share: What part of the light from a place on a light is counted, as in
+            :func:`tpdwarp.view.lights.point_irradiance`.
+        linked: Whether lights are linked to some objects only.
+    """
+
+    @wp.func
+    def radiance(
+        surfaces: Surfaces,
+        textures: TextureArrays,
+        lights: AreaLightArrays,
+        x: wp.vec3,
+        w: wp.vec3,
+        offset: wp.vec3,
+        object: int,
+    ) -> wp.vec3:
+        total = wp.vec3(0.0, 0.0, 0.0)
+        for k in range(lights.power.shape[0]):
+            light = light_seen_from(lights, k, x, surfaces.time)
+            distance = distance_to(light, w)
+            row = int(0)
+            shines = distance > 0.0 and lights.meshed[k] == 0
+            if wp.static(linked):
+                row = lights.link_row[k]
+                shines = shines and (lights.links[row, object] & UNLIT) == 0
+            if shines:
+                part = share(surfaces, textures, lights.links, row, x, w, offset, distance)
+                if part > 0.0:
+                    part *= shaped(lights.shaping[k], light.facing, -w)
+                    total += lights.power[k] * (part * radiance_of(light))
         return total
 
     return radiance

@@ -19,6 +19,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import Beam, interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import MOST_DECISIONS, first_open_decision, reported_paths, take_branch, take_share
+from tpdwarp.photons.differentials import reflect
 from tpdwarp.photons.path_state import KEPT_STATES, keep_state, kept_rows
 from tpdwarp.photons.rough_lobes import behind_sheet, facet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
@@ -47,7 +48,7 @@ from tpdwarp.view.area_lights import OF_LIGHTS, AreaLightArrays, area_irradiance
 from tpdwarp.view.camera import Camera, camera_ray, kept_by_planes, through_lens
 from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.ggx import lobe_at, mirrored_by_a_facet, share_of_facet
-from tpdwarp.view.glossy_lights import area_reflection, dome_reflection, point_reflection
+from tpdwarp.view.glossy_lights import area_reflection, dome_reflection, lights_along, point_reflection
 from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
 from tpdwarp.view.shared_branches import follows, samples_served
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
@@ -65,6 +66,8 @@ DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
 # Random numbers that choose places on the lens, and facets, are others than those that keep rays off edges.
 OF_LENS = wp.constant(104729)
 OF_FACETS = wp.constant(1299709)
+# Width α of the lobe of the roughest mirror, and what lights in mirrors are blurred by that rough metal shows.
+WIDEST_MIRROR = wp.constant(0.09)
 TURN = wp.constant(6.283185307179586)
 
 
@@ -172,6 +175,8 @@ def visible_kernel(
     normal_maps: bool = False,
     mapped: bool = False,
     metals: bool = False,
+    glints: bool = False,
+    mirrored_lights: bool = False,
 ) -> wp.Kernel:
     """The kernel that follows one camera path to the diffuse surface it ends on; ``named`` notes which that is."""
     both, specular, branches = refraction and reflection, refraction or reflection, refraction or partial or metals
@@ -179,8 +184,11 @@ def visible_kernel(
     arrives = share_that_arrives(linked, partial)
     from_points, from_areas = point_irradiance(arrives, linked), area_irradiance(arrives, linked)
     # To make functions takes a while: only those that are called.
-    off_points = point_reflection(arrives, linked) if metals else None
+    off_points = point_reflection(arrives, linked) if metals or glints else None
     off_areas = area_reflection(arrives, linked) if metals and extended else None
+    # In mirrors, meshes that shine are seen themselves.
+    glint_of_areas = area_reflection(arrives, linked, False) if glints and extended else None
+    seen_in_mirrors = lights_along(arrives, linked) if mirrored_lights else None
 
     @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
     def see(
@@ -239,6 +247,8 @@ def visible_kernel(
             flags = int(0)
             queries.receiver[i] = -1
             out.first_depth[i] = -1.0
+            mirrored = wp.vec3(0.0, 0.0, 0.0)
+            blurred = float(0.0)
             if wp.static(named):
                 out.first_triangle[i] = -1
             if branch_of >= 0:
@@ -257,6 +267,8 @@ def visible_kernel(
                 decision = resumed.decision
                 first_bounce = resumed.bounce
                 flags = resumed.flags
+                if (flags & OFF_METAL) != 0:
+                    blurred = WIDEST_MIRROR
             else:
                 # ---- The camera's ray
                 beam = camera_ray(camera, films[item], surfaces.time)
@@ -413,6 +425,7 @@ def visible_kernel(
                                     throughput = float(served) * off
                                     beam = turned
                                     flags = flags | OFF_METAL
+                                    blurred = WIDEST_MIRROR
                                     decision += 1
                                     straight = False
                                     start = 0.0
@@ -500,6 +513,7 @@ def visible_kernel(
                         if sheet:
                             eta = sheet_index(surfaces, material)
                     at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
+                    smooth = at.n
                     u = float(0.0)
                     v = float(0.0)
                     roughness = float(0.0)
@@ -556,6 +570,34 @@ def visible_kernel(
                         tint = surfaces.tint[material]
                         if wp.static(mapped):
                             tint = mirror_tint(textures, material, hit, tint, across, down)
+                        if wp.static(glints or mirrored_lights):
+                            # ---- Lights in it; a path that is begun again to branch later on has seen them
+                            if decision >= first_open:
+                                object = surfaces.object_of[hit.triangle]
+                                offset = hit.offset * n_g
+                                shown = wp.vec3(0.0, 0.0, 0.0)
+                                # Few of the facets that see another mirror find the lights in it: these are as blurred
+                                # as the way there is (Kaplanyan and Dachsbacher 2013).
+                                blurred = wp.max(blurred, roughness)
+                                if wp.static(mirrored_lights):
+                                    if blurred == 0.0:
+                                        w = reflect(beam.w, smooth)
+                                        seen = seen_in_mirrors(
+                                            surfaces, textures, area_lights, beam.x, w, offset, object
+                                        )  # fmt: skip
+                                        shown = wp.cw_mul(tint, seen)
+                                if wp.static(glints):
+                                    if blurred > 0.0:
+                                        lobe = lobe_at(smooth, -beam.w, blurred, tint)
+                                        shown = off_points(
+                                            surfaces, textures, lights, lobe, beam.x, n_g, offset, object
+                                        )  # fmt: skip
+                                        if wp.static(extended):
+                                            shown += glint_of_areas(
+                                                surfaces, textures, area_lights, lobe, beam.x, n_g, offset,
+                                                place_for(films[item]), object,
+                                            )  # fmt: skip
+                                mirrored += wp.cw_mul(throughput, shown)
                         throughput = wp.cw_mul(throughput, tint)
                     if wp.static(metals):
                         if reflected:
@@ -574,6 +616,8 @@ def visible_kernel(
                 else:
                     break
 
+            if wp.static(glints or mirrored_lights):
+                out.direct[i] += mirrored
             out.reported[i] = reported
             out.flags[i] = flags
 
@@ -678,6 +722,8 @@ def visible_points(
         normal_maps=needs.normal_maps,
         mapped=needs.specular_maps,
         metals=needs.metals,
+        glints=needs.glints,
+        mirrored_lights=needs.mirrored_lights,
     )
     first = True
     while len(items):

@@ -14,7 +14,9 @@ from usd_scenes.hostile.values import INTEGERS, NUMBERS, TEXTS, TYPES, hostile
 TIMES = (1.0, 1.5, 2.0, 3.0, 0.0, -1.0, 1e-9, 2.9999999, 4.0, 1e3, -1e6, 1e6, 1e12, 1e30, -1e300)
 PRIM_TYPES = (
     "", "Xform", "Mesh", "Scope", "Camera", "DistantLight", "SphereLight", "RectLight", "PointInstancer", "Material",
-    "Shader", "GeomSubset", "RenderSettings", "RenderProduct", "Points", "Sphere", "SkelRoot", "Nonsense",
+    "Shader", "GeomSubset", "RenderSettings", "RenderProduct", "Points", "Sphere", "SkelRoot", "Nonsense", "Capsule",
+    "CylinderLight", "DomeLight", "DomeLight_1", "BasisCurves", "NurbsPatch", "TetMesh", "Skeleton", "SkelAnimation",
+    "BlendShape", "NodeGraph", "RenderVar", "Volume", "Plane", "HermiteCurves", "GeometryLight", "LightFilter",
 )  # fmt: skip
 NAMES = (
     "faceVertexCounts", "faceVertexIndices", "points", "normals", "velocities", "accelerations", "holeIndices",
@@ -29,10 +31,20 @@ NAMES = (
     "motion:blurScale", "motion:velocityScale", "protoIndices", "positions", "orientations", "orientationsf",
     "scales", "ids", "invisibleIds", "angularVelocities", "elementType", "indices", "familyName", "resolution",
     "pixelAspectRatio", "aspectRatioConformPolicy", "dataWindowNDC", "includedPurposes", "materialBindingPurposes",
-    "disableMotionBlur", "treatAsPoint", "inputs:shaping:cone:angle", "inputs:shadow:enable",
+    "disableMotionBlur", "treatAsPoint", "inputs:shaping:cone:angle", "inputs:shadow:enable", "widths", "type", "basis",
+    "wrap", "curveVertexCounts", "height", "axis", "size", "extent", "extentsHint", "model:drawMode",
+    "model:applyDrawMode", "model:cardGeometry", "model:cardTextureXPos", "creaseSharpnesses", "cornerIndices",
+    "primvars:displayOpacity", "primvars:st", "primvars:st:indices", "primvars:skel:jointIndices",
+    "primvars:skel:jointWeights", "primvars:skel:geomBindTransform", "skel:blendShapes", "blendShapeWeights",
+    "rotations", "joints", "bindTransforms", "inputs:texture:file", "inputs:texture:format", "inputs:file",
+    "inputs:shaping:focus", "inputs:shaping:ies:file", "inputs:length", "inputs:width", "poleAxis", "inputs:radius",
+    "collection:lightLink:expansionRule", "collection:lightLink:includeRoot", "light:materialSyncMode", "focusDistance",
+    "productName", "productType", "sourceName", "dataType", "inputs:opacityThreshold", "inputs:in", "inputs:varname",
 )  # fmt: skip
 RELATIONSHIPS = (
     "material:binding", "prototypes", "camera", "products", "proxyPrim", "light:filters", "material:binding:full",
+    "skel:skeleton", "skel:animationSource", "skel:blendShapeTargets", "material:binding:preview", "portals",
+    "collection:lightLink:includes", "collection:shadowLink:excludes", "light:filters", "orderedVars",
 )  # fmt: skip
 # A stage of a million frames is legal, and takes its time.
 ENDS = tuple(value for value in NUMBERS if not 100 < abs(value) < 1e7)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from usd_scenes.hostile.rich_stages import RICH
+
 SCENES = Path(__file__).resolve().parents[1]
 
 _HEAD = """#usda 1.0
@@ -414,5 +416,5 @@ _CHANGING = (
 """
 )
 
-HANDMADE = {"water": _WATER, "instances": _INSTANCES, "changing": _CHANGING}
+HANDMADE = {"water": _WATER, "instances": _INSTANCES, "changing": _CHANGING, **RICH}
 SHIPPED = ("cylinder", "mirror", "wave", "sea")

@@ -338,7 +338,12 @@ SIZED = {
 
 
 # Total power by the largest radiant intensity: of all directions, of a cosine over half of them, of a sine.
-SENT = {EmissionProfile.UNIFORM: 4 * math.pi, EmissionProfile.COSINE: math.pi, EmissionProfile.SINE: math.pi**2}
+SENT = {
+    EmissionProfile.UNIFORM: 4 * math.pi,
+    EmissionProfile.COSINE: math.pi,
+    EmissionProfile.SINE: math.pi**2,
+    EmissionProfile.SHOWN: 4 * math.pi,
+}
 
 
 @pytest.mark.parametrize("kind", SIZED)
@@ -418,7 +423,7 @@ def test_a_light_that_is_flattened_to_a_line_is_a_point_of_the_power_that_normal
 @pytest.mark.parametrize(
     ("kind", "rows", "count"),
     [
-        ("SphereLight", np.diag([1.0, 1.0, 0.2]), 20),
+        ("SphereLight", np.diag([1.0, 1.0, 0.2]), 1),
         ("SphereLight", np.diag([1.0, -1.0, 1.0]), 1),
         ("CylinderLight", np.diag([1.0, 1.0, 0.5]), 12),
         ("CylinderLight", SHEARED, 12),
@@ -426,7 +431,7 @@ def test_a_light_that_is_flattened_to_a_line_is_a_point_of_the_power_that_normal
     ],
 )
 @pytest.mark.parametrize("normalize", [False, True])
-def test_a_stretched_sphere_or_cylinder_is_flat_lights_of_its_area(small, kind, rows, count, normalize):
+def test_a_stretched_sphere_is_one_light_and_a_cylinder_flat_lights_of_its_area(small, kind, rows, count, normalize):
     placed(small, kind, rows).CreateNormalizeAttr(normalize)
     lights = small.open().at(Shutter.still(1)).lights
     assert len(lights) == count

@@ -12,14 +12,15 @@ from tpdwarp.scene.description import PROFILE_COUNT, EmissionProfile, LightAtShu
 # A smoothstep over less than this [rad] is a step.
 NARROWEST = wp.constant(1.0e-6)
 # The shaping of a light in kernels: angle, softness and focus, then the factors of its profile, the first of which is
-# below 0 where it has none; then what its surface multiplies that by (``OF_SINE``, ``OF_COSINE`` or 0 for nothing), and
-# the axis of the shaping where that of the surface is another.
-SHAPING_COUNT = 3 + PROFILE_COUNT + 4
+# below 0 where it has none; then what its surface multiplies that by (``OF_SINE``, ``OF_COSINE``, ``OF_SHOWN`` or 0 for
+# nothing), the axis of the shaping where that of the surface is another, and the rows of what tells the area shown.
+SHAPING_COUNT = 3 + PROFILE_COUNT + 4 + 9
 ShapingValues = wp.types.vector(length=SHAPING_COUNT, dtype=wp.float32)
 PROFILE_STEP = wp.constant(math.pi / (PROFILE_COUNT - 1))
 LAST_OF_PROFILE = wp.constant(PROFILE_COUNT - 1)
 SURFACE = wp.constant(3 + PROFILE_COUNT)
-OF_SINE, OF_COSINE = wp.constant(1.0), wp.constant(2.0)
+OF_SINE, OF_COSINE, OF_SHOWN = wp.constant(1.0), wp.constant(2.0), wp.constant(3.0)
+SHOWN = wp.constant(3 + PROFILE_COUNT + 4)
 
 
 def shaping_values(light: LightAtShutter) -> list[float]:
@@ -31,6 +32,8 @@ def shaping_values(light: LightAtShutter) -> list[float]:
     shaping, own = light.shaping or Shaping(2.0 * math.pi), light.cone_axis[0]
     if light.profile == EmissionProfile.SINE:
         return _values(shaping, float(OF_SINE), own)
+    if light.profile == EmissionProfile.SHOWN:
+        return _values(shaping, float(OF_SHOWN), own, light.shown)
     cosine = light.profile == EmissionProfile.COSINE
     if cosine and light.shaped_about is not None:
         return _values(shaping, float(OF_COSINE), own)
@@ -45,11 +48,15 @@ def shaping_of_surface(light: LightAtShutter) -> list[float]:
 
 
 def _values(
-    shaping: Shaping | None, surface: float = 0.0, axis: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+    shaping: Shaping | None,
+    surface: float = 0.0,
+    axis: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    shown: np.ndarray | None = None,
 ) -> list[float]:
     shaping = shaping or Shaping(-1.0)
     profile = shaping.profile or (-1.0,) * PROFILE_COUNT
-    return [shaping.angle, shaping.softness, shaping.focus, *profile, surface, *map(float, axis)]
+    rows = [0.0] * 9 if shown is None else shown.ravel().tolist()
+    return [shaping.angle, shaping.softness, shaping.focus, *profile, surface, *map(float, axis), *rows]
 
 
 def is_shaped(light: LightAtShutter) -> bool:
@@ -74,6 +81,17 @@ def across_of(w: wp.vec3) -> wp.vec3:
 
 
 @wp.func
+def area_shown(shaping: ShapingValues, w: wp.vec3) -> float:
+    """The area that a light shows along ω, by what it shows on average, of one that shines by that."""
+    total = float(0.0)
+    for row in range(3):
+        first = SHOWN + 3 * row
+        along = shaping[first] * w[0] + shaping[first + 1] * w[1] + shaping[first + 2] * w[2]
+        total += along * along
+    return wp.sqrt(total)
+
+
+@wp.func
 def shaped(shaping: ShapingValues, axis: wp.vec3, w: wp.vec3) -> float:
     """Intensity along ω over that along the unit ``axis``, as :class:`tpdwarp.scene.description.Shaping` has it."""
     if shaping[0] < 0.0:
@@ -84,6 +102,8 @@ def shaped(shaping: ShapingValues, axis: wp.vec3, w: wp.vec3) -> float:
         intensity = wp.max(cosine, 0.0)
         if shaping[SURFACE] == OF_SINE:
             intensity = wp.sqrt(1.0 - cosine * cosine)
+        elif shaping[SURFACE] == OF_SHOWN:
+            intensity = area_shown(shaping, w)
         own = wp.vec3(shaping[SURFACE + 1], shaping[SURFACE + 2], shaping[SURFACE + 3])
         cosine = wp.clamp(wp.dot(own, w), -1.0, 1.0)
     theta = wp.acos(cosine)

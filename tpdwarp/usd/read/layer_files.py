@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
 from pxr import Tf, Usd
@@ -21,7 +22,7 @@ def content_hash(file: str) -> str:
     digests = []
     stage = Usd.Stage.Open(file)
     for layer in stage.GetUsedLayers():
-        if layer.realPath and Path(layer.realPath).is_file():
+        if layer.realPath and os.path.isfile(layer.realPath):
             digests.append(hashlib.sha256(Path(layer.realPath).read_bytes()).hexdigest())
         elif not layer.anonymous:
             digests.append(hashlib.sha256(layer.ExportToString().encode()).hexdigest())

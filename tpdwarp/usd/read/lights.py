@@ -22,7 +22,14 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.scene.light_places import tiles_of
-from tpdwarp.scene.stretched_lights import area_stretched, faces_of, is_stretched
+from tpdwarp.scene.stretched_lights import (
+    SPHERE_NORMALS,
+    TUBE_NORMALS,
+    area_stretched,
+    ellipsoid_of,
+    faces_of,
+    is_stretched,
+)
 from tpdwarp.usd.read.coordinate_frames import about_x, along_normal, as_they_are, frame_over, rows_over
 from tpdwarp.usd.read.hosts import BLENDER_ANGLE, BLENDER_SUN, BLENDER_WHITE, is_of_blender
 from tpdwarp.usd.read.light_filters import LightFilters
@@ -64,17 +71,6 @@ UNSHEARED = {UsdLux.RectLight: along_normal, UsdLux.DiskLight: along_normal, Usd
 PROFILED = (UsdLux.SphereLight, UsdLux.RectLight, UsdLux.DiskLight)
 # Nodes and weights on −1 … 1 that integrate polynomials up to the fifth degree exactly.
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
-
-# Normals of a sphere, and of the side of a cylinder along x, with their shares of the area: of what has an edge where
-# it is flattened altogether, sums of them are known within .1 %.
-_HEIGHTS, _SHARES = np.polynomial.legendre.leggauss(32)
-_TURNS = 2.0 * math.pi * np.arange(64) / 64
-_AROUND = np.stack([np.zeros(64), np.cos(_TURNS), np.sin(_TURNS)], axis=1)
-SPHERE_NORMALS = (
-    np.concatenate([math.sqrt(1.0 - height**2) * _AROUND + [height, 0.0, 0.0] for height in _HEIGHTS]),
-    np.repeat(_SHARES / 128.0, 64),
-)
-TUBE_NORMALS = _AROUND, np.full(64, 1.0 / 64)
 
 # Pictures of rectangles are brought down to so many rows: each pixel is a light. Chosen, not derived.
 PICTURE_ROWS = 4
@@ -213,16 +209,18 @@ class Light:
         if light.extent is None or light.kind == LightKind.DISTANT or light.extent.shape == ExtentShape.DISK:
             return [light]
         if light.extent.shape != ExtentShape.RECT:
-            return self._faces(light, shutter)
+            return self._stretched(light, shutter)
         colors = self._picture(shutter.frame)
         return [light] if colors is None else tiles_of(light, colors)
 
-    def _faces(self, light: LightAtShutter, shutter: Shutter) -> list[LightAtShutter]:
-        """A sphere or cylinder as it is, or flat lights in its place where its transform makes it another shape."""
+    def _stretched(self, light: LightAtShutter, shutter: Shutter) -> list[LightAtShutter]:
+        """A sphere or cylinder as it is, or what stands in its place where its transform makes it another shape."""
         rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation, self._warnings)
         if not is_stretched(light.extent.shape, rows):
             return [light]
         radius, length = (*self._sizes(shutter.middle), 0.0)[:2]
+        if light.extent.shape == ExtentShape.ROUND:
+            return [ellipsoid_of(light, radius, rows, motion)]
         return faces_of(light, radius, length, rows, motion)
 
     def _picture(self, frame: float) -> np.ndarray | None:

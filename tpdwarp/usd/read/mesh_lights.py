@@ -134,6 +134,7 @@ class MeshLight(Light):
             closed - opened,
             profile=EmissionProfile.COSINE,
             extent=Extent(flat.shape, 0.0, flat.spans, flat.spans_motion),
+            meshed=True,
         )
 
 

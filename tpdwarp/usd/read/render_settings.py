@@ -18,6 +18,8 @@ EARLIEST = Usd.TimeCode.EarliestTime().GetValue()
 BEAUTY = ("ci", "c.*", "lpe:c.*", "color", "beauty", "rgba", "rgb", "a", "alpha", "c", "lpe:c.*[lo]")
 # Names all products at once, also in the name of an image.
 EACH_PRODUCT = "<product>"
+# The type of products that are plain images.
+RASTER = "raster"
 MOST_PIXELS = 2**30
 # Of a pixel's sides. Chosen, not derived: anamorphic images have 2.
 LARGEST_RATIO = 1e3
@@ -179,19 +181,31 @@ def _names_of(products: list[UsdRender.Product]) -> list[str]:
 def _chosen(
     products: list[UsdRender.Product], names: list[str], wanted: str, warnings: WarnOnce
 ) -> UsdRender.Product | None:
-    """The product of this path or name; the first without one."""
-    for product, name in zip(products, names, strict=True):
-        if wanted and wanted in (str(product.GetPath()), product.GetPrim().GetName(), name):
-            return product
+    """The product of this path or name; without one the first that is an image, or the first."""
+    types = [text_at(product.GetProductTypeAttr(), EARLIEST) or RASTER for product in products]
+    number = next((k for k, type in enumerate(types) if type == RASTER), 0)
     if wanted and wanted != EACH_PRODUCT:
-        raise InputError(f"no such product (there are {', '.join(names) or 'none'})", warnings.file, wanted)
-    for extra in products[1:] if wanted != EACH_PRODUCT else ():
-        warnings(
-            str(extra.GetPath()),
-            "is left out: the first product of the render settings is rendered "
-            f"(choose with --product, or write {EACH_PRODUCT} in the name of the image for all)",
-        )
-    return products[0] if products else None
+        called = [
+            (str(product.GetPath()), product.GetPrim().GetName(), name)
+            for product, name in zip(products, names, strict=True)
+        ]
+        known = [k for k, by in enumerate(called) if wanted in by]
+        if not known:
+            raise InputError(f"no such product (there are {', '.join(names) or 'none'})", warnings.file, wanted)
+        number = known[0]
+    elif wanted != EACH_PRODUCT:
+        for extra in products[:number] + products[number + 1 :]:
+            warnings(
+                str(extra.GetPath()),
+                "is left out: one product of the render settings is rendered, the first that is an image "
+                f"(choose with --product, or write {EACH_PRODUCT} in the name of the image for all)",
+            )
+    if not products:
+        return None
+    if types[number] != RASTER:
+        where = f"{products[number].GetPath()}.productType"
+        warnings(where, f"is {types[number]}, which is not written: it is rendered as an image of one depth")
+    return products[number]
 
 
 def _render_vars(stage: Usd.Stage, product: UsdRender.Product) -> tuple[str, ...]:

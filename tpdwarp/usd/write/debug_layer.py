@@ -86,7 +86,7 @@ LIGHT_PRIMVARS: dict[str, tuple[Sdf.ValueTypeName, str]] = {
 def view_path(path: str | os.PathLike[str]) -> Path:
     """The view layer that goes with a debug layer: ``shot.view.usda`` for ``shot.debug.usdc`` and for ``shot.usdc``."""
     path = Path(path)
-    return path.with_name(path.stem.removesuffix(".debug") + ".view.usda")
+    return path.parent / (path.stem.removesuffix(".debug") + ".view.usda")
 
 
 def refuse_non_finite(record: PhotonRecord, time: float, path: str | os.PathLike[str]) -> None:
@@ -122,9 +122,10 @@ def check_debug_layer(path: str | os.PathLike[str], scene: str, curves: int | No
         InputError: The scene cannot be opened, the layers cannot be written where they are asked for, or ``curves`` is
             no number of photons.
     """
+    named = os.fspath(path)
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
-        raise InputError(f"is no name for a USD layer (use one of {', '.join(EXTENSIONS)})", file=str(path))
+        raise InputError(f"is no name for a USD layer (use one of {', '.join(EXTENSIONS)})", file=named)
     if curves is not None and curves < 1:
         raise InputError(f"--curves must be above 0, not {curves}")
     layer = open_scene_layer(scene)

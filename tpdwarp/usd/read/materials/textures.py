@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -229,7 +230,7 @@ def _half(pixels: np.ndarray) -> np.ndarray:
 @contextmanager
 def _on_disk(path: str) -> Iterator[str | None]:
     """The path of a file that holds an asset's bytes; None where there is no such asset."""
-    if Path(path).is_file():
+    if os.path.isfile(path):
         yield path
         return
     if not Ar.IsPackageRelativePath(path):
