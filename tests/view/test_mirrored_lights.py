@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.view.lit_by_surfaces import LIGHTS, lamp
+from tests.view.lit_by_surfaces import LIGHTS, ellipsoid, lamp
 from tests.view.scenes import SHUTTER, WATER, floor, quad, see
 from tests.view.test_glossy_lights import COLOR, PLACES, WITHIN, by_quadrature, eye, lobe, radiance, viewer
 from tpdwarp.scene.description import (
@@ -74,6 +74,17 @@ def test_a_smooth_mirror_shows_a_light_as_it_is_and_nothing_beside_it(shape):
     np.testing.assert_allclose(shown(mirror(), ahead(shape)), np.array(COLOR) * RADIANCE, rtol=1e-3)
     for aside in (0.11, -0.11):
         assert shown(mirror(), ahead(shape, offset=(0.0, aside, 0.0))).max() == 0
+
+
+def test_a_smooth_mirror_shows_an_ellipsoid_by_the_radiance_of_all_its_surface():
+    short, long = 0.1, 0.25
+    light = ellipsoid(AHEAD, (0.3, -0.8, 0.2), (short, short, long))
+    # The surface of a prolate spheroid, which sends π L from each part of it.
+    eccentricity = math.sqrt(1.0 - (short / long) ** 2)
+    area = 2.0 * math.pi * short**2 * (1.0 + long / (short * eccentricity) * math.asin(eccentricity))
+    np.testing.assert_allclose(shown(mirror(), light), np.array(COLOR) * light.power * 4.0 / area, rtol=1e-3)
+    aside = replace(light, position=light.position + np.array([0.0, 0.26, 0.0]))
+    assert shown(mirror(), aside).max() == 0
 
 
 @pytest.mark.parametrize("shape", [ExtentShape.RECT, ExtentShape.DISK])

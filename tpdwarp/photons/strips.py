@@ -1,7 +1,8 @@
 """Strips of the light: photons that are too many to hold at once are traced and looked up strip after strip.
 
-Each strip is some rows of cells of every lattice, and rows beside them that its photons' neighbours lie in. These are
-traced with two strips and count in one, so that the footprints of all strips add up to those of the whole lattice.
+Each strip is some lattices, of the first and the last of them some rows of cells, and rows beside these that the
+neighbours of its photons lie in. They are traced with two strips and count in one, so that the footprints of all strips
+add up to those of whole lattices.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Grid(Protocol):
 
 @dataclass(frozen=True)
 class Strip:
-    """Some rows of cells of each lattice of a plan, across the side along which it has more cells.
+    """Rows of cells of each lattice of a plan, across the side with more cells: all of them, some, or none.
 
     Attributes:
         number: From 0 on. The first strip also has the lattices that are made for one frame.
@@ -94,7 +95,7 @@ class Strip:
 
 
 def strips_of(lattices: int, emitted: Sequence[tuple[int, Patch]], count: int) -> list[Strip]:
-    """Strips of as many rows as the others have of each lattice.
+    """Strips of as many cells, of one lattice after the other, so that of many lattices most are not cut.
 
     Args:
         lattices: How many are planned.
@@ -107,13 +108,15 @@ def strips_of(lattices: int, emitted: Sequence[tuple[int, Patch]], count: int) -
             low, size = np.array([patch.first_u, patch.first_v]), np.array([patch.count_u, patch.count_v])
             first[number] = np.minimum(first[number], low)
             stop[number] = np.maximum(stop[number], low + size)
-    known = first[:, 0] < np.inf
-    size = np.where(known[:, None], stop - np.where(known[:, None], first, 0.0), 0.0)
-    axes = np.argmax(size, axis=1)
-    low = np.where(known, np.take_along_axis(first, axes[:, None], axis=1)[:, 0], np.inf)
-    long = np.take_along_axis(size, axes[:, None], axis=1)[:, 0]
-    # What lies beyond all rows that are known goes with the outermost; a lattice without any with the first strip.
-    ends = [np.full(lattices, -np.inf), *(np.floor(low + long * n / count) for n in range(1, count))]
+    size = np.maximum(stop - first, 0.0)
+    axes, cells = np.argmax(size, axis=1), size.prod(axis=1)
+    before = np.cumsum(cells) - cells
+    low, across = np.take_along_axis(first, axes[:, None], axis=1)[:, 0], np.maximum(size.min(axis=1), 1.0)
+    # What lies beyond all cells that are known goes with the outermost.
+    ends = [np.full(lattices, -np.inf)]
+    for number in range(1, count):
+        past = cells.sum() * number / count - before
+        ends.append(np.select([past <= 0.0, past >= cells], [-np.inf, np.inf], np.floor(low + past / across)))
     ends.append(np.full(lattices, np.inf))
     rows = [tuple(end.tolist()) for end in ends]
     return [Strip(n, count, tuple(axes.tolist()), rows[n], rows[n + 1]) for n in range(count)]

@@ -272,8 +272,8 @@ class EmissionProfile(IntEnum):
     """How the radiant intensity of a light differs by direction, apart from its shaping.
 
     A surface of one radiance looks smaller from aside: flat ones shine by the cosine of the angle to −z of their frame,
-    and to one side only; the side of a cylinder by the sine of the angle to its axis, x of its frame; ellipsoids, and
-    cylinders that are oval or askew, by the area that they show (``LightAtShutter.shown``).
+    and to one side only; the side of a cylinder by the sine of the angle to its axis, x of its frame; ellipsoids by the
+    area that they show (``LightAtShutter.shown``).
     """
 
     UNIFORM = 0
