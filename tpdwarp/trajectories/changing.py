@@ -51,6 +51,7 @@ from tpdwarp.trajectories.retraced import (
     CellsOfLattices,
     RetracedCells,
     Window,
+    emitted_cells,
     flux_in,
     grown,
     matters,
@@ -83,9 +84,6 @@ LARGEST_GROWTH = 4.0
 # four, not by .24; but then all cells of a gliding ball rest, which takes four times as long and errs by .013, not by
 # .014 (65 536 photons).
 TURNS_OVER = 1.0
-
-# Of the shifts of a lattice's photons no more than this quantile says how far its cells may ride. Chosen, not derived.
-MOST_RIDE_ALONG = 0.95
 
 # When the shutter opens and closes, as parts of it from its middle.
 OPENS, CLOSES = -0.5, 0.5
@@ -261,8 +259,10 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
         windows: dict[int, Window] = {}
         shifts: dict[int, np.ndarray] = {}
         of_lattices = {part: CellsOfLattices(photons, sparse) for part, photons in maps.items()}
+        emitted = emitted_cells(sparse, keyframes.middle.scene)
         for number in numbers_of(list(of_lattices.values())):
-            cells = np.concatenate([_at_middle(found, number, part) for part, found in of_lattices.items()])
+            inside = emitted.get(number)
+            cells = np.concatenate([_at_middle(found, number, part, inside) for part, found in of_lattices.items()])
             windows[number] = window = Window.around(cells, margin=1)
             inside = window.cells(np.ones(window.size, bool))
             inside = inside[sparse.lattices[number].holds(inside)]
@@ -284,16 +284,18 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
     return found
 
 
-def _at_middle(found: CellsOfLattices, number: int, part: float) -> np.ndarray:
+def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: Window | None) -> np.ndarray:
     """The cells of a lattice whose photons were found at a part of the shutter, and where these ride at its middle,
-    shape [n, 2]: what a roof hides then may be lit as the shutter opens or closes."""
+    shape [n, 2]: what a roof hides then may be lit as the shutter opens or closes.
+
+    Where light grazes, shifts grow without bound: no cell rides to where none is ``emitted`` in the middle.
+    """
     rows, cells = found.of(number)
-    if part == 0.0 or not len(rows):
+    if part == 0.0 or emitted is None:
         return cells
     shift = found.photons.shift[rows] / (KEYFRAME_DURATION if abs(part) == END else INSTANT)
-    # Where light grazes shifts grow without bound.
-    shift = shift.clip(*np.quantile(shift, [1.0 - MOST_RIDE_ALONG, MOST_RIDE_ALONG], axis=0))
-    return np.concatenate([cells, np.rint(cells - part * shift).astype(np.int64)])
+    there = np.rint(cells - part * shift.astype(np.float64))
+    return np.concatenate([cells, there[emitted.holds(there)].astype(np.int64)])
 
 
 def _at_keyframes(keyframes: ShutterKeyframes) -> dict[float, PhotonMap]:
