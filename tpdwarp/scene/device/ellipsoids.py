@@ -22,7 +22,8 @@ NODE_STEP = wp.constant(2.0 * math.pi / 8)
 @wp.struct
 class SeenEllipsoid:
     """An ellipsoid from a point: ``away`` is the distance of its middle where it is the unit sphere, ``middle`` the
-    unit direction to its middle there, and ``a`` and ``b`` what two radii across that and each other are."""
+    unit direction to its middle there, ``a`` and ``b`` what two radii across that and each other are, and ``c`` what
+    the radius along it is."""
 
     away: float
     middle: wp.vec3
