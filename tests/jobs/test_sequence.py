@@ -63,7 +63,7 @@ class FakeRenderer:
         monkeypatch.setattr(frame_work, "render_frame", self.render)
         monkeypatch.setattr(frame_work, "trace_frame", self.trace)
 
-    def render(self, context, shutter, width, height, clock, paths, region):
+    def render(self, context, shutter, width, height, clock, paths, region, keeping):
         if shutter.frame in self.fail:
             raise self.fail[shutter.frame]
         self.rendered.append(shutter.frame)

@@ -43,13 +43,13 @@ def prepare_outputs(
         InputError: An output cannot be written, is one of the stage's files, or is two outputs; or statistics have the
             name of an image or a layer.
     """
-    if stats is not None and os.path.splitext(stats)[1].lower() in (*IMAGES, *LAYERS):
-        raise InputError("is no name for statistics (use .json or .jsonl)", file=os.fspath(stats))
     layers = {} if layer is None else {"the debug layer": layer, "its view layer": view_path(layer)}
     outputs = {"--stats": stats, **layers, **(others or {})}
     inputs = {"is read by the scene": files.paths, "is the scene itself": [source.file]}
     inputs["is read by --holdout"] = holdouts
     check_outputs(outputs, inputs, frames)
+    if stats is not None and os.path.splitext(stats)[1].lower() in (*IMAGES, *LAYERS):
+        raise InputError("is no name for statistics (use .json or .jsonl)", file=os.fspath(stats))
     written = (os.fspath(path) for path in (*frames[:1], *outputs.values()) if path is not None)
     for folder in {os.path.dirname(path) or os.curdir for path in written}:
         sweep_folder(folder)
