@@ -29,8 +29,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "mitsuba"))
 
 from accuracy import PIXELS, ROWS, wave_over_floor
+from ply import write_ply
 from solids import channel
 
 import tpdwarp
@@ -68,6 +70,11 @@ class Still:
     triangles: np.ndarray
     normals: np.ndarray | None
     ior: float
+
+    @property
+    def unit_normals(self) -> np.ndarray | None:
+        """Normals of length one, shape [v, 3]: those between two instants are shorter."""
+        return None if self.normals is None else self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +256,8 @@ def _write(
             name = path.rpartition("/")[2]
             moves = not np.array_equal(before[path].points, mesh.points)
             meshes[name] = {"ior": mesh.ior, "moves": moves, "flat": mesh.normals is None, "albedo": ALBEDO}
-            _write_ply(folder / (f"{name}.{number}.ply" if moves else f"{name}.ply"), mesh)
+            file = folder / (f"{name}.{number}.ply" if moves else f"{name}.ply")
+            write_ply(file, mesh.points, mesh.triangles, mesh.unit_normals)
     described = {
         "meshes": meshes,
         "lamps": lamps,
@@ -262,21 +270,6 @@ def _write(
         "seconds": SECONDS,
     }
     (folder / "scene.json").write_text(json.dumps(described))
-
-
-def _write_ply(path: Path, mesh: Still) -> None:
-    """Triangles, with the normals of their vertices where there are any."""
-    vertices, names = [mesh.points], ["x", "y", "z"]
-    if mesh.normals is not None:
-        vertices.append(mesh.normals / np.linalg.norm(mesh.normals, axis=1, keepdims=True))
-        names += ["nx", "ny", "nz"]
-    values = np.concatenate(vertices, axis=1).astype("<f4")
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(values)}"]
-    header += [f"property float {name}" for name in names]
-    header += [f"element face {len(mesh.triangles)}", "property list uchar int vertex_indices", "end_header"]
-    faces = np.zeros(len(mesh.triangles), [("sides", "u1"), ("corners", "<i4", 3)])
-    faces["sides"], faces["corners"] = 3, mesh.triangles
-    path.write_bytes(("\n".join(header) + "\n").encode() + values.tobytes() + faces.tobytes())
 
 
 def _theirs(compared: Compared, python: Path, folder: Path, stills: int) -> list[dict[str, float]]:

@@ -27,6 +27,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from ply import write_ply
+
 import tpdwarp
 from tpdwarp.io.images import encode_srgb
 from tpdwarp.scene.description import MeshAtShutter, Shutter
@@ -168,7 +170,8 @@ def write(stage: Usd.Stage, folder: Path) -> None:
     meshes = {}
     for mesh in scene.meshes:
         name = mesh.path.rpartition("/")[2]
-        _write_ply(folder / f"{name}.ply", mesh)
+        points, normals, triangles = _corners(mesh)
+        write_ply(folder / f"{name}.ply", points, triangles, normals)
         meshes[name] = mesh.materials[0].ior if mesh.specular else 0.0
     lamp = UsdLux.RectLight(stage.GetPrimAtPath("/World/Lamp"))
     rows = np.array(lamp.ComputeLocalToWorldTransform(FRAME))
@@ -185,19 +188,6 @@ def write(stage: Usd.Stage, folder: Path) -> None:
         },
     }
     (folder / "scene.json").write_text(json.dumps(described))
-
-
-def _write_ply(path: Path, mesh: MeshAtShutter) -> None:
-    """One vertex a corner of each triangle, with its normal."""
-    names, corners = ["x", "y", "z", "nx", "ny", "nz"], _corners(mesh)[:2]
-    values = np.concatenate(corners, axis=1).astype("<f4")
-    count = len(mesh.triangles)
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {3 * count}"]
-    header += [f"property float {name}" for name in names]
-    header += [f"element face {count}", "property list uchar int vertex_indices", "end_header"]
-    faces = np.zeros(count, [("sides", "u1"), ("corners", "<i4", 3)])
-    faces["sides"], faces["corners"] = 3, np.arange(3 * count).reshape(-1, 3)
-    path.write_bytes(("\n".join(header) + "\n").encode() + values.tobytes() + faces.tobytes())
 
 
 def _write_picture(path: Path, pictures: list[np.ndarray]) -> None:

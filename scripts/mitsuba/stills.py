@@ -18,8 +18,7 @@ from pathlib import Path
 import mitsuba as mi
 import numpy as np
 
-# Hops; and how many times the particles measure what falls beside the glass.
-DEPTH, DIRECT = 24, 1
+DEPTH = 24
 
 
 def main() -> None:
@@ -46,7 +45,7 @@ def main() -> None:
     if not described["covered"]:
         for still in range(described["stills"]):
             scene = _scene_of(described, folder, still, False)
-            direct += _rendered(scene, integrator, DIRECT * particles, seed + still) / described["stills"]
+            direct += _rendered(scene, integrator, particles, seed + still) / described["stills"]
     np.savez_compressed(folder / "stills.npz", pictures=pictures, seconds=seconds, direct=direct)
 
 

@@ -15,6 +15,7 @@ Beyond the paper, whose photons start from the light.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -35,11 +36,8 @@ WIDTH_QUANTILE = 0.9
 def rift_cells(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The cells around rifts of a field of shifts [u, v, 2], shape [u, v] bool, and the field that they ride along."""
     across: list[np.ndarray] = []
-    least = max(LARGEST_DRIFT_APART, LEAST_PART * max(field.shape[:2]))
     rift = np.zeros(field.shape[:2], bool)
-    for axis in (0, 1):
-        apart = np.linalg.norm(np.diff(field, axis=axis), axis=2)
-        torn = apart > least
+    for axis, (apart, torn) in enumerate(_drifts_apart(field)):
         across.append(apart[torn])
         for cut in (slice(1, None), slice(None, -1)):
             rift[(cut, slice(None)) if axis == 0 else (slice(None), cut)] |= torn
@@ -55,13 +53,17 @@ def rift_cells(field: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def widths_of_rifts(field: np.ndarray) -> np.ndarray:
     """How wide the rifts across u and across v of a field of shifts [u, v, 2] are [cells], shape [2]; 0 without any."""
-    widths = np.zeros(2)
+    return np.array(
+        [np.quantile(apart[torn], WIDTH_QUANTILE) if torn.any() else 0.0 for apart, torn in _drifts_apart(field)]
+    )
+
+
+def _drifts_apart(field: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """How far cells side by side along u, then along v, drift apart, and between which of them there is a rift."""
+    least = max(LARGEST_DRIFT_APART, LEAST_PART * max(field.shape[:2]))
     for axis in (0, 1):
         apart = np.linalg.norm(np.diff(field, axis=axis), axis=2)
-        torn = apart[apart > max(LARGEST_DRIFT_APART, LEAST_PART * max(field.shape[:2]))]
-        if len(torn):
-            widths[axis] = np.quantile(torn, WIDTH_QUANTILE)
-    return widths
+        yield apart, apart > least
 
 
 def gradients(field: np.ndarray) -> np.ndarray:

@@ -61,14 +61,15 @@ def least_segments(scenes: Sequence[SceneAtShutter], part: float) -> int:
         if len(axes) == len(scenes):
             turns = [turn_of_light(light, *pair) for pair in itertools.pairwise(axes)]
             degrees = max(degrees, math.degrees(sum(turns)))
+    slide, bodies_move = 0.0, _bodies_move(scenes)
     for light in scenes[0].lights:
         places = [found.position for scene in scenes for found in scene.lights if found.path == light.path]
-        if light.kind != LightKind.DISTANT and light.moves and len(places) == len(scenes):
+        if light.kind == LightKind.DISTANT or len(places) != len(scenes):
+            continue
+        if light.moves:
             degrees = max(degrees, math.degrees(largest_turn_about_bodies(places, scenes)))
-    slide = 0.0
-    for light in scenes[0].lights:
-        places = [found.position for scene in scenes for found in scene.lights if found.path == light.path]
-        if light.kind != LightKind.DISTANT and len(places) == len(scenes) == 3:
+        # Nothing slides where neither has moved.
+        if len(scenes) == 3 and (bodies_move or np.ptp(places, axis=0).any()):
             slide = max(slide, largest_slide(places, scenes))
     # Rounding is no segment more.
     turning, sliding = degrees / part / DEGREES_PER_SEGMENT, math.sqrt(slide / LARGEST_SLIDE) / part
@@ -126,6 +127,16 @@ def largest_slide(places: Sequence[np.ndarray], scenes: Sequence[SceneAtShutter]
         bends = 0.5 * np.linalg.norm(at[0] + at[2]), 0.5 * abs(radii[0] + radii[2] - 2.0 * radii[1])
         largest = max(largest, float(sum(bends) / radii[1]))
     return largest
+
+
+def _bodies_move(scenes: Sequence[SceneAtShutter]) -> bool:
+    """Whether any specular body is elsewhere in one of the scenes than in the first."""
+    first = {mesh.path: mesh.points for mesh in scenes[0].meshes if mesh.specular}
+    return any(
+        mesh.path in first and not np.array_equal(mesh.points, first[mesh.path])
+        for scene in scenes[1:]
+        for mesh in scene.meshes
+    )
 
 
 def _ways_to_bodies(
