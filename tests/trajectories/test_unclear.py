@@ -9,11 +9,15 @@ from tests.estimators.frames import OPEN, irradiance
 from tests.photons.shapes import floor, glass
 from tests.photons.traced import sun
 from tests.view.scenes import Source, looking_down, quad, steady
+from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.retraced import PARTS
+from tpdwarp.usd.read.stage import StageScene
 from usd_scenes.oracle.closed_forms import fresnel_reflectance
+from usd_scenes.solids import write
+from usd_scenes.stage import CAMERA, FRAME
 
 SETTINGS = Settings(photons=4096, segments=1, samples=1, aovs=("irradiance",))
 COLUMNS = 144
@@ -51,3 +55,14 @@ def test_light_shines_from_when_it_is_uncovered_however_late(begins):
         step = 1 / PARTS**2
         assert np.abs(found - exact)[x < 1.8].max() < step
         assert found.mean() == pytest.approx(exact.mean(), rel=0.05)
+
+
+def test_no_scenes_are_loaded_for_hardly_any_light(tmp_path, monkeypatch):
+    """A coarse lattice over a turning torus has some cells of which nothing tells when their light ends."""
+    loads, load = [], PhotonTracer.load
+    monkeypatch.setattr(PhotonTracer, "load", lambda *given, **options: loads.append(1) or load(*given, **options))
+    settings = Settings(photons=1024, samples=1, exposure=1.0, camera=CAMERA, image_width=32, aovs=("irradiance",))
+    stage = StageScene.open(str(write("torus-turning-10", tmp_path)), settings)
+    render_frame(RenderContext(stage, settings), stage.shutter(FRAME, settings), 32, 32)
+    # Keyframes and twice nine instants take 29; each part that is cut takes eight more, and nearly all hold such cells.
+    assert len(loads) < 60

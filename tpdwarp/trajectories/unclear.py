@@ -22,6 +22,9 @@ from tpdwarp.trajectories.retraced import LEAST_LIGHT, LEAST_SHARE, RetracedCell
 # A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
 # within what its cell blurs. Chosen, not derived.
 LONGEST_WAY = 4.0
+# Of all light, what begins or ends between two parts for which these are cut: each takes eight scenes to load. Twice
+# that saves a third of the time of a prism with 4 096 photons, which errs by .061 then in place of .055.
+LEAST_BETWEEN = 0.5 * LEAST_LIGHT
 
 
 def unclear_cells(
@@ -31,7 +34,7 @@ def unclear_cells(
 
     It rushes on a path that begins or ends between the part and one beside it; nothing tells when its path does so; or,
     in the first part and the last, that begins or ends between their instant and the end of the shutter. None where
-    each of these is hardly any of all ``light``.
+    what does so between two parts is hardly any of all ``light``.
 
     Args:
         maps: Photons of each part.
@@ -42,14 +45,15 @@ def unclear_cells(
     """
     light = max(light, sum(map(_flux, maps)))
     found: list[list[PhotonMap]] = [[] for _ in maps]
-    for several in (_rushing(maps, light), _at_times_unknown(maps, existence, light)):
+    least = LEAST_BETWEEN * light
+    for several in (_rushing(maps, least), _at_times_unknown(maps, existence, least)):
         for photons, more in zip(found, several, strict=True):
             photons += more
     if changing.ends is not None:
         for part, there in zip((0, len(maps) - 1), changing.ends.photons, strict=True):
             found[part] += _beyond(maps[part], there, changing.ends.cells, weight, light)
     if any(found):
-        _go_on_along_paths(found, maps, changing, LEAST_LIGHT * light)
+        _go_on_along_paths(found, maps, changing, least)
     return [changing.of_photons(photons) for photons in found]
 
 
@@ -60,7 +64,7 @@ def _go_on_along_paths(
     part and one beside it: for how long was told of both together.
 
     Args:
-        least: Flux that these have at least; for less a part is not cut, each of whose parts is a scene to load.
+        least: Flux that these have at least.
     """
     names = _names(maps)
 
@@ -77,33 +81,33 @@ def _go_on_along_paths(
                 found[there] += going_on
 
 
-def _rushing(maps: list[PhotonMap], light: float) -> list[list[PhotonMap]]:
+def _rushing(maps: list[PhotonMap], least: float) -> list[list[PhotonMap]]:
     """For each part, photons that rush where their path begins or ends between it and one beside it."""
     names = _names(maps)
     rushing = [_rushes(photons) for photons in maps]
     found: list[list[PhotonMap]] = [[] for _ in maps]
-    flux = 0.0
     for part in range(len(maps) - 1):
-        for one, other in ((part, part + 1), (part + 1, part)):
-            alone = maps[one].rows(rushing[one] & ~np.isin(names[one], names[other]))
-            found[one].append(alone)
-            found[other].append(alone)
-            flux += _flux(alone)
-    return found if flux > LEAST_LIGHT * light else [[] for _ in maps]
+        pair = (part, part + 1), (part + 1, part)
+        alone = [maps[one].rows(rushing[one] & ~np.isin(names[one], names[other])) for one, other in pair]
+        _add_to_both(found, part, alone, least)
+    return found
 
 
-def _at_times_unknown(maps: list[PhotonMap], existence: list[Existence], light: float) -> list[list[PhotonMap]]:
+def _at_times_unknown(maps: list[PhotonMap], existence: list[Existence], least: float) -> list[list[PhotonMap]]:
     """For each part, photons whose path begins or ends between it and one beside it where nothing tells when."""
     found: list[list[PhotonMap]] = [[] for _ in maps]
-    flux = 0.0
-    for part, (photons, exists) in enumerate(zip(maps, existence, strict=True)):
-        for beside, unknown in ((part - 1, exists.before), (part + 1, exists.after)):
-            alone = photons.rows(unknown & (photons.share > LEAST_SHARE))
-            if len(alone):
-                found[part].append(alone)
-                found[beside].append(alone)
-                flux += _flux(alone)
-    return found if flux > LEAST_LIGHT * light else [[] for _ in maps]
+    for part in range(len(maps) - 1):
+        unknown = existence[part].after, existence[part + 1].before
+        pair = zip(maps[part : part + 2], unknown, strict=True)
+        _add_to_both(found, part, [photons.rows(when & (photons.share > LEAST_SHARE)) for photons, when in pair], least)
+    return found
+
+
+def _add_to_both(found: list[list[PhotonMap]], part: int, photons: list[PhotonMap], least: float) -> None:
+    """Adds photons whose path begins or ends between a part and the next to both, if they carry more than ``least``."""
+    if sum(map(_flux, photons)) > least:
+        found[part] += photons
+        found[part + 1] += photons
 
 
 def _beyond(here: PhotonMap, there: PhotonMap, asked: RetracedCells, weight: float, light: float) -> list[PhotonMap]:
