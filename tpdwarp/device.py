@@ -113,7 +113,8 @@ class Launcher:
                 wp.launch(kernel, dim=items, inputs=[base, *inputs], device=self.device)
 
         bases = range(0, count, chunk)
-        if self._workers is not None:
+        # A single chunk is done sooner than handed over.
+        if self._workers is not None and len(bases) > 1:
             Chunks(run, bases).on(self._workers)
             return
         # One thread takes chunks as well, for an interruption is heard between them only.
