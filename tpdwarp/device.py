@@ -129,10 +129,19 @@ class Launcher:
     def zeros(self, count: int, dtype: Any) -> wp.array:
         return wp.zeros(count, dtype=dtype, device=self.device)
 
-    def rows(self, struct: Any, count: int, but: Sequence[str] = ()) -> Any:
-        """An instance of a Warp struct of arrays, every array with ``count`` zeroed rows ``but`` those named."""
+    def empty(self, count: int, dtype: Any) -> wp.array:
+        return wp.empty(count, dtype=dtype, device=self.device)
+
+    def rows(self, struct: Any, count: int, but: Sequence[str] = (), zeroed: bool = True) -> Any:
+        """An instance of a Warp struct of arrays, every array with ``count`` rows ``but`` those named."""
         instance = struct()
         for name, variable in struct.vars.items():
             if name not in but:
-                setattr(instance, name, self.zeros(count, variable.type.dtype))
+                setattr(instance, name, (self.zeros if zeroed else self.empty)(count, variable.type.dtype))
         return instance
+
+    def rows_of(self, array: wp.array, rows: np.ndarray) -> np.ndarray:
+        """Some rows of an array of one dimension, on the host; from a GPU nothing else is copied."""
+        if not self.device.is_cuda:
+            return array.numpy().take(rows, axis=0)
+        return wp.indexedarray(array, [self.array(rows.astype(np.int32), wp.int32)]).numpy()

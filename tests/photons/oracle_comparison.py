@@ -48,6 +48,7 @@ def compare(
         AssertionError: The oracle follows too few of these photons along the same path.
     """
     rows = np.flatnonzero((result.masks == mask) & among)
+    rows = rows[np.argsort(result.photons.ids[rows])]
     rows = rows[np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(int)]
     exact, away = reference(result, rows, anchor, mask)
     rounded = _oracle(result, _rounded_scene(result), rows, anchor, mask, _float32)

@@ -12,6 +12,7 @@ from tpdwarp.device import Launcher
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattice_shape import turned
 from tpdwarp.photons.lattices import EmissionPlan, plan_emission
+from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.record import PhotonRecord, record_of
 from tpdwarp.photons.tracing import SMALLEST_BRANCH, trace_photons
 from tpdwarp.scene.description import LightAtShutter, LightKind, MeshAtShutter, SceneAtShutter, Shutter
@@ -54,6 +55,7 @@ class Traced:
     photons: PhotonRecord
     energy: EnergyAccount
     plan: EmissionPlan
+    map: PhotonMap
 
     @cached_property
     def masks(self) -> np.ndarray:
@@ -92,12 +94,14 @@ def traced(
     smallest_branch: float = SMALLEST_BRANCH,
     bounces: int | None = None,
     place: tuple[float, float] | None = None,
+    recording: bool = False,
     **compiled: bool,
 ) -> Traced:
     """Traces about ``photons`` photons through a scene.
 
     Args:
         place: The place on lights with extent that they come from; None for all of them.
+        recording: Whether the map holds the vertices of paths.
         **compiled: Requirements that the kernel is compiled for, whatever the scene has, so that tests share it.
     """
     source = scene if isinstance(scene, Written) else Written(scene)
@@ -124,8 +128,9 @@ def traced(
         smallest_branch=smallest_branch,
         place=place,
         textures=textures,
+        recording=recording,
     )
-    return Traced(here, record_of([(photon_map, plan)], geometry.paths), energy, plan)
+    return Traced(here, record_of([(photon_map, plan)], geometry.paths), energy, plan, photon_map)
 
 
 def scene_of(

@@ -2,9 +2,9 @@
 
 At a dielectric both branches are followed. Where light can be reflected or refracted a path decides; mirrors and total
 internal reflection leave it no choice. A path is named by a mask whose bit b says that it was reflected at decision b.
-The first pass follows mask 0 (always refracted) and reports the decisions whose reflected share is worth following; the
-next passes follow those. So every path has an identity that stays the same from frame to frame,
-all paths of a pass are independent, and what a branch carries is exact rather than a matter of chance.
+The first path follows mask 0 (always refracted) and reports the decisions whose reflected share is worth following;
+others follow those, and report in turn. So every path has an identity that stays the same from frame to frame, and what
+a branch carries is exact rather than a matter of chance.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Branch:
     """What a path does at a dielectric.
 
     ``throughput`` is what it carries on, ``decided`` is 1 where there was a choice. ``reported`` has the bit of this
-    decision where the other branch, which carries ``other``, is to be followed by a later pass; ``culled`` is that
+    decision where the other branch, which carries ``other``, is to be followed by another path; ``culled`` is that
     branch's share where it is too faint for that.
     """
 

@@ -6,18 +6,10 @@ solids, where branches branch again, that is most of it.
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
 import warp as wp
 
 from tpdwarp.photons.beam import Beam
-from tpdwarp.photons.branching import reported_branches
 from tpdwarp.photons.light_columns import LightColumns
-
-# States that a path keeps for those that branch from it; where it reports more branches, the others start from the
-# light. Light that goes straight through a tumbler of water reports six.
-KEPT_STATES = 8
 
 
 @wp.struct
@@ -69,31 +61,3 @@ def path_state(
     out.count = count
     out.bounce = bounce
     return out
-
-
-@wp.func
-def keep_state(states: wp.array(dtype=Any), row: int, kept: int, state: Any) -> int:
-    """Keeps a ``state``, of a photon or a view, as that number ``kept`` of its row, where there is room.
-
-    Returns:
-        How many the row has then.
-    """
-    if kept < wp.static(KEPT_STATES):
-        states[kept * (states.shape[0] // wp.static(KEPT_STATES)) + row] = state
-    return kept + 1
-
-
-def kept_rows(reported: np.ndarray) -> np.ndarray:
-    """Where the states of reported branches were kept, in the order of ``reported_paths``, shape [m] int32.
-
-    Args:
-        reported: Decisions of each path that it reported, as bits, shape [n] int32.
-
-    Returns:
-        Rows of the array of states; −1 where there was no room.
-    """
-    decision, rows = reported_branches(reported)
-    # As many as it reported before.
-    earlier = reported[rows] & ((np.int32(1) << decision) - np.int32(1))
-    kept = np.unpackbits(earlier.view(np.uint8).reshape(-1, 4), axis=1).sum(axis=1, dtype=np.int32)
-    return np.where(kept < KEPT_STATES, kept * len(reported) + rows, -1).astype(np.int32)

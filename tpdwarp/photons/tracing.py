@@ -1,7 +1,8 @@
 """Tracing photons with their differentials through specular surfaces to the diffuse surface where they land.
 
-One thread follows one path of one photon (see :mod:`tpdwarp.photons.branching`): emission, transfer to the next surface
-(Eqs. 3 and 4 of the paper), reflection or refraction there, until a diffuse surface takes it.
+A thread follows some paths and what branches from them (see :mod:`tpdwarp.photons.branching` and :mod:`.path_regions`),
+one after the other: emission, transfer to the next surface (Eqs. 3 and 4 of the paper), reflection or refraction there,
+until a diffuse surface takes it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import warp as wp
 from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import Interface, interface_at, passed, relative_index, scatter, transfer_to
-from tpdwarp.photons.branching import first_open_decision, reported_paths, take_branch, take_share
+from tpdwarp.photons.branching import first_open_decision, take_branch, take_share
 from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.dispersion import Band, bands_of
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit, leaving
@@ -35,7 +36,8 @@ from tpdwarp.photons.light_columns import (
     shaping_of_place,
     transfer_columns,
 )
-from tpdwarp.photons.path_state import KEPT_STATES, PathState, keep_state, kept_rows, path_state
+from tpdwarp.photons.path_regions import SPARE, VERTICES, PathQueue, PathRegions, WaitingPaths, add_branch, hand_over
+from tpdwarp.photons.path_state import path_state
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.photons.rough_lobes import widened, widened_by_sheet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
@@ -64,11 +66,10 @@ SMALLEST_BRANCH = LightSettings.branch_cutoff
 # Light is followed through so many interactions however little is left, then as long as that is above the cutoff.
 # Chosen, not derived.
 FIRST_INTERACTIONS = wp.constant(8)
-VERTICES = wp.constant(MOST_VERTICES)
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 DIELECTRIC = wp.constant(int(Interaction.DIELECTRIC))
-# Cells whose photons are traced together, which limits memory: states of paths that branch once take some 60 MB.
-BLOCK = 1 << 18
+# Cells whose photons are traced together, which limits memory: with states of what branches they take some 200 MB.
+BLOCK = 1 << 17
 # Rays end there, in the tracer's units, in which the scene is of unit size. From so far away a rounding of a direction
 # (6e-8) misses by a sixteenth of the scene, so that nothing farther off can be met.
 FAR = wp.constant(1.0e6)
@@ -117,7 +118,6 @@ class PhotonArrays:
     dxdb: wp.array(dtype=wp.vec3)
     image: wp.array(dtype=wp.int32)
     fate: wp.array(dtype=wp.int32)
-    reported: wp.array(dtype=wp.int32)
     retried: wp.array(dtype=wp.int32)
 
 
@@ -170,7 +170,8 @@ def start_of(surfaces: Surfaces, patch: Patch, x: wp.vec3, w: wp.vec3, offset: w
 
 @cache
 def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
-    """The kernel that traces one path of one photon, specialised by what the scene requires."""
+    """The kernel that traces the paths of a region and all that branches from them, specialised by what the scene
+    requires."""
     moves, refraction, jittered = variant.moves, variant.refraction, variant.jittered
     both, riding = variant.refraction and variant.reflection, variant.riding and variant.moves
     smooth_receivers, nested = variant.smooth_receivers, variant.nested
@@ -205,379 +206,378 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         patches: wp.array(dtype=Patch),
         first_cells: wp.array(dtype=wp.int32),
         # In
-        cells: wp.array(dtype=wp.int32),
-        masks: wp.array(dtype=wp.int32),
         offsets: wp.array(dtype=wp.vec2),
         tags: wp.array(dtype=wp.int32),
         links: wp.array2d(dtype=wp.int32),
         sources: wp.array(dtype=wp.int32),
-        states_before: wp.array(dtype=PathState),
-        vertices_before: wp.array(dtype=wp.vec3),
+        waiting: PathQueue,
         bounces: int,
         smallest_branch: float,
         seed: int,
+        given: int,
+        rows: int,
         # Out
         out: PhotonArrays,
-        states: wp.array(dtype=PathState),
-        vertices: wp.array(dtype=wp.vec3),
+        paths: PathQueue,
     ):
         first = base + wp.tid() * in_turn
-        for i in range(first, first + in_turn):
-            # ---- Emission
-            number = wp.lower_bound(first_cells, cells[i] + 1) - 1
-            patch = patches[number]
-            cell = cells[i] - first_cells[number]
-            index_u = patch.first_u + cell % patch.count_u
-            index_v = patch.first_v + cell // patch.count_u
-            stream = wp.rand_init(seed, index_u * 65537 + index_v)
-            place_in_cell = wp.vec2(0.5, 0.5)
-            if wp.static(jittered):
-                place_in_cell = wp.vec2(wp.randf(stream), wp.randf(stream))
-            coordinates = wp.vec2(float(index_u), float(index_v)) + place_in_cell
-            place = coordinates
-            if offsets.shape[0] > 0:
-                place += offsets[cells[i]]
-            beam = emit(patch, place)
-            emitted = cell_flux(patch, place)
-            flux = emitted
-            absorbed = wp.vec3(0.0, 0.0, 0.0)
-            culled = wp.vec3(0.0, 0.0, 0.0)
-            entering = wp.vec3(0.0, 0.0, 0.0)
-            mask = masks[i]
-            first_open = first_open_decision(mask)
-            cutoff = smallest_branch * wp.max(emitted)
-            reported = int(0)
-            fate = int(FATE_DEPTH)
-            count = int(0)
-            decision = int(0)
-            retried = int(0)
-            path = wp.uint32(1)
-            columns = LightColumns()
-            shift = wp.vec2(0.0, 0.0)
-            first_bounce = int(0)
-            kept = int(0)
-            start = float(0.0)
-            inside = int(0)
-            # Outside the cone of a light there is nothing to follow.
-            dark = wp.max(emitted) <= 0.0
-            branch_of = int(-1)
-            if wp.static(branches):
-                if sources.shape[0] > 0:
-                    branch_of = sources[i]
-            if branch_of >= 0:
-                # ---- It branches from another path
-                resumed = states_before[branch_of]
-                beam = resumed.beam
-                columns = resumed.columns
-                emitted = resumed.emitted
-                flux = resumed.flux
-                shift = resumed.shift
-                path = resumed.path
-                start = resumed.start
-                inside = resumed.inside
-                decision = resumed.decision
-                count = resumed.count
-                first_bounce = resumed.bounce
-                if wp.static(recording):
-                    parent = branch_of % (states_before.shape[0] // wp.static(KEPT_STATES))
-                    for k in range(wp.min(count + 1, VERTICES)):
-                        vertices[i * VERTICES + k] = vertices_before[parent * VERTICES + k]
-            else:
-                start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
-                beam.magnitude = patch.magnitude
-                if wp.static(recording):
-                    vertices[i * VERTICES] = along(beam.x, beam.w, start)
-                if wp.static(nested):
-                    # Light from afar begins outside of everything.
-                    if patch.domain == 1:
-                        inside = media_at(surfaces, along(beam.x, beam.w, leaving(patch, beam.w)), beam.w)
+        for region in range(first, first + in_turn):
+            used = wp.min(given, sources.shape[0] - region * given)
+            for k in range(used):
+                hand_over(waiting, sources[region * given + k], paths, region * rows + k)
+            done = int(0)
+            while done < used and used + wp.static(SPARE if branches else 0) <= rows:
+                i = region * rows + done
+                done += 1
+                # ---- Emission
+                number = wp.lower_bound(first_cells, paths.cell[i] + 1) - 1
+                patch = patches[number]
+                cell = paths.cell[i] - first_cells[number]
+                index_u = patch.first_u + cell % patch.count_u
+                index_v = patch.first_v + cell // patch.count_u
+                stream = wp.rand_init(seed, index_u * 65537 + index_v)
+                place_in_cell = wp.vec2(0.5, 0.5)
+                if wp.static(jittered):
+                    place_in_cell = wp.vec2(wp.randf(stream), wp.randf(stream))
+                coordinates = wp.vec2(float(index_u), float(index_v)) + place_in_cell
+                place = coordinates
+                if offsets.shape[0] > 0:
+                    place += offsets[paths.cell[i]]
+                beam = emit(patch, place)
+                emitted = cell_flux(patch, place)
+                flux = emitted
+                absorbed = wp.vec3(0.0, 0.0, 0.0)
+                culled = wp.vec3(0.0, 0.0, 0.0)
+                entering = wp.vec3(0.0, 0.0, 0.0)
+                mask = paths.mask[i]
+                first_open = first_open_decision(mask)
+                cutoff = smallest_branch * wp.max(emitted)
+                fate = int(FATE_DEPTH)
+                count = int(0)
+                decision = int(0)
+                retried = int(0)
+                path = wp.uint32(1)
+                columns = LightColumns()
+                shift = wp.vec2(0.0, 0.0)
+                first_bounce = int(0)
+                start = float(0.0)
+                inside = int(0)
+                # Outside the cone of a light there is nothing to follow.
+                dark = wp.max(emitted) <= 0.0
+                resumes = int(0)
+                if wp.static(branches):
+                    resumes = paths.resumes[i]
+                if resumes == 1:
+                    # ---- It branches from another path
+                    resumed = paths.states[i]
+                    beam = resumed.beam
+                    columns = resumed.columns
+                    emitted = resumed.emitted
+                    flux = resumed.flux
+                    shift = resumed.shift
+                    path = resumed.path
+                    start = resumed.start
+                    inside = resumed.inside
+                    decision = resumed.decision
+                    count = resumed.count
+                    first_bounce = resumed.bounce
+                else:
+                    start = start_of(surfaces, patch, beam.x, beam.w, beam.offset)
+                    beam.magnitude = patch.magnitude
+                    if wp.static(recording):
+                        paths.vertices[i * VERTICES] = along(beam.x, beam.w, start)
+                    if wp.static(nested):
+                        # Light from afar begins outside of everything.
+                        if patch.domain == 1:
+                            inside = media_at(surfaces, along(beam.x, beam.w, leaving(patch, beam.w)), beam.w)
 
-            for bounce in range(first_bounce, bounces + 1):
-                if dark:
-                    fate = FATE_DIRECT
-                    break
-                if wp.static(partial):
-                    # ---- Where another share of the surface acts, a path begins here
-                    state = path_state(
-                        beam, columns, emitted, flux, shift, path, start, inside, decision, count, bounce
-                    )
-                # ---- Transfer to the next surface (Eqs. 3, 4)
-                hit = closest_hit(
-                    surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, FAR, wp.static(moves), stream
-                )
-                if hit.triangle < 0:
-                    if count > 0:
-                        fate = FATE_ESCAPED
-                    else:
+                for bounce in range(first_bounce, bounces + 1):
+                    if dark:
                         fate = FATE_DIRECT
-                    break
-                retried += hit.retried
-                if wp.static(nested and tints):
-                    left = wp.cw_mul(flux, absorbed_in_media(textures, inside, hit.distance))
-                    if decision >= first_open:
-                        absorbed += flux - left
-                    flux = left
-                if wp.static(linked):
-                    # ---- What the light passes, or does not shine on
-                    link = links[number, surfaces.object_of[hit.triangle]]
-                    takes = surfaces.interaction[surfaces.material_of[hit.triangle]] == DIFFUSE and count > 0
-                    # What throws no shadow is lit all the same, by light that others bend too.
-                    if (link & PASSED) != 0 and ((link & UNLIT) != 0 or not takes):
-                        beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
-                        if wp.static(extended):
-                            columns = transfer_columns(columns, beam.w, hit)
-                        start = 0.0
-                        continue
-                    if (link & UNLIT) != 0:
-                        if count == 0:
-                            fate = FATE_DIRECT
-                        else:
-                            absorbed += flux
-                        flux = wp.vec3(0.0, 0.0, 0.0)
                         break
-                if wp.static(partial):
-                    # ---- What is not there lets light pass, and is no part of its path
-                    there = transfer_to(beam, hit, True, wp.static(moves))
-                    share = presence_over(surfaces, textures, hit, there.dxdu, there.dxdv)
-                    part = take_share(mask, decision, first_open, share, flux, cutoff)
-                    flux = part.throughput
-                    reported = reported | part.reported
-                    if part.reported != 0:
-                        kept = keep_state(states, i, kept, state)
-                    culled += part.culled
-                    decision += part.decided
-                    if not part.reflected:
-                        beam = passed(there, hit)
-                        if wp.static(extended):
-                            columns = transfer_columns(columns, beam.w, hit)
-                        start = 0.0
-                        continue
-
-                # ---- What another solid displaces is not there (Schmidt & Budge 2002)
-                eta = float(1.0)
-                if wp.static(nested):
-                    beyond = int(inside)
-                    if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
-                        crossing = crossing_at(surfaces, hit, beam.w, inside)
-                        eta = crossing.eta
-                        beyond = crossing.beyond
-                        if crossing.nothing:
-                            inside = beyond
+                    if wp.static(partial):
+                        # ---- Where another share of the surface acts, a path begins here
+                        state = path_state(
+                            beam, columns, emitted, flux, shift, path, start, inside, decision, count, bounce
+                        )
+                    # ---- Transfer to the next surface (Eqs. 3, 4)
+                    hit = closest_hit(
+                        surfaces, beam.x, beam.w, beam.offset, beam.magnitude, start, FAR, wp.static(moves), stream
+                    )
+                    if hit.triangle < 0:
+                        if count > 0:
+                            fate = FATE_ESCAPED
+                        else:
+                            fate = FATE_DIRECT
+                        break
+                    retried += hit.retried
+                    if wp.static(nested and tints):
+                        left = wp.cw_mul(flux, absorbed_in_media(textures, inside, hit.distance))
+                        if decision >= first_open:
+                            absorbed += flux - left
+                        flux = left
+                    if wp.static(linked):
+                        # ---- What the light passes, or does not shine on
+                        link = links[number, surfaces.object_of[hit.triangle]]
+                        takes = surfaces.interaction[surfaces.material_of[hit.triangle]] == DIFFUSE and count > 0
+                        # What throws no shadow is lit all the same, by light that others bend too.
+                        if (link & PASSED) != 0 and ((link & UNLIT) != 0 or not takes):
                             beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
                             if wp.static(extended):
                                 columns = transfer_columns(columns, beam.w, hit)
                             start = 0.0
                             continue
-                if tags.shape[0] > 0:
-                    path = prolonged(path, tags[hit.triangle])
-                beam = transfer_to(beam, hit, True, wp.static(moves))
-                if wp.static(recording):
-                    vertices[i * VERTICES + wp.min(count + 1, VERTICES - 1)] = beam.x
-                if wp.static(extended):
-                    columns = transfer_columns(columns, beam.w, hit)
-                material = surfaces.material_of[hit.triangle]
-                interaction = surfaces.interaction[material]
-                if wp.static(partial):
-                    share = textures.diffuse_shares[material]
-                    if wp.static(mapped):
-                        share = diffuse_share_at(textures, material, hit, beam.dxdu, beam.dxdv)
-                    part = take_share(mask, decision, first_open, share, flux, cutoff)
-                    flux = part.throughput
-                    reported = reported | part.reported
-                    if part.reported != 0:
-                        kept = keep_state(states, i, kept, state)
-                    culled += part.culled
-                    decision += part.decided
-                    if part.reflected:
-                        interaction = DIFFUSE
-
-                # ---- A diffuse surface takes it
-                if interaction == DIFFUSE:
-                    fate = FATE_DIRECT
-                    if count > 0:
-                        fate = FATE_DEPOSITED
-                        out.receiver[i] = surfaces.object_of[hit.triangle]
-                        out.normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
-                        out.receiver_motion[i] = hit.motion
-                        if wp.static(smooth_receivers):
-                            out.incidence[i] = -beam.w / wp.abs(wp.dot(beam.w, hit.n_g))
-                    break
-                if bounce == bounces:
-                    break
-
-                if wp.static(partial):
-                    # The flux that a first specular surface receives, counted by the path that others branch from.
-                    if count == 0 and decision >= first_open:
-                        entering = flux
-
-                # ---- Riding on the first specular surface (beyond the paper)
-                if wp.static(riding):
-                    if count == 0:
-                        shift = riding_shift(beam.dxdu, beam.dxdv, hit.n_g, hit.motion - beam.dxdt)
-                        beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
-                        beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
-
-                # ---- The light's extent, seen from the first specular surface (beyond the paper)
-                places = FluxOfPlaces()
-                if wp.static(extended):
-                    if count == 0:
-                        from_middle = beam.w
-                        beam = from_visible_side(patch, beam)
-                        columns = columns_at(patch, beam, hit.n_g)
-                        if patch.is_place == 1:
-                            left_of_place = shaping_of_place(patch, beam, columns, hit.n_g)
-                            flux *= left_of_place
-                            emitted *= left_of_place
-                            entering *= left_of_place
-                            if left_of_place <= 0.0:
-                                # Its cone ends before.
+                        if (link & UNLIT) != 0:
+                            if count == 0:
                                 fate = FATE_DIRECT
-                                break
-                            off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
-                            beam.w = wp.normalize(beam.w + off)
-                        elif patch.extent_shape >= 0:
-                            places = flux_of_places(patch, beam, columns, hit.n_g, from_middle)
-                            columns.gain = places.gain
-                            columns.dwda *= places.narrowing[0]
-                            columns.dwdb *= places.narrowing[1]
-                            flux *= places.mean
-                            emitted *= places.mean
-                            entering *= places.mean
-                            if places.mean <= 0.0:
-                                # No place on the light shines there.
-                                fate = FATE_DIRECT
-                                break
+                            else:
+                                absorbed += flux
+                            flux = wp.vec3(0.0, 0.0, 0.0)
+                            break
+                    if wp.static(partial):
+                        # ---- What is not there lets light pass, and is no part of its path
+                        there = transfer_to(beam, hit, True, wp.static(moves))
+                        share = presence_over(surfaces, textures, hit, there.dxdu, there.dxdv)
+                        part = take_share(mask, decision, first_open, share, flux, cutoff)
+                        flux = part.throughput
+                        if part.reported != 0:
+                            add_branch(paths, region * rows + used, i, part.reported, state)
+                            used += 1
+                        culled += part.culled
+                        decision += part.decided
+                        if not part.reflected:
+                            beam = passed(there, hit)
+                            if wp.static(extended):
+                                columns = transfer_columns(columns, beam.w, hit)
+                            start = 0.0
+                            continue
 
-                # ---- Reflection or refraction
-                roughness = float(0.0)
-                if wp.static(rough):
-                    roughness = textures.roughnesses[material]
-                    if wp.static(mapped):
-                        roughness = roughness_at(textures, material, hit, beam.dxdu, beam.dxdv)
-                dielectric = wp.static(refraction)
-                if wp.static(both):
-                    dielectric = interaction == DIELECTRIC
-                if wp.static(refraction and not nested):
-                    if dielectric:
-                        eta = relative_index(surfaces, hit, beam.w)
-                sheet = bool(False)
-                if wp.static(thin_walls):
-                    sheet = dielectric and textures.thin_walls[material] == 1
-                    if sheet:
-                        eta = sheet_index(surfaces, material)
-                at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
-                if wp.static(extended):
-                    if dielectric:
-                        at.reflectance = mean_reflectance(at, beam.w, columns, places)
-                reflected = True
-                if dielectric:
-                    if wp.static(tints):
-                        within = at.side < 0.0
-                        if wp.static(nested):
-                            # That of nested media is taken along the way.
-                            within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
-                        if within:
-                            left = wp.cw_mul(flux, absorbed_within(textures, material, hit.distance))
-                            if decision >= first_open:
-                                absorbed += flux - left
-                            flux = left
-                    reflectance = float(at.reflectance)
-                    if wp.static(thin_walls):
-                        if sheet:
-                            reflectance = sheet_reflectance(reflectance)
-                    branch = take_branch(mask, decision, first_open, reflectance, flux, cutoff)
-                    reflected = branch.reflected
-                    flux = branch.throughput
-                    reported = reported | branch.reported
-                    if branch.reported != 0:
-                        # ---- What is reflected goes on from here
-                        other = scatter(beam, hit, at, True, True, wp.static(moves))
-                        others = columns
-                        if wp.static(extended):
-                            others = columns_after(columns, beam.w, other.w, hit, at, True, roughness)
-                        of_branch = path_state(
-                            other, others, emitted, branch.other, shift, prolonged(path, 1), 0.0, inside, decision + 1,
-                            count + 1, bounce + 1,
-                        )  # fmt: skip
-                        kept = keep_state(states, i, kept, of_branch)
-                    culled += branch.culled
-                    decision += branch.decided
-                    if wp.static(tints):
-                        if not reflected:
-                            passing = textures.transmittances[material]
-                            if wp.static(mapped):
-                                passing = transmittance_at(textures, material, hit, beam.dxdu, beam.dxdv)
-                            left = wp.cw_mul(flux, passing)
-                            if decision >= first_open:
-                                absorbed += flux - left
-                            flux = left
-                    if bounce >= FIRST_INTERACTIONS and wp.max(flux) < cutoff:
-                        culled += flux
-                        flux = wp.vec3(0.0, 0.0, 0.0)
+                    # ---- What another solid displaces is not there (Schmidt & Budge 2002)
+                    eta = float(1.0)
+                    if wp.static(nested):
+                        beyond = int(inside)
+                        if surfaces.interaction[surfaces.material_of[hit.triangle]] == DIELECTRIC:
+                            crossing = crossing_at(surfaces, hit, beam.w, inside)
+                            eta = crossing.eta
+                            beyond = crossing.beyond
+                            if crossing.nothing:
+                                inside = beyond
+                                beam = passed(transfer_to(beam, hit, True, wp.static(moves)), hit)
+                                if wp.static(extended):
+                                    columns = transfer_columns(columns, beam.w, hit)
+                                start = 0.0
+                                continue
+                    if tags.shape[0] > 0:
+                        path = prolonged(path, tags[hit.triangle])
+                    beam = transfer_to(beam, hit, True, wp.static(moves))
+                    if wp.static(recording):
+                        paths.vertices[i * VERTICES + wp.min(count + 1, VERTICES - 1)] = beam.x
+                    if wp.static(extended):
+                        columns = transfer_columns(columns, beam.w, hit)
+                    material = surfaces.material_of[hit.triangle]
+                    interaction = surfaces.interaction[material]
+                    if wp.static(partial):
+                        share = textures.diffuse_shares[material]
+                        if wp.static(mapped):
+                            share = diffuse_share_at(textures, material, hit, beam.dxdu, beam.dxdv)
+                        part = take_share(mask, decision, first_open, share, flux, cutoff)
+                        flux = part.throughput
+                        if part.reported != 0:
+                            add_branch(paths, region * rows + used, i, part.reported, state)
+                            used += 1
+                        culled += part.culled
+                        decision += part.decided
+                        if part.reflected:
+                            interaction = DIFFUSE
+
+                    # ---- A diffuse surface takes it
+                    if interaction == DIFFUSE:
+                        fate = FATE_DIRECT
+                        if count > 0:
+                            fate = FATE_DEPOSITED
+                            out.receiver[i] = surfaces.object_of[hit.triangle]
+                            out.normal[i] = -wp.sign(wp.dot(hit.n_g, beam.w)) * hit.n_g
+                            out.receiver_motion[i] = hit.motion
+                            if wp.static(smooth_receivers):
+                                out.incidence[i] = -beam.w / wp.abs(wp.dot(beam.w, hit.n_g))
                         break
-                else:
-                    tint = surfaces.tint[material]
-                    if wp.static(mapped):
-                        tint = mirror_tint(textures, material, hit, tint, beam.dxdu, beam.dxdv)
-                    tinted = wp.cw_mul(flux, tint)
-                    if decision >= first_open:
-                        absorbed += flux - tinted
-                    flux = tinted
-                if wp.static(nested):
-                    if not reflected:
-                        inside = beyond
-                path = prolonged(path, int(reflected))
-                start = 0.0
-                count += 1
-                if wp.static(thin_walls):
-                    if sheet and not reflected:
-                        beam = passed(beam, hit)
-                        if wp.static(rough):
-                            if roughness > 0.0:
-                                columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], roughness)
-                        continue
-                before = beam.w
-                beam = scatter(beam, hit, at, reflected, True, wp.static(moves))
-                if wp.static(extended):
-                    columns = columns_after(columns, before, beam.w, hit, at, reflected, roughness)
+                    if bounce == bounces:
+                        break
 
-            if fate == FATE_DEPOSITED:
-                size = (
-                    wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv) + wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
-                )
+                    if wp.static(partial):
+                        # The flux that a first specular surface receives, counted by the path that others branch from.
+                        if count == 0 and decision >= first_open:
+                            entering = flux
+
+                    # ---- Riding on the first specular surface (beyond the paper)
+                    if wp.static(riding):
+                        if count == 0:
+                            shift = riding_shift(beam.dxdu, beam.dxdv, hit.n_g, hit.motion - beam.dxdt)
+                            beam.dxdt += shift[0] * beam.dxdu + shift[1] * beam.dxdv
+                            beam.dwdt += shift[0] * beam.dwdu + shift[1] * beam.dwdv
+
+                    # ---- The light's extent, seen from the first specular surface (beyond the paper)
+                    places = FluxOfPlaces()
+                    if wp.static(extended):
+                        if count == 0:
+                            from_middle = beam.w
+                            beam = from_visible_side(patch, beam)
+                            columns = columns_at(patch, beam, hit.n_g)
+                            if patch.is_place == 1:
+                                left_of_place = shaping_of_place(patch, beam, columns, hit.n_g)
+                                flux *= left_of_place
+                                emitted *= left_of_place
+                                entering *= left_of_place
+                                if left_of_place <= 0.0:
+                                    # Its cone ends before.
+                                    fate = FATE_DIRECT
+                                    break
+                                off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
+                                beam.w = wp.normalize(beam.w + off)
+                            elif patch.extent_shape >= 0:
+                                places = flux_of_places(patch, beam, columns, hit.n_g, from_middle)
+                                columns.gain = places.gain
+                                columns.dwda *= places.narrowing[0]
+                                columns.dwdb *= places.narrowing[1]
+                                flux *= places.mean
+                                emitted *= places.mean
+                                entering *= places.mean
+                                if places.mean <= 0.0:
+                                    # No place on the light shines there.
+                                    fate = FATE_DIRECT
+                                    break
+
+                    # ---- Reflection or refraction
+                    roughness = float(0.0)
+                    if wp.static(rough):
+                        roughness = textures.roughnesses[material]
+                        if wp.static(mapped):
+                            roughness = roughness_at(textures, material, hit, beam.dxdu, beam.dxdv)
+                    dielectric = wp.static(refraction)
+                    if wp.static(both):
+                        dielectric = interaction == DIELECTRIC
+                    if wp.static(refraction and not nested):
+                        if dielectric:
+                            eta = relative_index(surfaces, hit, beam.w)
+                    sheet = bool(False)
+                    if wp.static(thin_walls):
+                        sheet = dielectric and textures.thin_walls[material] == 1
+                        if sheet:
+                            eta = sheet_index(surfaces, material)
+                    at = interface_at(surfaces, hit, beam.w, dielectric, eta, wp.static(moves))
+                    if wp.static(extended):
+                        if dielectric:
+                            at.reflectance = mean_reflectance(at, beam.w, columns, places)
+                    reflected = True
+                    if dielectric:
+                        if wp.static(tints):
+                            within = at.side < 0.0
+                            if wp.static(nested):
+                                # That of nested media is taken along the way.
+                                within = within and surfaces.medium_of[surfaces.object_of[hit.triangle]] < 0
+                            if within:
+                                left = wp.cw_mul(flux, absorbed_within(textures, material, hit.distance))
+                                if decision >= first_open:
+                                    absorbed += flux - left
+                                flux = left
+                        reflectance = float(at.reflectance)
+                        if wp.static(thin_walls):
+                            if sheet:
+                                reflectance = sheet_reflectance(reflectance)
+                        branch = take_branch(mask, decision, first_open, reflectance, flux, cutoff)
+                        reflected = branch.reflected
+                        flux = branch.throughput
+                        if branch.reported != 0:
+                            # ---- What is reflected goes on from here
+                            other = scatter(beam, hit, at, True, True, wp.static(moves))
+                            others = columns
+                            if wp.static(extended):
+                                others = columns_after(columns, beam.w, other.w, hit, at, True, roughness)
+                            of_branch = path_state(
+                                other, others, emitted, branch.other, shift, prolonged(path, 1), 0.0, inside,
+                                decision + 1, count + 1, bounce + 1,
+                            )  # fmt: skip
+                            add_branch(paths, region * rows + used, i, branch.reported, of_branch)
+                            used += 1
+                        culled += branch.culled
+                        decision += branch.decided
+                        if wp.static(tints):
+                            if not reflected:
+                                passing = textures.transmittances[material]
+                                if wp.static(mapped):
+                                    passing = transmittance_at(textures, material, hit, beam.dxdu, beam.dxdv)
+                                left = wp.cw_mul(flux, passing)
+                                if decision >= first_open:
+                                    absorbed += flux - left
+                                flux = left
+                        if bounce >= FIRST_INTERACTIONS and wp.max(flux) < cutoff:
+                            culled += flux
+                            flux = wp.vec3(0.0, 0.0, 0.0)
+                            break
+                    else:
+                        tint = surfaces.tint[material]
+                        if wp.static(mapped):
+                            tint = mirror_tint(textures, material, hit, tint, beam.dxdu, beam.dxdv)
+                        tinted = wp.cw_mul(flux, tint)
+                        if decision >= first_open:
+                            absorbed += flux - tinted
+                        flux = tinted
+                    if wp.static(nested):
+                        if not reflected:
+                            inside = beyond
+                    path = prolonged(path, int(reflected))
+                    start = 0.0
+                    count += 1
+                    if wp.static(thin_walls):
+                        if sheet and not reflected:
+                            beam = passed(beam, hit)
+                            if wp.static(rough):
+                                if roughness > 0.0:
+                                    columns = widened_by_sheet(columns, beam.w, surfaces.ior[material], roughness)
+                            continue
+                    before = beam.w
+                    beam = scatter(beam, hit, at, reflected, True, wp.static(moves))
+                    if wp.static(extended):
+                        columns = columns_after(columns, before, beam.w, hit, at, reflected, roughness)
+
+                if fate == FATE_DEPOSITED:
+                    size = wp.length_sq(beam.dxdu) + wp.length_sq(beam.dxdv)
+                    size += wp.length_sq(beam.dxdt) + wp.length_sq(beam.x)
+                    if wp.static(extended):
+                        size += wp.length_sq(columns.dxda) + wp.length_sq(columns.dxdb)
+                    if not wp.isfinite(size):
+                        fate = FATE_NONFINITE
                 if wp.static(extended):
-                    size += wp.length_sq(columns.dxda) + wp.length_sq(columns.dxdb)
-                if not wp.isfinite(size):
-                    fate = FATE_NONFINITE
-            if wp.static(extended):
-                beam.x += centroid_shift(columns)
-            out.position[i] = beam.x
-            out.shift[i] = shift
-            out.dxdu[i] = beam.dxdu
-            out.dxdv[i] = beam.dxdv
-            out.dxdt[i] = beam.dxdt
-            if wp.static(extended):
-                out.dxda[i] = columns.dxda
-                out.dxdb[i] = columns.dxdb
-                out.image[i] = columns.image
-            if wp.static(partial):
-                out.emitted[i] = entering
-            else:
-                out.emitted[i] = emitted
-            out.flux[i] = flux
-            out.absorbed[i] = absorbed
-            out.culled[i] = culled
-            out.emission[i] = coordinates
-            out.bounces[i] = count
-            out.path[i] = path
-            out.share[i] = wp.max(flux) / wp.max(wp.max(emitted), 1.0e-30)
-            out.fate[i] = fate
-            out.reported[i] = reported
-            out.retried[i] = retried
+                    beam.x += centroid_shift(columns)
+                out.position[i] = beam.x
+                out.shift[i] = shift
+                out.dxdu[i] = beam.dxdu
+                out.dxdv[i] = beam.dxdv
+                out.dxdt[i] = beam.dxdt
+                if wp.static(extended):
+                    out.dxda[i] = columns.dxda
+                    out.dxdb[i] = columns.dxdb
+                    out.image[i] = columns.image
+                if wp.static(partial):
+                    out.emitted[i] = entering
+                else:
+                    out.emitted[i] = emitted
+                out.flux[i] = flux
+                out.absorbed[i] = absorbed
+                out.culled[i] = culled
+                out.emission[i] = coordinates
+                out.bounces[i] = count
+                out.path[i] = path
+                out.share[i] = wp.max(flux) / wp.max(wp.max(emitted), 1.0e-30)
+                out.fate[i] = fate
+                out.retried[i] = retried
+            paths.done[region] = done
+            paths.used[region] = used
 
     return trace_photons
 
 
+_ACCOUNTED = ("emitted", "flux", "absorbed", "culled", "fate", "retried")
 _COLUMNS = (
     "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver", "bounces",
     "path", "share", "incidence", "dxda", "dxdb", "image",
@@ -653,120 +653,38 @@ def trace_photons(
         first_cells, offsets = launcher.array(emitting.first, wp.int32), launcher.array(emitting.offsets, wp.vec2)
         own = launcher.array(links[of_lattice] if len(links) else np.zeros((0, 0), np.int32), wp.int32)
         for begin in range(0, len(emitting.cells), BLOCK):
-            paths = _Paths.from_light(emitting.cells[begin : begin + BLOCK], launcher)
-            traced: _Traced | None = None
-            while count := len(paths.cells):
-                if traced is None or not traced.suits(count):
-                    traced = _Traced.room_for(count, left_out, launcher)
-                kept = _Kept.room_for(count, variant, launcher)
+            paths = WaitingPaths.at_light(emitting.cells[begin : begin + BLOCK], launcher)
+            while count := len(paths.sources):
+                regions = PathRegions.room_for(count, variant.branches, recording, launcher)
+                arrays = launcher.rows(PhotonArrays, regions.count * regions.rows, left_out, zeroed=False)
                 inputs = [band.surfaces, textures or TextureArrays(), patches, first_cells]
-                inputs += [launcher.array(paths.cells, wp.int32), launcher.array(paths.masks, wp.int32)]
-                inputs += [offsets, device_tags, own, launcher.array(paths.sources, wp.int32)]
-                inputs += [paths.kept.states, paths.kept.vertices, requirements.bounces, smallest_branch, seed]
-                launcher(kernel, count, [*inputs, traced.arrays, kept.states, kept.vertices], in_turn=True)
-                out = traced.columns(count)
-                fate = out["fate"]
+                inputs += [offsets, device_tags, own, launcher.array(paths.sources, wp.int32), paths.queue]
+                inputs += [requirements.bounces, smallest_branch, seed, regions.given, regions.rows]
+                inputs += [arrays, regions.queue]
+                launcher(kernel, regions.count, inputs, smallest_chunk=1, in_turn=True)
+                rows = regions.traced()
+                ended = {name: launcher.rows_of(getattr(arrays, name), rows) for name in _ACCOUNTED}
+                masks = launcher.rows_of(regions.queue.mask, rows)
                 # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
-                first = np.ones(count, bool) if needs.partial else paths.masks == 0
-                _tally(account, out, first, plan.normalization.power)
-                keep = np.flatnonzero(fate == Fate.DEPOSITED)
-                if len(keep):
-                    # Where all of them have landed nothing is copied.
-                    whole = len(keep) == count
-                    rows = {name: out[name] if whole else out[name].take(keep, axis=0) for name in columns}
-                    path = band.path(paths.masks[keep])
-                    lattice, rows["ids"] = emitting.ids(paths.cells[keep], path, plan.id_count)
+                first = np.ones(len(rows), bool) if needs.partial else masks == 0
+                _tally(account, ended, first, plan.normalization.power)
+                landing = ended["fate"] == Fate.DEPOSITED
+                if landing.any():
+                    rows = rows[landing]
+                    found = {name: launcher.rows_of(getattr(arrays, name), rows) for name in columns}
+                    cells = launcher.rows_of(regions.queue.cell, rows)
+                    lattice, found["ids"] = emitting.ids(cells, band.path(masks[landing]), plan.id_count)
                     if recording:
-                        rows["vertices"] = kept.vertices.numpy().reshape(-1, MOST_VERTICES, 3)[keep]
-                    rows["light"] = of_lattice[lattice]
-                    landed.append(rows)
-                paths = paths.reported(out["reported"], kept)
-                if len(keep) == count:
-                    traced = None
-                # Before the next pass makes its own.
-                del out, inputs, fate, kept
-    account.counts["landed"] = sum(len(rows["ids"]) for rows in landed)
+                        found["vertices"] = regions.queue.vertices.numpy().reshape(-1, MOST_VERTICES, 3)[rows]
+                    found["light"] = of_lattice[lattice]
+                    landed.append(found)
+                paths = WaitingPaths.of(regions)
+    account.counts["landed"] = sum(len(found["ids"]) for found in landed)
     if not landed:
         return PhotonMap.empty(), account
     columns += ["ids", "light", *(["vertices"] if recording else [])]
     rows = {name: joined([found[name] for found in landed]) for name in columns}
     return PhotonMap(**rows, light_paths=lights, light_parts=plan.splits), account
-
-
-@dataclass(frozen=True, eq=False)
-class _Traced:
-    """What a pass finds of its paths, in room that later ones use again: to make two dozen arrays takes longer than to
-    trace some hundred paths.
-
-    Attributes:
-        arrays: On the device.
-        on_host: Views of them; none on a GPU.
-        capacity: Paths that there is room for.
-    """
-
-    arrays: PhotonArrays
-    on_host: dict[str, np.ndarray]
-    capacity: int
-
-    @classmethod
-    def room_for(cls, count: int, left_out: Sequence[str], launcher: Launcher) -> _Traced:
-        """Room for ``count`` paths, without the columns ``left_out``."""
-        traced = cls(launcher.rows(PhotonArrays, count, but=left_out), {}, count)
-        if not launcher.device.is_cuda:
-            traced.on_host.update(traced.columns(count))
-        return traced
-
-    def suits(self, count: int) -> bool:
-        """Whether ``count`` paths may use it again; on a GPU, from which all of it is copied, none do."""
-        return bool(self.on_host) and count <= self.capacity
-
-    def columns(self, count: int) -> dict[str, np.ndarray]:
-        """What it holds of ``count`` paths, on the host."""
-        if self.on_host:
-            return {name: values[:count] for name, values in self.on_host.items()}
-        arrays = ((name, getattr(self.arrays, name)) for name in PhotonArrays.vars)
-        return {name: array.numpy() for name, array in arrays if array is not None and array.shape[0]}
-
-
-@dataclass(frozen=True, eq=False)
-class _Kept:
-    """What a pass keeps of its paths for those that branch from them: their states, and their vertices if recorded."""
-
-    states: wp.array
-    vertices: wp.array
-
-    @classmethod
-    def room_for(cls, count: int, variant: TracingVariant, launcher: Launcher) -> _Kept:
-        """Room for ``count`` paths; of states it is taken up only as they are written."""
-        states = count * KEPT_STATES if variant.branches else 0
-        vertices = launcher.zeros(count * MOST_VERTICES if variant.recording else 0, wp.vec3)
-        return cls(wp.empty(states, dtype=PathState, device=launcher.device), vertices)
-
-
-@dataclass(frozen=True, eq=False)
-class _Paths:
-    """The paths of a pass.
-
-    Attributes:
-        cells, masks: The cell that each starts from, and how it branches, shape [n] int32.
-        sources: Row of ``kept`` where its path stood before it branched, or −1, shape [n] int32; none in a first pass.
-        kept: What the pass before kept.
-    """
-
-    cells: np.ndarray
-    masks: np.ndarray
-    sources: np.ndarray
-    kept: _Kept
-
-    @classmethod
-    def from_light(cls, cells: np.ndarray, launcher: Launcher) -> _Paths:
-        """Those that refract always."""
-        nothing = _Kept(wp.empty(0, dtype=PathState, device=launcher.device), launcher.zeros(0, wp.vec3))
-        return cls(cells, np.zeros(len(cells), np.int32), np.zeros(0, np.int32), nothing)
-
-    def reported(self, reported: np.ndarray, kept: _Kept) -> _Paths:
-        """Those that branch from these, which reported them."""
-        return _Paths(*reported_paths(self.cells, self.masks, reported), kept_rows(reported), kept)
 
 
 @dataclass(frozen=True, eq=False)
@@ -833,7 +751,7 @@ def _tally(account: EnergyAccount, out: dict[str, np.ndarray], first: np.ndarray
     """Adds one pass to the account.
 
     Args:
-        out: The columns of :class:`PhotonArrays`.
+        out: Columns of :class:`PhotonArrays`.
         first: Paths whose emitted flux no other has counted, shape [n].
         unit: The tracer's unit of power [W].
     """

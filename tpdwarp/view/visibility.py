@@ -20,7 +20,6 @@ from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import Beam, interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import MOST_DECISIONS, first_open_decision, reported_paths, take_branch, take_share
 from tpdwarp.photons.differentials import reflect
-from tpdwarp.photons.path_state import KEPT_STATES, keep_state, kept_rows
 from tpdwarp.photons.rough_lobes import behind_sheet, facet
 from tpdwarp.photons.thin_walls import sheet_index, sheet_reflectance
 from tpdwarp.scene.description import Interaction
@@ -52,7 +51,7 @@ from tpdwarp.view.glossy_lights import area_reflection, dome_reflection, lights_
 from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
 from tpdwarp.view.shared_branches import follows, samples_served
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
-from tpdwarp.view.view_state import ViewState, view_state
+from tpdwarp.view.view_state import KEPT_STATES, ViewState, keep_state, kept_rows, view_state
 
 # Reflected branches of camera paths that carry less than this are not followed: one step of eight bits (1/255).
 SMALLEST_THROUGHPUT = ViewSettings.view_cutoff
