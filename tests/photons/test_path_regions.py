@@ -49,7 +49,13 @@ def test_a_branch_is_the_same_from_where_it_begins_as_from_the_light(scene, monk
     masks = np.unique(found.masks)
     assert len(masks) > 2
     at_light = WaitingPaths.at_light
-    monkeypatch.setattr(WaitingPaths, "at_light", lambda cells, launcher: at_light(cells, launcher, masks))
+
+    def branched_at_light(cells: np.ndarray, launcher: Launcher) -> WaitingPaths:
+        paths = at_light(np.tile(cells, len(masks)), launcher)
+        paths.queue.mask.numpy()[:] = np.repeat(masks, len(cells))
+        return paths
+
+    monkeypatch.setattr(WaitingPaths, "at_light", branched_at_light)
     # Paths that others branch to are among them twice, and some that no branch is worth.
     again = traced(scene, 256, recording=True).map
     _, first = np.unique(again.ids, return_index=True)

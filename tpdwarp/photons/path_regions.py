@@ -9,7 +9,6 @@ rows, does not depend on the number of threads.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -129,12 +128,11 @@ class WaitingPaths:
     queue: PathQueue
 
     @classmethod
-    def at_light(cls, cells: np.ndarray, launcher: Launcher, masks: Sequence[int] = (0,)) -> WaitingPaths:
-        """Those of some cells that branch by each of some ``masks``; by 0, which others branch from, they refract."""
-        queue, count = PathQueue(), len(cells) * len(masks)
-        queue.cell = launcher.array(np.tile(cells, len(masks)), wp.int32)
-        queue.mask = launcher.array(np.repeat(np.array(masks, np.int32), len(cells)), wp.int32)
-        queue.resumes = launcher.zeros(count, wp.int32)
+    def at_light(cls, cells: np.ndarray, launcher: Launcher) -> WaitingPaths:
+        """Those of some cells that refract always, from which others branch."""
+        queue, count = PathQueue(), len(cells)
+        queue.cell = launcher.array(cells, wp.int32)
+        queue.mask, queue.resumes = launcher.zeros(count, wp.int32), launcher.zeros(count, wp.int32)
         queue.states, queue.vertices = launcher.empty(0, PathState), launcher.empty(0, wp.vec3)
         queue.done, queue.used = launcher.empty(0, wp.int32), launcher.empty(0, wp.int32)
         return cls(np.arange(count, dtype=np.int32), queue)
