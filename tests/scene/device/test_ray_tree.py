@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import warp as wp
@@ -46,7 +44,7 @@ def tree_of(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> Wi
         points=wp.array(points.astype(np.float32), dtype=wp.vec3, device="cpu"),
         indices=wp.array(triangles.astype(np.int32).ravel(), dtype=wp.int32, device="cpu"),
     )
-    return WideTree.of(mesh, launcher)
+    return WideTree(mesh, launcher)
 
 
 def answers(
@@ -55,6 +53,7 @@ def answers(
     """Triangle, distance and weights by the wide tree and by Warp's, shape [n, 4] each."""
     wide, warps = (wp.zeros((len(x), 4), dtype=wp.float32, device="cpu") for _ in range(2))
     rays = [launcher.array(values.astype(np.float32), wp.vec3) for values in (x, w)]
+    assert tree.mesh.id == tree.tree.mesh
     launcher(ask_both, len(x), [tree.tree, *rays, end, wide, warps])
     return wide.numpy(), warps.numpy()
 
@@ -169,14 +168,12 @@ def test_what_is_not_finite_meets_nothing_and_is_not_met() -> None:
     assert not np.any(wide[:, 0] == 7) and (wide[:, 0] >= 0).mean() > 0.2
 
 
-def test_trees_that_are_too_deep_are_left_to_warp() -> None:
+def test_trees_that_are_too_deep_are_left_to_warp(monkeypatch: pytest.MonkeyPatch) -> None:
     points, triangles = soup(300, 0.3)
     launcher = Launcher("cpu", 1)
-    tree = tree_of(points, triangles, launcher)
-    none = replace(tree, tree=RayTree())
-    none.tree.mesh = tree.mesh.id
-    none.tree.boxes = none.tree.corners = launcher.zeros(0, wp.float32)
-    none.tree.links = none.tree.faces = launcher.zeros(0, wp.int32)
+    monkeypatch.setattr("tpdwarp.scene.device.wide_tree.MOST_LEVELS", 0)
+    none = tree_of(points, triangles, launcher)
+    assert not len(none.tree.links)
     wide, warps = answers(none, *rays(5), launcher)
     np.testing.assert_array_equal(wide, warps)
     assert MOST_LEVELS * 7 <= 256

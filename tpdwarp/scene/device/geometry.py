@@ -68,6 +68,8 @@ class Geometry:
     paths: tuple[str, ...]
     faces: Faces
     _moved: WideTree | None = None
+    _there: wp.array | None = None
+    _moving: tuple[int, ...] = ()
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -88,7 +90,7 @@ class Geometry:
     def at(self, time: float, launcher: Launcher) -> Surfaces:
         """The same surfaces with their points moved to ``time`` in the shutter (−½ … ½).
 
-        The BVH is refitted: what is returned is good until the next call.
+        The BVH is refitted where something moves: what is returned is good until the next call.
         """
         if not self.moves:
             return replace_time(self.surfaces, time)
@@ -97,11 +99,24 @@ class Geometry:
             # Built where the shutter is open half way, so that it does not matter which time is looked at first.
             self._moved = self.trees if self.shared else _trees(of.points, self.faces, launcher)
         surfaces = replace_time(of, time)
-        points = np.float32(time) * of.motions.numpy()
-        points += of.points.numpy()
-        _fit(self._moved, launcher.array(points, wp.vec3))
+        if self._there is None:
+            self._there = launcher.array(of.points.numpy().copy(), wp.vec3)
+        points, motions, there = (array.numpy() for array in (of.points, of.motions, self._there))
+        ends = self.faces.ends[:, 0]
+        for part in self._moving:
+            own = slice(ends[part - 1] if part else 0, ends[part])
+            np.multiply(motions[own], np.float32(time), out=there[own])
+            there[own] += points[own]
+        if launcher.device.is_cuda:
+            self._there.assign(there)
+        self._moved.move(self._there, self._moving if self._moved.points is self._there else None)
         _stand(surfaces, self._moved)
         return surfaces
+
+    def mesh_at(self, time: float, launcher: Launcher) -> tuple[Surfaces, wp.Mesh]:
+        """The surfaces of :meth:`at`, and Warp's mesh of them, whose own tree stands there too."""
+        surfaces = self.at(time, launcher)
+        return surfaces, (self._moved or self.trees).mesh
 
 
 def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
@@ -115,18 +130,18 @@ def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
 
 def _stand(surfaces: Surfaces, trees: WideTree) -> None:
     """Has the surfaces stand where the trees do."""
-    surfaces.tree, surfaces.points = trees.tree, trees.mesh.points
+    surfaces.tree, surfaces.points = trees.tree, trees.points
 
 
 def _trees(points: wp.array, faces: Faces, launcher: Launcher) -> WideTree:
     corners = faces.triangles.numpy().ravel()
     mesh = wp.Mesh(points=points, indices=wp.array(corners, dtype=wp.int32, device=launcher.device))
-    return WideTree.of(mesh, launcher)
+    return WideTree(mesh, launcher, faces.ends)
 
 
 def _fit(trees: WideTree, points: wp.array) -> None:
     """Moves a BVH to ``points`` unless it stands there."""
-    if trees.mesh.points is not points:
+    if trees.points is not points:
         trees.move(points)
 
 
@@ -134,7 +149,10 @@ def _fitted(before: Geometry | None, points: wp.array, faces: Faces) -> WideTree
     """The BVH of another scene fitted to ``points``; None where that has other triangles."""
     if before is None:
         return None
-    if faces is not before.faces and not np.array_equal(before.faces.triangles.numpy(), faces.triangles.numpy()):
+    theirs = before.faces
+    if faces is not theirs and not (
+        np.array_equal(theirs.ends, faces.ends) and np.array_equal(theirs.triangles.numpy(), faces.triangles.numpy())
+    ):
         return None
     _fit(before.trees, points)
     return before.trees
@@ -143,6 +161,9 @@ def _fitted(before: Geometry | None, points: wp.array, faces: Faces) -> WideTree
 # Beyond the box of solids so far there is no medium, in the tracer's units: more than by what solids in contact are
 # separated (tpdwarp.scene.device.contact), and than rounding.
 MEDIA_MARGIN = 1e-4
+# A BVH is built anew where boxes have grown to more than so many times what they were, for rays then enter as many more
+# of them. Chosen, not derived.
+MOST_GROWN = 1.2
 # From so many triangles on the scenes of a frame share a BVH. Chosen, not derived: to build one for fewer takes less
 # than 50 ms.
 SHARED_FROM = 100_000
@@ -159,6 +180,7 @@ def geometry_of(
     instead_of: Geometry | None = None,
     beside: Geometry | None = None,
     like: Faces | None = None,
+    trees: WideTree | None = None,
 ) -> Geometry:
     """Packs the meshes of ``scene`` into one geometry on the launcher's device.
 
@@ -168,6 +190,7 @@ def geometry_of(
             same triangles, which takes a tenth of the time that building one does.
         beside: The same scene at another time of the frame, which stays good: they share a BVH where it is large.
         like: Faces that are taken, as those of scenes beside it are, where its meshes have the same.
+        trees: The BVH of scenes with these faces, which are looked at no longer, or share it.
     """
     # A frame may show nothing at all; a tree of triangles wants at least one.
     meshes = scene.meshes or (NOTHING,)
@@ -181,17 +204,20 @@ def geometry_of(
     extent = np.abs(vertices).max(axis=0).astype(float)
     device_points = launcher.array(vertices, wp.vec3)
     tree_of = known if instead_of is not None or (known is not None and known.shared) else None
-    trees = _fitted(tree_of, device_points, faces) or _trees(device_points, faces, launcher)
+    if trees is not None and (faces is not like or len(faces.triangles) < SHARED_FROM or trees.grown > MOST_GROWN):
+        trees = None
+    fitted = _fitted(tree_of, device_points, faces)
+    if fitted is None and trees is not None:
+        fitted = trees
+        _fit(trees, device_points)
+    trees = fitted or _trees(device_points, faces, launcher)
     nesting = nesting_of(scene)
     media = np.full(faces.object_count, -1, np.int32)
     if nesting is not None:
         media = np.repeat(nesting.media, [len(mesh.objects) for mesh in scene.meshes])
-    separated = separate_coincident(
-        trees.mesh, faces.triangles.numpy(), faces.object_of.numpy(), faces.diffuse, boxes, media, launcher
-    )
+    separated = separate_coincident(trees, faces, boxes, media, launcher)
     if separated is not None:
-        trees.mesh.points.assign(separated)
-        trees.refit()
+        trees.move(launcher.array(separated, wp.vec3))
     surfaces = Surfaces()
     surfaces.magnitude = wp.vec3(*(extent + 1e-3 * extent.max()))
     _stand(surfaces, trees)
@@ -216,7 +242,9 @@ def geometry_of(
         box = normalization.points(nesting.box)
         surfaces.media_low, surfaces.media_high = wp.vec3(*(box[0] - MEDIA_MARGIN)), wp.vec3(*(box[1] + MEDIA_MARGIN))
     paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
-    return Geometry(surfaces, trees, any(m.moves for m in scene.meshes), paths, faces)
+    parts = tuple(number for number, mesh in enumerate(moving) if mesh.moves)
+    moves = any(m.moves for m in scene.meshes)
+    return Geometry(surfaces, trees, moves, paths, faces, _moving=parts)
 
 
 def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
