@@ -47,7 +47,7 @@ def _largest(positions: np.ndarray, origin: Sequence[float]) -> float:
 
 def _placed(scene: SceneAtShutter) -> Iterator[tuple[str, str, float, np.ndarray, np.ndarray | None]]:
     for mesh in scene.meshes:
-        yield mesh.path, "reaches", LARGEST_COORDINATE, mesh.points, mesh.motions
+        yield mesh.path, "reaches", LARGEST_COORDINATE, mesh.boxes, mesh.motions
     for light in scene.lights:
         if light.kind == LightKind.POINT:
             yield light.path, "lies", LARGEST_LIGHT_COORDINATE, light.position, light.position_motion

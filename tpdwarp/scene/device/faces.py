@@ -140,4 +140,5 @@ def _move(indices: np.ndarray | None, offset: int, out: np.ndarray) -> None:
         out[:] = -1
         return
     np.add(indices, np.int32(offset), out=out, casting="same_kind")
-    out[np.asarray(indices) < 0] = -1
+    if len(indices) and np.min(indices) < 0:
+        out[np.asarray(indices) < 0] = -1

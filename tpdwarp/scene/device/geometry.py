@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +61,8 @@ class Geometry:
         moves: Whether any vertex moves over the shutter.
         paths: Prim path of each object, indexed by ``surfaces.object_of``.
         faces: Its faces, which scenes of one frame may share too.
+        meshes: What it is made of.
+        vertices: Their points before those in contact were separated, in the tracer's units, shape [n, 3].
     """
 
     packed: Surfaces
@@ -67,6 +70,8 @@ class Geometry:
     moves: bool
     paths: tuple[str, ...]
     faces: Faces
+    meshes: tuple[MeshAtShutter, ...]
+    vertices: np.ndarray
     _moved: WideTree | None = None
     _there: wp.array | None = None
     _moving: tuple[int, ...] = ()
@@ -197,19 +202,16 @@ def geometry_of(
     known = beside if instead_of is None else instead_of
     same = (faces for faces in (known and known.faces, like) if faces is not None and faces.of(meshes))
     faces = next(same, None) or faces_of(meshes, launcher)
-    points = [normalization.points(mesh.points) for mesh in meshes]
-    boxes = np.concatenate([_boxes(of, len(mesh.objects)) for of, mesh in zip(points, meshes, strict=True)])
-    vertices = np.concatenate(points) if len(points) > 1 else points[0]
-    del points
-    extent = np.abs(vertices).max(axis=0).astype(float)
+    vertices = _vertices(meshes, normalization, known)
+    # Rounding keeps the order of numbers, so that these are the boxes of what is rounded.
+    boxes = normalization.points(np.concatenate([mesh.boxes for mesh in meshes]).reshape(-1, 3)).reshape(-1, 2, 3)
+    extent = np.abs(boxes).max(axis=(0, 1)).astype(float)
     device_points = launcher.array(vertices, wp.vec3)
     tree_of = known if instead_of is not None or (known is not None and known.shared) else None
-    if trees is not None and (faces is not like or len(faces.triangles) < SHARED_FROM or trees.grown > MOST_GROWN):
-        trees = None
     fitted = _fitted(tree_of, device_points, faces)
-    if fitted is None and trees is not None:
-        fitted = trees
+    if fitted is None and trees is not None and faces is like and len(faces.triangles) >= SHARED_FROM:
         _fit(trees, device_points)
+        fitted = trees if trees.grown <= MOST_GROWN else None
     trees = fitted or _trees(device_points, faces, launcher)
     nesting = nesting_of(scene)
     media = np.full(faces.object_count, -1, np.int32)
@@ -244,11 +246,20 @@ def geometry_of(
     paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
     parts = tuple(number for number, mesh in enumerate(moving) if mesh.moves)
     moves = any(m.moves for m in scene.meshes)
-    return Geometry(surfaces, trees, moves, paths, faces, _moving=parts)
+    return Geometry(surfaces, trees, moves, paths, faces, tuple(meshes), vertices, _moving=parts)
 
 
-def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
-    """Least and greatest corner of each of several copies of a mesh, shape [copies, 2, 3]."""
-    # Coordinate by coordinate, which is ten times as fast.
-    by_coordinate = np.ascontiguousarray(points.reshape(copies, -1, 3).transpose(2, 0, 1))
-    return np.stack([by_coordinate.min(axis=2), by_coordinate.max(axis=2)]).transpose(2, 0, 1)
+def _vertices(meshes: Sequence[MeshAtShutter], normalization: Normalization, known: Geometry | None) -> np.ndarray:
+    """The points of all meshes in the tracer's units, shape [n, 3] float32; those that ``known`` has are copied."""
+    ends = np.cumsum([len(mesh.points) for mesh in meshes])
+    vertices = np.empty((ends[-1], 3), np.float32)
+    there: dict[int, int] = {}
+    if known is not None:
+        there = dict(zip(map(id, known.meshes), (0, *known.faces.ends[:-1, 0]), strict=True))
+    for end, mesh in zip(ends, meshes, strict=True):
+        own, at = slice(end - len(mesh.points), end), there.get(id(mesh))
+        if known is None or at is None:
+            vertices[own] = normalization.points(mesh.points)
+        else:
+            vertices[own] = known.vertices[at : at + len(mesh.points)]
+    return vertices
