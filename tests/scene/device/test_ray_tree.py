@@ -191,7 +191,7 @@ def test_trees_that_are_too_deep_are_left_to_warp(monkeypatch: pytest.MonkeyPatc
     launcher = Launcher("cpu", 1)
     monkeypatch.setattr("tpdwarp.scene.device.wide_tree.MOST_LEVELS", 0)
     none = tree_of(points, triangles, launcher)
-    assert not len(none.tree.links)
+    assert not len(none.tree.links) and none.grown == np.inf
     wide, warps = answers(none, *rays(5), launcher)
     np.testing.assert_array_equal(wide, warps)
     assert MOST_LEVELS * 7 <= 256

@@ -276,9 +276,10 @@ class WideTree:
     def grown(self) -> float:
         """How many times as large as when they were built boxes have become, where they have grown the most.
 
-        Infinite where too many parts move at too many times for that to be known.
+        Infinite where that is not known: of Warp's own tree, and where many sets of parts move one after the other.
         """
-        return math.inf if len(self._above) > MOST_KNOWN else max(above.grown for above in self._above.values())
+        known = 0 < len(self._above) <= MOST_KNOWN
+        return max(above.grown for above in self._above.values()) if known else math.inf
 
     def move(self, points: wp.array, moved: tuple[int, ...] | None = None) -> None:
         """Moves the mesh and its tree to ``points`` on the device, shape [n] of vec3, which become its own.
