@@ -79,6 +79,22 @@ def test_a_frame_is_the_same_alone_and_within_a_sequence_in_any_order(settings):
     assert np.abs(forward[0].channels["R"] - forward[1].channels["R"]).max() > 0
 
 
+def test_frames_of_trees_that_were_kept_are_those_of_their_own(monkeypatch):
+    shutters = [Shutter(f, f, f + 1) for f in (0, 1, 2)]
+    still = quad("/card", (-3, 1), (3, 3), 0.4)
+
+    def scene():
+        return steady([floor(material=GREY), bumpy("/water", WATER, 1.0, True), still], (SUN,), BELOW)
+
+    expected = [render(scene(), shutter) for shutter in shutters]
+    monkeypatch.setattr("tpdwarp.scene.device.geometry.SHARED_FROM", 1)
+    monkeypatch.setattr("tpdwarp.scene.device.wide_tree.FOLLOWED_IN_PARTS", 1)
+    for order in (1, -1):
+        context = RenderContext(scene(), SETTINGS)
+        for shutter, of in list(zip(shutters, expected, strict=True))[::order]:
+            assert_same_bits(render_frame(context, shutter, 48, 40), of)
+
+
 def test_photons_are_the_same_traced_alone_and_rendered():
     traced, rendered = trace_frame(RenderContext(moving_scene(), SETTINGS), OPEN), render(moving_scene(), OPEN)
     for name in ("ids", "positions", "dxdu", "dxdt", "flux"):

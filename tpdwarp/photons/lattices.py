@@ -501,7 +501,15 @@ def _candidates(
 def _radius(scene: SceneAtShutter, normalization: Normalization) -> float:
     """Radius of a sphere about the origin that holds the scene at mid shutter, in the tracer's units."""
     radius = normalization.radius
+    boxes = np.concatenate([mesh.boxes.reshape(-1, 3) for mesh in scene.meshes] or [np.zeros((0, 3))])
+    # By rounding, the farthest point may be a little farther than the corner of what holds all.
+    corner = np.abs(normalization.points(boxes)).max(axis=0, initial=0.0)
+    if (1.0 + 1e-6) * float(np.linalg.norm(corner)) < radius:
+        return radius
     for mesh in scene.meshes:
+        corner = np.abs(normalization.points(mesh.boxes.reshape(-1, 3))).max(axis=0, initial=0.0)
+        if (1.0 + 1e-6) * float(np.linalg.norm(corner)) < radius:
+            continue
         points = normalization.points(mesh.points)
         radius = max(radius, float(np.sqrt(np.einsum("ij,ij->i", points, points).max(initial=0.0))))
     return radius

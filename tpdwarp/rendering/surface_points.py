@@ -118,6 +118,7 @@ def square(side: float, context: RenderContext) -> PixelSize:
 def _find(
     base: int,
     surfaces: Surfaces,
+    mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3),
     normals: wp.array(dtype=wp.vec3),
     farthest: float,
@@ -127,13 +128,13 @@ def _find(
 ):
     i = base + wp.tid()
     triangles[i] = -1
-    found = wp.mesh_query_point_no_sign(surfaces.tree.mesh, points[i], farthest)
+    found = wp.mesh_query_point_no_sign(mesh, points[i], farthest)
     if found.result:
         material = surfaces.material_of[found.face]
         if surfaces.interaction[material] == DIFFUSE:
             triangles[i] = found.face
             weights[i] = wp.vec2(found.u, found.v)
-            n_g = wp.mesh_eval_face_normal(surfaces.tree.mesh, found.face)
+            n_g = wp.mesh_eval_face_normal(mesh, found.face)
             sides[i] = wp.where(wp.dot(n_g, normals[i]) < 0.0, -1.0, 1.0)
 
 
@@ -183,14 +184,15 @@ def points_on_surfaces(
         normals: The side of the surface that is meant, shape [n, 3]; of any length.
     """
     launcher, count = context.launcher, len(points)
-    surfaces = surfaces_at(0.5, scenes, context)[0]
+    scene, since = _scene_at(0.5, scenes)
+    surfaces, mesh = scene.geometry.mesh_at(since, launcher)
     triangles = launcher.zeros(count, wp.int32)
     weights, sides = launcher.zeros(count, wp.vec2), launcher.zeros(count, wp.float32)
     given = [
         launcher.array(context.normalization.points(np.asarray(points, np.float64)), wp.vec3),
         launcher.array(np.asarray(normals, np.float32), wp.vec3),
     ]
-    launcher(_find, count, [surfaces, *given, FARTHEST, triangles, weights, sides])
+    launcher(_find, count, [surfaces, mesh.id, *given, FARTHEST, triangles, weights, sides])
     return SurfacePoints(triangles.numpy(), weights.numpy(), sides.numpy())
 
 
@@ -279,9 +281,15 @@ def _times(part: Part, field: IrradianceField, points: SurfacePoints) -> int:
 
 def surfaces_at(time: float, scenes: list[LoadedScene], context: RenderContext) -> tuple[Surfaces, LoadedScene]:
     """The surfaces as they stand at ``time`` in the shutter (0 … 1), and the scene of the segment that is of."""
+    scene, since = _scene_at(time, scenes)
+    return scene.geometry.at(since, context.launcher), scene
+
+
+def _scene_at(time: float, scenes: list[LoadedScene]) -> tuple[LoadedScene, float]:
+    """The scene of the segment that ``time`` in the shutter (0 … 1) is of, and the time in that (−½ … ½)."""
     since = time * len(scenes)
     segment = min(int(since), len(scenes) - 1)
-    return scenes[segment].geometry.at(since - segment - 0.5, context.launcher), scenes[segment]
+    return scenes[segment], since - segment - 0.5
 
 
 def _queries(

@@ -23,7 +23,7 @@ def require_within_range(scene: SceneAtShutter, normalization: Normalization, fi
     Raises:
         InputError: Naming the first such mesh, light or camera of ``file``.
     """
-    for path, what, largest, positions, motions in _placed(scene):
+    for path, what, largest, positions, motions in _placed(scene, _still_within(scene, normalization)):
         extent = _largest(positions, normalization.origin)
         if motions is not None:
             extent += 0.5 * _largest(motions, (0.0, 0.0, 0.0))
@@ -45,9 +45,21 @@ def _largest(positions: np.ndarray, origin: Sequence[float]) -> float:
     return float(np.max(ends))
 
 
-def _placed(scene: SceneAtShutter) -> Iterator[tuple[str, str, float, np.ndarray, np.ndarray | None]]:
+def _still_within(scene: SceneAtShutter, normalization: Normalization) -> bool:
+    """Whether all meshes that stand still are within the range: asked of thousands at once."""
+    boxes = [mesh.boxes for mesh in scene.meshes if mesh.motions is None]
+    extent = _largest(np.concatenate(boxes), normalization.origin) if boxes else 0.0
+    return extent * normalization.scale <= LARGEST_COORDINATE
+
+
+def _placed(
+    scene: SceneAtShutter, but_still: bool
+) -> Iterator[tuple[str, str, float, np.ndarray, np.ndarray | None]]:
+    """What is placed in a scene, ``but_still`` without meshes that stand still."""
     for mesh in scene.meshes:
-        yield mesh.path, "reaches", LARGEST_COORDINATE, mesh.points, mesh.motions
+        if but_still and mesh.motions is None:
+            continue
+        yield mesh.path, "reaches", LARGEST_COORDINATE, mesh.boxes, mesh.motions
     for light in scene.lights:
         if light.kind == LightKind.POINT:
             yield light.path, "lies", LARGEST_LIGHT_COORDINATE, light.position, light.position_motion

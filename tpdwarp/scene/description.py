@@ -11,6 +11,7 @@ import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -257,6 +258,14 @@ class MeshAtShutter:
                 copies=(),
                 **{name: None if (part := getattr(self, name)) is None else part[rows] for name in by_triangle},
             )
+
+    @cached_property
+    def boxes(self) -> np.ndarray:
+        """Least and greatest corner of each of :attr:`objects` at mid shutter, shape [o, 2, 3]."""
+        # Coordinate by coordinate, which is ten times as fast.
+        by_object = self.points.reshape(len(self.objects), -1, 3).transpose(2, 0, 1)
+        by_coordinate = np.ascontiguousarray(by_object)
+        return np.stack([by_coordinate.min(axis=2), by_coordinate.max(axis=2)]).transpose(2, 0, 1)
 
     @property
     def specular(self) -> bool:

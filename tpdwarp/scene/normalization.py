@@ -84,8 +84,8 @@ def _bounds(meshes: list[MeshAtShutter]) -> np.ndarray:
     """Lower and upper corner of what holds ``meshes``, shape [2, 3]; zero without any."""
     if not meshes:
         return np.zeros((2, 3))
-    corners = [(mesh.points.min(axis=0), mesh.points.max(axis=0)) for mesh in meshes]
-    return np.stack([np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))])
+    corners = np.concatenate([mesh.boxes for mesh in meshes])
+    return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
 
 def _strength(light: LightAtShutter, scale: float) -> float:

@@ -40,3 +40,37 @@ def test_faces_that_change_are_packed_anew(moving):
     first, second = faces(small, (2, 5))
     assert second.faces is not first.faces
     assert not np.array_equal(first.faces.triangles.numpy(), second.faces.triangles.numpy())
+
+
+def test_a_large_tree_is_kept_from_frame_to_frame_until_its_boxes_have_grown(tmp_path, monkeypatch):
+    monkeypatch.setattr("tpdwarp.scene.device.geometry.SHARED_FROM", 1)
+    small = SmallStage(tmp_path)
+    u, v = np.meshgrid(np.arange(20.0), np.arange(20.0), indexing="ij")
+    points = np.stack([u, v, 0 * u], axis=-1).reshape(-1, 3)
+    corner = (np.arange(19)[:, None] * 20 + np.arange(19)).ravel()
+    faces_ = np.stack([corner, corner + 20, corner + 21, corner + 1], axis=1)
+    mixed = np.random.default_rng(0).permutation(points)
+    times = {1: points, 2: points + np.array([0, 0, 1]), 3: mixed}
+    small.moving("/Mesh", times, counts=(4,) * len(faces_), indices=faces_.ravel().tolist())
+    loader = SceneLoader(small.open(), Launcher("cpu", 1))
+    first, second, third = (loader.load(Shutter.still(frame)).geometry for frame in (1, 2, 3))
+    assert second.trees is first.trees
+    assert third.trees is not second.trees and third.trees.grown == 1.0
+
+
+def test_points_of_what_stays_the_same_are_those_that_were_packed(moving, monkeypatch):
+    small, points = moving
+    small.moving("/Mesh", points, counts=(4,), indices=(0, 1, 2, 3))
+    small.mesh("/Still", points[1] - [0, 0, 3], counts=(4,), indices=(0, 1, 2, 3))
+    loader = SceneLoader(small.open(), Launcher("cpu", 1))
+    first = loader.load(Shutter.still(2))
+    packed = []
+    points_of = type(loader.normalization).points
+    monkeypatch.setattr(
+        type(loader.normalization), "points", lambda of, given: (packed.append(len(given)), points_of(of, given))[1]
+    )
+    second = loader.load(Shutter.still(4), beside=first)
+    # Four points of the mesh that moves, and the boxes of both.
+    assert sorted(packed) == [4, 4]
+    np.testing.assert_array_equal(second.geometry.vertices[4:], first.geometry.vertices[4:])
+    assert not np.array_equal(second.geometry.vertices[:4], first.geometry.vertices[:4])

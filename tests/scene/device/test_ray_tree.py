@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import warp as wp
@@ -41,12 +39,14 @@ def ask_both(
         warps[i, 3] = query.v
 
 
-def tree_of(points: np.ndarray, triangles: np.ndarray, launcher: Launcher) -> WideTree:
+def tree_of(
+    points: np.ndarray, triangles: np.ndarray, launcher: Launcher, ends: np.ndarray | None = None
+) -> WideTree:
     mesh = wp.Mesh(
         points=wp.array(points.astype(np.float32), dtype=wp.vec3, device="cpu"),
         indices=wp.array(triangles.astype(np.int32).ravel(), dtype=wp.int32, device="cpu"),
     )
-    return WideTree.of(mesh, launcher)
+    return WideTree(mesh, launcher, ends)
 
 
 def answers(
@@ -55,6 +55,7 @@ def answers(
     """Triangle, distance and weights by the wide tree and by Warp's, shape [n, 4] each."""
     wide, warps = (wp.zeros((len(x), 4), dtype=wp.float32, device="cpu") for _ in range(2))
     rays = [launcher.array(values.astype(np.float32), wp.vec3) for values in (x, w)]
+    assert tree.mesh.id == tree.tree.mesh
     launcher(ask_both, len(x), [tree.tree, *rays, end, wide, warps])
     return wide.numpy(), warps.numpy()
 
@@ -145,6 +146,22 @@ def test_rays_meet_the_nearest_of_all_triangles(name: str) -> None:
     assert np.isfinite(found).sum() > 20
 
 
+@pytest.mark.parametrize("name", SHAPES)
+def test_what_rays_meet_does_not_depend_on_how_the_tree_was_built(name: str) -> None:
+    points, triangles = SHAPES[name]
+    launcher = Launcher("cpu", 1)
+    # Rays at vertices and along edges meet several triangles as near.
+    x, w = rays(6)
+    places = points[triangles[np.arange(len(x)) % len(triangles), 0]]
+    w[::2] = ((places - x) / np.linalg.norm(places - x, axis=1, keepdims=True))[::2]
+    found, _ = answers(tree_of(points, triangles, launcher), x, w, launcher)
+    for change in (np.array([3.0, 0.1, 1.0]), np.array([0.1, 1.0, 5.0])):
+        # Built elsewhere and brought back, so that its boxes are others.
+        tree = tree_of(points * change, triangles, launcher)
+        tree.move(launcher.array(points.astype(np.float32), wp.vec3))
+        np.testing.assert_array_equal(answers(tree, x, w, launcher)[0], found)
+
+
 def test_trees_follow_their_mesh() -> None:
     points, triangles = soup(2000, 0.05)
     launcher = Launcher("cpu", 1)
@@ -169,14 +186,69 @@ def test_what_is_not_finite_meets_nothing_and_is_not_met() -> None:
     assert not np.any(wide[:, 0] == 7) and (wide[:, 0] >= 0).mean() > 0.2
 
 
-def test_trees_that_are_too_deep_are_left_to_warp() -> None:
+def test_trees_that_are_too_deep_are_left_to_warp(monkeypatch: pytest.MonkeyPatch) -> None:
     points, triangles = soup(300, 0.3)
     launcher = Launcher("cpu", 1)
-    tree = tree_of(points, triangles, launcher)
-    none = replace(tree, tree=RayTree())
-    none.tree.mesh = tree.mesh.id
-    none.tree.boxes = none.tree.corners = launcher.zeros(0, wp.float32)
-    none.tree.links = none.tree.faces = launcher.zeros(0, wp.int32)
+    monkeypatch.setattr("tpdwarp.scene.device.wide_tree.MOST_LEVELS", 0)
+    none = tree_of(points, triangles, launcher)
+    assert not len(none.tree.links) and none.grown == np.inf
     wide, warps = answers(none, *rays(5), launcher)
     np.testing.assert_array_equal(wide, warps)
     assert MOST_LEVELS * 7 <= 256
+
+
+@pytest.fixture
+def in_parts(monkeypatch: pytest.MonkeyPatch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points, triangles and ends of three parts, of which trees follow each by itself."""
+    monkeypatch.setattr("tpdwarp.scene.device.wide_tree.FOLLOWED_IN_PARTS", 1)
+    parts = [grid(30), soup(200, 0.1), grid(40)]
+    begins = np.cumsum([0, *(len(points) for points, _ in parts)])
+    points = np.concatenate([of for of, _ in parts])
+    triangles = np.concatenate([of + begin for (_, of), begin in zip(parts, begins[:-1], strict=True)])
+    return points, triangles, np.column_stack([begins[1:], np.cumsum([len(of) for _, of in parts])])
+
+
+@pytest.mark.parametrize("known", [(1,), None])
+def test_a_tree_follows_the_part_that_moves_as_if_it_followed_all(
+    in_parts: tuple[np.ndarray, np.ndarray, np.ndarray], known: tuple[int, ...] | None
+) -> None:
+    points, triangles, ends = in_parts
+    launcher = Launcher("cpu", 1)
+    whole, parted = tree_of(points, triangles, launcher), tree_of(points, triangles, launcher, ends)
+    for shift in (0.7, -0.3):
+        moved = points.astype(np.float32)
+        moved[ends[0, 0] : ends[1, 0]] += np.float32(shift)
+        for tree, parts in ((whole, None), (parted, known)):
+            tree.move(launcher.array(moved, wp.vec3), parts)
+        for name in ("boxes", "corners"):
+            np.testing.assert_array_equal(getattr(parted.tree, name).numpy(), getattr(whole.tree, name).numpy())
+        wide, warps = answers(parted, *rays(7), launcher)
+        np.testing.assert_array_equal(wide[:, 1], warps[:, 1])
+
+
+def test_what_stands_still_is_not_touched(in_parts: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    points, triangles, ends = in_parts
+    launcher = Launcher("cpu", 1)
+    tree = tree_of(points, triangles, launcher, ends)
+    faces = tree.tree.faces.numpy().reshape(-1, 8)
+    still = ~((faces >= ends[0, 1]) & (faces < ends[1, 1])).any(axis=1)
+    # Written over, it stays so.
+    corners = tree.tree.corners.numpy().reshape(len(faces), -1)
+    corners[still] = 7.0
+    moved = points.astype(np.float32)
+    moved[ends[0, 0] : ends[1, 0]] += np.float32(0.1)
+    tree.move(launcher.array(moved, wp.vec3))
+    assert still.sum() > 100 and np.all(corners[still] == 7.0) and not np.any(corners[~still] == 7.0)
+
+
+def test_boxes_that_grow_are_told_of(in_parts: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    points, triangles, ends = in_parts
+    launcher = Launcher("cpu", 1)
+    tree = tree_of(points, triangles, launcher, ends)
+    moved = points.astype(np.float32)
+    own = slice(ends[0, 0], ends[1, 0])
+    moved[own] = np.random.default_rng(8).permutation(moved[own])
+    tree.move(launcher.array(moved, wp.vec3))
+    assert tree.grown > 2.0
+    tree.move(launcher.array(points.astype(np.float32), wp.vec3))
+    assert tree.grown == pytest.approx(1.0)

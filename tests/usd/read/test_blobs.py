@@ -136,10 +136,19 @@ def test_periodic_curves_close(small, basis, wrap):
     np.testing.assert_allclose(rows[:, -1], np.roll(rows, -1, axis=0)[:, 0], atol=1e-6)
 
 
-def test_pinned_curves_reach_their_ends(small):
-    points = [(0, 0, 0), (1, 0, 0), (2, 1, 0), (3, 0, 0)]
-    curves_prim(small, points, kind="cubic", basis="catmullRom", wrap="pinned")
+@pytest.mark.parametrize("basis", ["bspline", "catmullRom"])
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_pinned_curves_are_those_of_their_phantom_points(small, basis, count):
+    points = np.array([(0, 0, 0), (1, 0, 0), (2, 1, 0), (3, 0, 0), (3, 0, 1)])[:count]
+    # P[-1] = 2 P[0] - P[1] and P[n] = 2 P[n-1] - P[n-2], by the schema of UsdGeomBasisCurves.
+    unpacked = np.concatenate([[2 * points[0] - points[1]], points, [2 * points[-1] - points[-2]]])
+    prim = curves_prim(small, unpacked, kind="cubic", basis=basis)
+    expected = centres_of(only(small))
+    prim.GetWrapAttr().Set("pinned")
+    prim.GetPointsAttr().Set(vectors(points))
+    prim.GetCurveVertexCountsAttr().Set([count])
     centres = centres_of(only(small))
+    np.testing.assert_allclose(centres, expected, atol=1e-6)
     np.testing.assert_allclose(centres[[0, -1]], [points[0], points[-1]], atol=1e-6)
 
 

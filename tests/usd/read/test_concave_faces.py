@@ -75,3 +75,17 @@ def test_a_face_that_becomes_concave_keeps_its_triangles(tmp_path):
     late, early = (scene.at(Shutter.still(time)).meshes[0] for time in (5, 1))
     np.testing.assert_array_equal(late.triangles, early.triangles)
     assert np.linalg.norm(areas(early.points, early.triangles), axis=1).sum() == pytest.approx(1.0)
+
+
+def test_an_outline_so_fine_that_no_corner_turns_far_is_cut_into_ears():
+    angle = np.linspace(0.0, 2.0 * np.pi, 6000, endpoint=False)
+    radius = 1.0 + 0.3 * np.sin(20.0 * angle)
+    star = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle]).astype(np.float32)
+    counts, indices = np.array([len(star)]), np.arange(len(star))
+    assert concave_faces(star, counts, indices).tolist() == [0]
+    parts = areas(star.astype(float), triangulate(counts, indices, np.zeros(0), False, star).triangles)
+    whole = np.linalg.norm(polygon_area(star.astype(float)))
+    assert np.linalg.norm(parts, axis=1).sum() == pytest.approx(whole, rel=1e-6)
+    # A circle as fine, whose corners turn inwards by rounding, stays a fan.
+    disc = np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle]).astype(np.float32)
+    assert len(concave_faces(disc, counts, indices)) == 0

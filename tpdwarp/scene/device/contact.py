@@ -13,7 +13,9 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
+from tpdwarp.scene.device.faces import Faces
 from tpdwarp.scene.device.ray_offset import OFFSET_BY_MAGNITUDE, ray_offset
+from tpdwarp.scene.device.wide_tree import WideTree
 
 # In units of the ray offset and of the rounding of rays from afar together: what counts as contact, and how far it is
 # moved. The gap is twice what counts as contact, so that separated surfaces stay separated.
@@ -127,21 +129,13 @@ def find_contacts(
 
 
 def separate_coincident(
-    mesh: wp.Mesh,
-    triangles: np.ndarray,
-    object_of: np.ndarray,
-    diffuse: np.ndarray,
-    boxes: np.ndarray,
-    media: np.ndarray,
-    launcher: Launcher,
+    trees: WideTree, faces: Faces, boxes: np.ndarray, media: np.ndarray, launcher: Launcher
 ) -> np.ndarray | None:
     """The scene's points with surfaces in contact separated.
 
     Args:
-        mesh: The scene's triangles, in the tracer's units.
-        triangles: Its corners, shape [t, 3].
-        object_of: The mesh of the stage that each triangle belongs to, in their order, shape [t].
-        diffuse: 1 for diffuse triangles, 0 for specular ones, shape [t].
+        trees: The scene's triangles, in the tracer's units.
+        faces: What they are.
         boxes: Lower and upper corner of each mesh of the stage, shape [m, 2, 3].
         media: Medium of each nested solid, of which higher ones hold, −1 for other meshes, shape [m].
         launcher: Where to look for contacts.
@@ -149,15 +143,14 @@ def separate_coincident(
     Returns:
         Points, shape [n, 3] float32; None where nothing is in contact.
     """
-    points = mesh.points.numpy()
-    chosen = _suspects(points, triangles, object_of, diffuse, boxes)
+    points, triangles = trees.points.numpy(), faces.triangles.numpy()
+    chosen = _suspects(points, triangles, *faces.by_object, boxes)
     if not len(chosen):
         return None
     moves = launcher.zeros(len(triangles), wp.vec3)
-    arrays = [
-        launcher.array(triangles, wp.vec3i), *(launcher.array(a, wp.int32) for a in (object_of, diffuse, media, chosen))
-    ]
-    launcher(find_contacts, len(chosen), [mesh.id, mesh.points, *arrays, moves])
+    diffuse, media, chosen = (launcher.array(of, wp.int32) for of in (faces.diffuse, media, chosen))
+    arrays = [trees.points, faces.triangles, faces.object_of, diffuse, media, chosen]
+    launcher(find_contacts, len(chosen), [trees.mesh.id, *arrays, moves])
     found = moves.numpy()
     touching = np.flatnonzero(np.any(found, axis=1))
     if not len(touching):
@@ -172,12 +165,10 @@ def separate_coincident(
 
 
 def _suspects(
-    points: np.ndarray, triangles: np.ndarray, object_of: np.ndarray, diffuse: np.ndarray, boxes: np.ndarray
+    points: np.ndarray, triangles: np.ndarray, counts: np.ndarray, special: np.ndarray, boxes: np.ndarray
 ) -> np.ndarray:
     """Triangles to look around for contacts, shape [k] int32: of two meshes that may touch, those of the smaller."""
-    counts = np.bincount(object_of, minlength=len(boxes))
     ends = np.cumsum(counts)
-    special = np.bincount(object_of, weights=diffuse == 0, minlength=len(boxes)) > 0
     # Grown by more than what counts as contact.
     slack = 4.0e-5 * np.abs(boxes).max(axis=(1, 2))[:, None]
     low, high = boxes[:, 0] - slack, boxes[:, 1] + slack

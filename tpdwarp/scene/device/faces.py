@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import warp as wp
@@ -26,6 +27,7 @@ class Faces:
         material_of, object_of: Number of each one's material and object, shape [t].
         materials: The materials.
         object_count: How many objects there are, copies counted each.
+        ends: Where the vertices and the triangles of each mesh end, shape [m, 2].
     """
 
     triangles: wp.array
@@ -36,17 +38,25 @@ class Faces:
     object_of: wp.array
     materials: tuple[Material, ...]
     object_count: int
+    ends: np.ndarray
     _made_of: tuple[MeshAtShutter, ...]
 
     def of(self, meshes: Sequence[MeshAtShutter]) -> bool:
         """Whether these are the faces of ``meshes``, as far as can be told without looking at each."""
         return len(meshes) == len(self._made_of) and all(map(_alike, meshes, self._made_of))
 
-    @property
+    @cached_property
     def diffuse(self) -> np.ndarray:
         """1 for diffuse triangles, 0 for specular ones, shape [t] int32."""
         by_material = [material.interaction == Interaction.DIFFUSE for material in self.materials]
         return np.array(by_material, np.int32)[self.material_of.numpy()]
+
+    @cached_property
+    def by_object(self) -> tuple[np.ndarray, np.ndarray]:
+        """How many triangles each object has, shape [o], and whether any of them is specular."""
+        objects = self.object_of.numpy()
+        counts = np.bincount(objects, minlength=self.object_count)
+        return counts, np.bincount(objects[self.diffuse == 0], minlength=self.object_count) > 0
 
 
 def faces_of(meshes: Sequence[MeshAtShutter], launcher: Launcher) -> Faces:
@@ -86,6 +96,7 @@ def faces_of(meshes: Sequence[MeshAtShutter], launcher: Launcher) -> Faces:
         launcher.array(object_of, wp.int32),
         tuple(materials),
         object_count,
+        np.cumsum([(len(mesh.points), len(mesh.triangles)) for mesh in meshes], axis=0),
         tuple(meshes),
     )
 
@@ -129,4 +140,5 @@ def _move(indices: np.ndarray | None, offset: int, out: np.ndarray) -> None:
         out[:] = -1
         return
     np.add(indices, np.int32(offset), out=out, casting="same_kind")
-    out[np.asarray(indices) < 0] = -1
+    if len(indices) and np.min(indices) < 0:
+        out[np.asarray(indices) < 0] = -1

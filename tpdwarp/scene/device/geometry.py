@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +61,8 @@ class Geometry:
         moves: Whether any vertex moves over the shutter.
         paths: Prim path of each object, indexed by ``surfaces.object_of``.
         faces: Its faces, which scenes of one frame may share too.
+        meshes: What it is made of.
+        vertices: Their points before those in contact were separated, in the tracer's units, shape [n, 3].
     """
 
     packed: Surfaces
@@ -67,7 +70,11 @@ class Geometry:
     moves: bool
     paths: tuple[str, ...]
     faces: Faces
+    meshes: tuple[MeshAtShutter, ...]
+    vertices: np.ndarray
     _moved: WideTree | None = None
+    _there: wp.array | None = None
+    _moving: tuple[int, ...] = ()
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -88,7 +95,7 @@ class Geometry:
     def at(self, time: float, launcher: Launcher) -> Surfaces:
         """The same surfaces with their points moved to ``time`` in the shutter (−½ … ½).
 
-        The BVH is refitted: what is returned is good until the next call.
+        The BVH is refitted where something moves: what is returned is good until the next call.
         """
         if not self.moves:
             return replace_time(self.surfaces, time)
@@ -97,11 +104,24 @@ class Geometry:
             # Built where the shutter is open half way, so that it does not matter which time is looked at first.
             self._moved = self.trees if self.shared else _trees(of.points, self.faces, launcher)
         surfaces = replace_time(of, time)
-        points = np.float32(time) * of.motions.numpy()
-        points += of.points.numpy()
-        _fit(self._moved, launcher.array(points, wp.vec3))
+        if self._there is None:
+            self._there = launcher.array(of.points.numpy().copy(), wp.vec3)
+        points, motions, there = (array.numpy() for array in (of.points, of.motions, self._there))
+        ends = self.faces.ends[:, 0]
+        for part in self._moving:
+            own = slice(ends[part - 1] if part else 0, ends[part])
+            np.multiply(motions[own], np.float32(time), out=there[own])
+            there[own] += points[own]
+        if launcher.device.is_cuda:
+            self._there.assign(there)
+        self._moved.move(self._there, self._moving if self._moved.points is self._there else None)
         _stand(surfaces, self._moved)
         return surfaces
+
+    def mesh_at(self, time: float, launcher: Launcher) -> tuple[Surfaces, wp.Mesh]:
+        """The surfaces of :meth:`at`, and Warp's mesh of them, whose own tree stands there too."""
+        surfaces = self.at(time, launcher)
+        return surfaces, (self._moved or self.trees).mesh
 
 
 def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
@@ -115,18 +135,18 @@ def replace_time(surfaces: Surfaces, time: float) -> Surfaces:
 
 def _stand(surfaces: Surfaces, trees: WideTree) -> None:
     """Has the surfaces stand where the trees do."""
-    surfaces.tree, surfaces.points = trees.tree, trees.mesh.points
+    surfaces.tree, surfaces.points = trees.tree, trees.points
 
 
 def _trees(points: wp.array, faces: Faces, launcher: Launcher) -> WideTree:
     corners = faces.triangles.numpy().ravel()
     mesh = wp.Mesh(points=points, indices=wp.array(corners, dtype=wp.int32, device=launcher.device))
-    return WideTree.of(mesh, launcher)
+    return WideTree(mesh, launcher, faces.ends)
 
 
 def _fit(trees: WideTree, points: wp.array) -> None:
     """Moves a BVH to ``points`` unless it stands there."""
-    if trees.mesh.points is not points:
+    if trees.points is not points:
         trees.move(points)
 
 
@@ -134,7 +154,10 @@ def _fitted(before: Geometry | None, points: wp.array, faces: Faces) -> WideTree
     """The BVH of another scene fitted to ``points``; None where that has other triangles."""
     if before is None:
         return None
-    if faces is not before.faces and not np.array_equal(before.faces.triangles.numpy(), faces.triangles.numpy()):
+    theirs = before.faces
+    if faces is not theirs and not (
+        np.array_equal(theirs.ends, faces.ends) and np.array_equal(theirs.triangles.numpy(), faces.triangles.numpy())
+    ):
         return None
     _fit(before.trees, points)
     return before.trees
@@ -143,6 +166,9 @@ def _fitted(before: Geometry | None, points: wp.array, faces: Faces) -> WideTree
 # Beyond the box of solids so far there is no medium, in the tracer's units: more than by what solids in contact are
 # separated (tpdwarp.scene.device.contact), and than rounding.
 MEDIA_MARGIN = 1e-4
+# A BVH is built anew where boxes have grown to more than so many times what they were, for rays then enter as many more
+# of them. Chosen, not derived.
+MOST_GROWN = 1.2
 # From so many triangles on the scenes of a frame share a BVH. Chosen, not derived: to build one for fewer takes less
 # than 50 ms.
 SHARED_FROM = 100_000
@@ -159,6 +185,7 @@ def geometry_of(
     instead_of: Geometry | None = None,
     beside: Geometry | None = None,
     like: Faces | None = None,
+    trees: WideTree | None = None,
 ) -> Geometry:
     """Packs the meshes of ``scene`` into one geometry on the launcher's device.
 
@@ -168,30 +195,31 @@ def geometry_of(
             same triangles, which takes a tenth of the time that building one does.
         beside: The same scene at another time of the frame, which stays good: they share a BVH where it is large.
         like: Faces that are taken, as those of scenes beside it are, where its meshes have the same.
+        trees: The BVH of scenes with these faces, which are looked at no longer, or share it.
     """
     # A frame may show nothing at all; a tree of triangles wants at least one.
     meshes = scene.meshes or (NOTHING,)
     known = beside if instead_of is None else instead_of
     same = (faces for faces in (known and known.faces, like) if faces is not None and faces.of(meshes))
     faces = next(same, None) or faces_of(meshes, launcher)
-    points = [normalization.points(mesh.points) for mesh in meshes]
-    boxes = np.concatenate([_boxes(of, len(mesh.objects)) for of, mesh in zip(points, meshes, strict=True)])
-    vertices = np.concatenate(points) if len(points) > 1 else points[0]
-    del points
-    extent = np.abs(vertices).max(axis=0).astype(float)
+    vertices = _vertices(meshes, normalization, known)
+    # Rounding keeps the order of numbers, so that these are the boxes of what is rounded.
+    boxes = normalization.points(np.concatenate([mesh.boxes for mesh in meshes]).reshape(-1, 3)).reshape(-1, 2, 3)
+    extent = np.abs(boxes).max(axis=(0, 1)).astype(float)
     device_points = launcher.array(vertices, wp.vec3)
     tree_of = known if instead_of is not None or (known is not None and known.shared) else None
-    trees = _fitted(tree_of, device_points, faces) or _trees(device_points, faces, launcher)
+    fitted = _fitted(tree_of, device_points, faces)
+    if fitted is None and trees is not None and faces is like and len(faces.triangles) >= SHARED_FROM:
+        _fit(trees, device_points)
+        fitted = trees if trees.grown <= MOST_GROWN else None
+    trees = fitted or _trees(device_points, faces, launcher)
     nesting = nesting_of(scene)
     media = np.full(faces.object_count, -1, np.int32)
     if nesting is not None:
         media = np.repeat(nesting.media, [len(mesh.objects) for mesh in scene.meshes])
-    separated = separate_coincident(
-        trees.mesh, faces.triangles.numpy(), faces.object_of.numpy(), faces.diffuse, boxes, media, launcher
-    )
+    separated = separate_coincident(trees, faces, boxes, media, launcher)
     if separated is not None:
-        trees.mesh.points.assign(separated)
-        trees.refit()
+        trees.move(launcher.array(separated, wp.vec3))
     surfaces = Surfaces()
     surfaces.magnitude = wp.vec3(*(extent + 1e-3 * extent.max()))
     _stand(surfaces, trees)
@@ -216,11 +244,22 @@ def geometry_of(
         box = normalization.points(nesting.box)
         surfaces.media_low, surfaces.media_high = wp.vec3(*(box[0] - MEDIA_MARGIN)), wp.vec3(*(box[1] + MEDIA_MARGIN))
     paths = tuple(itertools.chain.from_iterable(mesh.objects for mesh in scene.meshes))
-    return Geometry(surfaces, trees, any(m.moves for m in scene.meshes), paths, faces)
+    parts = tuple(number for number, mesh in enumerate(moving) if mesh.moves)
+    moves = any(m.moves for m in scene.meshes)
+    return Geometry(surfaces, trees, moves, paths, faces, tuple(meshes), vertices, _moving=parts)
 
 
-def _boxes(points: np.ndarray, copies: int) -> np.ndarray:
-    """Least and greatest corner of each of several copies of a mesh, shape [copies, 2, 3]."""
-    # Coordinate by coordinate, which is ten times as fast.
-    by_coordinate = np.ascontiguousarray(points.reshape(copies, -1, 3).transpose(2, 0, 1))
-    return np.stack([by_coordinate.min(axis=2), by_coordinate.max(axis=2)]).transpose(2, 0, 1)
+def _vertices(meshes: Sequence[MeshAtShutter], normalization: Normalization, known: Geometry | None) -> np.ndarray:
+    """The points of all meshes in the tracer's units, shape [n, 3] float32; those that ``known`` has are copied."""
+    ends = np.cumsum([len(mesh.points) for mesh in meshes])
+    vertices = np.empty((ends[-1], 3), np.float32)
+    there: dict[int, int] = {}
+    if known is not None:
+        there = dict(zip(map(id, known.meshes), (0, *known.faces.ends[:-1, 0]), strict=True))
+    for end, mesh in zip(ends, meshes, strict=True):
+        own, at = slice(end - len(mesh.points), end), there.get(id(mesh))
+        if known is None or at is None:
+            vertices[own] = normalization.points(mesh.points)
+        else:
+            vertices[own] = known.vertices[at : at + len(mesh.points)]
+    return vertices

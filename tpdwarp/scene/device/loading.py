@@ -21,6 +21,7 @@ from tpdwarp.scene.description import (
 from tpdwarp.scene.device.faces import Faces
 from tpdwarp.scene.device.geometry import Geometry, geometry_of
 from tpdwarp.scene.device.textures import TextureArrays, TextureStore
+from tpdwarp.scene.device.wide_tree import WideTree
 from tpdwarp.scene.nesting import nesting_of
 from tpdwarp.scene.normalization import Normalization
 from tpdwarp.scene.opening import scene_at_opening
@@ -62,7 +63,7 @@ class SceneLoader:
     def __init__(self, source: SceneSource, launcher: Launcher, bounces: int | None = None) -> None:
         self.source, self.launcher, self._bounces = source, launcher, bounces
         self._textures = TextureStore(launcher)
-        self._faces: Faces | None = None
+        self._made: tuple[Faces | None, WideTree | None] = None, None
         stills = reference_scenes(source)
         self.extended_lights = any(light.extent is not None for still in stills for light in still.lights)
         self.dispersive = any(m.abbe > 0 for still in stills for mesh in still.meshes for m in mesh.materials)
@@ -141,9 +142,9 @@ class SceneLoader:
             with_motions = needs.photon_motion or needs.view_motion
             # Those of a scene that is gone may be good still: from what segments were planned from to the frame, and
             # from frame to frame.
-            like, self._faces = self._faces, None
+            (like, trees), self._made = self._made, (None, None)
             if like is not None and not like.of(scene.meshes):
-                like = None
+                like = trees = None
             geometry = geometry_of(
                 scene,
                 self.normalization,
@@ -152,8 +153,9 @@ class SceneLoader:
                 instead_of=None if instead_of is None else instead_of.geometry,
                 beside=None if beside is None else beside.geometry,
                 like=like,
+                trees=trees,
             )
-            self._faces = geometry.faces
+            self._made = geometry.faces, geometry.trees
             textures = TextureArrays()
             if needs.material_arrays:
                 norm, nesting = self.normalization, nesting_of(scene)

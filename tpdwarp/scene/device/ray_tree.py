@@ -1,7 +1,8 @@
 """What a ray meets first: on the CPU eight boxes or eight triangles at a time, in vectors.
 
 It is what ``wp.mesh_query_ray`` finds, to the last bit, for a third of the time or less (Wald, Benthin & Boulos 2008,
-*Getting Rid of Packets*). On a GPU, where there is no such tree (:mod:`tpdwarp.scene.device.wide_tree`), Warp's is
+*Getting Rid of Packets*). Of triangles that are met as near, the first one counts, so that it does not matter how the
+tree was built. On a GPU, where there is no such tree (:mod:`tpdwarp.scene.device.wide_tree`), Warp's is
 asked.
 """
 
@@ -92,8 +93,9 @@ class Met:
                 Floats from = greater(greater(slab(near_x, 0), slab(near_y, 1)), slab(near_z, 2));
                 from = greater(from, (Floats)0.0f);
                 Floats to = lesser(lesser(slab(3 - near_x, 0), slab(5 - near_y, 1)), slab(7 - near_z, 2));
-                // What rounding of three products may take away (Ize 2013, Robust BVH Ray Traversal).
-                to = lesser(to * 1.0000004f, (Floats)nearest);
+                // What rounding of three products may take away (Ize 2013, Robust BVH Ray Traversal), also from what
+                // has been met: all that is met as near is looked at, so that it does not matter what comes first.
+                to = lesser(to, (Floats)nearest) * 1.0000004f;
                 unsigned entered = bits(from <= to);
                 if (entered) {{
                     const int* link = &links[{WIDTH} * node];
@@ -141,9 +143,10 @@ class Met:
                     while (hits) {{
                         const int i = next(hits);
                         const float part_of_sum = 1.0f / sum[i], distance = height[i] * part_of_sum;
-                        if (distance >= 0.0f && distance < nearest) {{
+                        const int face = faces[{WIDTH} * block + i];
+                        if (distance >= 0.0f && (distance < nearest || (distance == nearest && face < met))) {{
                             nearest = distance;
-                            met = faces[{WIDTH} * block + i];
+                            met = face;
                             met_u = u[i] * part_of_sum;
                             met_v = v[i] * part_of_sum;
                         }}
@@ -152,7 +155,7 @@ class Met:
             }}
             do {{
                 if (waiting == 0) return vec_t<4, double>((double)met, (double)nearest, (double)met_u, (double)met_v);
-            }} while (left_from[--waiting] >= nearest);
+            }} while (left_from[--waiting] > nearest * 1.0000004f);
             node = left[waiting];
         }}
     }}

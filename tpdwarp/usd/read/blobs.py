@@ -34,6 +34,8 @@ BASES = {
     "bspline": (np.array([[-1, 3, -3, 1], [3, -6, 3, 0], [-3, 0, 3, 0], [1, 4, 1, 0]], dtype=float) / 6.0, 1),
     "catmullRom": (np.array([[-1, 3, -3, 1], [2, -5, 4, -1], [-1, 0, 1, 0], [0, 2, 0, 0]], dtype=float) / 2.0, 1),
 }
+# Those that pinned curves reach their ends in by phantom points.
+PINNED = ("bspline", "catmullRom")
 KINDS = (
     UsdGeom.Points,
     UsdGeom.BasisCurves,
@@ -263,6 +265,8 @@ class Blobs:
         segments, of_curve = _segments(counts, "" if hermite or not cubic else basis, wrap)
         if not len(segments):
             return None
+        is_pinned = cubic and wrap == UsdGeom.Tokens.pinned and basis in PINNED
+        begins, ends = (is_pinned & (segments[:, a] == segments[:, a + 1]) for a in (0, segments.shape[1] - 2))
         fewest = MOST_TRIANGLES / len(segments)
         sides = int(np.clip(fewest / (4 if cubic else 2), 3, SIDES))
         pieces = int(np.clip(fewest / (2 * sides), 1, PIECES)) if cubic else 1
@@ -271,6 +275,10 @@ class Blobs:
 
         def vertices(time: float) -> np.ndarray:
             placed = points(time)[segments]
+            # Phantom points (UsdGeomBasisCurves): the curve goes from its first point to its last.
+            if is_pinned:
+                placed[begins, 0] = 2.0 * placed[begins, 1] - placed[begins, 2]
+                placed[ends, 3] = 2.0 * placed[ends, 2] - placed[ends, 1]
             if not hermite:
                 return placed
             third = leaving[segments] / 3.0
@@ -412,7 +420,7 @@ def _segments(counts: np.ndarray, basis: str, wrap: str) -> tuple[np.ndarray, np
     order, step = (4, BASES[basis][1]) if basis else (2, 1)
     periodic, pinned = (
         wrap == UsdGeom.Tokens.periodic,
-        wrap == UsdGeom.Tokens.pinned and basis in ("bspline", "catmullRom"),
+        wrap == UsdGeom.Tokens.pinned and basis in PINNED,
     )
     starts = np.cumsum(counts) - counts
     parts, of_curve = [], []

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-# A corner turns inwards by more than rounding of points in single precision makes it seem.
+# A corner turns inwards by more than rounding of points in single precision makes it seem, or a fan covers so much of
+# the face twice, as a part of the face: of a fine outline no corner turns far.
 TURN = -1e-6
 
 
@@ -30,8 +31,12 @@ def concave_faces(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -
     newell = np.cross(here - centre, after - centre)
     normals = np.stack([np.bincount(face, weights=newell[:, k], minlength=len(many)) for k in range(3)], axis=1)
     turns = np.einsum("ij,ij->i", np.cross(here - before, after - here), normals[face])
-    inwards = turns < TURN * np.einsum("ij,ij->i", normals, normals)[face]
-    return many[np.unique(face[inwards])]
+    squares = np.einsum("ij,ij->i", normals, normals)
+    # The centre is the corner about which a fan is cut.
+    folded = np.minimum(np.einsum("ij,ij->i", newell, normals[face]), 0.0)
+    twice = np.bincount(face, weights=folded, minlength=len(many)) < TURN * squares
+    twice[face[turns < TURN * squares[face]]] = True
+    return many[twice]
 
 
 def ears(polygon: np.ndarray) -> np.ndarray:
@@ -41,24 +46,59 @@ def ears(polygon: np.ndarray) -> np.ndarray:
         polygon: Its corners in order, shape [n, 3]; seen along its vector area.
     """
     flat = _flattened(polygon)
-    left = list(range(len(flat)))
+    order = np.argsort(flat[:, 0], kind="stable")
+    outline = _Outline(flat, order, flat[order, 0])
     found: list[tuple[int, int, int]] = []
-    first = 0
-    while len(left) > 3:
-        for step in range(len(left)):
-            k = (first + step) % len(left)
-            before, ear, after = left[k - 1], left[k], left[(k + 1) % len(left)]
-            if _is_ear(flat, left, before, ear, after):
-                break
-        else:
-            # It crosses itself: whatever is cut here, something is covered twice.
-            k = 0
-            before, ear, after = left[-1], left[0], left[1]
-        found.append((before, ear, after))
-        del left[k]
-        first = max(k - 1, 0)
-    found.append(tuple(left))
+    here = tried = 0
+    for left in range(len(flat), 3, -1):
+        while tried < left and not outline.is_ear(here):
+            here, tried = outline.after[here], tried + 1
+        # Where none is an ear it crosses itself: whatever is cut here, something is covered twice.
+        before, after = outline.before[here], outline.after[here]
+        found.append((before, here, after))
+        outline.cut(here)
+        here, tried = before, 0
+    found.append(tuple(sorted((outline.before[here], here, outline.after[here]))))
     return np.array(found)
+
+
+class _Outline:
+    """What is left of a polygon: corners [n, 2], which goes before and after each, and which do not turn outwards.
+
+    Args:
+        corners: Counter-clockwise.
+        order: Their numbers by their first coordinate.
+        sorted_first: That coordinate in this order.
+    """
+
+    def __init__(self, corners: np.ndarray, order: np.ndarray, sorted_first: np.ndarray) -> None:
+        numbers = np.arange(len(corners))
+        before, after = np.roll(numbers, 1), np.roll(numbers, -1)
+        self.before, self.after = before.tolist(), after.tolist()
+        self._corners, self._order, self._sorted = corners, order, sorted_first
+        self._inward = _turn(corners[before], corners, corners[after]) <= 0
+
+    def is_ear(self, number: int) -> bool:
+        if self._inward[number]:
+            return False
+        a, b, c = ear = self._corners[[self.before[number], number, self.after[number]]]
+        # Of corners within a triangle, if there are any, one turns inwards.
+        ends = np.searchsorted(self._sorted, (ear[:, 0].min(), np.nextafter(ear[:, 0].max(), np.inf)))
+        near = self._order[slice(*ends)]
+        others = self._corners[near[self._inward[near]]]
+        inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
+        # Corners may share a place with the ear's, where a hole is joined to the outline.
+        others = others[inside]
+        return not bool((others[:, None] != ear).any(axis=2).all(axis=1).any())
+
+    def cut(self, number: int) -> None:
+        """Takes a corner away."""
+        before, after = self.before[number], self.after[number]
+        self.after[before], self.before[after] = after, before
+        self._inward[number] = False
+        for other in (before, after):
+            corners = self._corners[[self.before[other], other, self.after[other]]]
+            self._inward[other] = _turn(*corners) <= 0
 
 
 def _flattened(polygon: np.ndarray) -> np.ndarray:
@@ -70,17 +110,6 @@ def _flattened(polygon: np.ndarray) -> np.ndarray:
     v = np.cross(normal, u)
     lengths = np.linalg.norm(u), np.linalg.norm(v)
     return centred @ np.stack([u / max(lengths[0], 1e-300), v / max(lengths[1], 1e-300)], axis=1)
-
-
-def _is_ear(flat: np.ndarray, left: list[int], before: int, ear: int, after: int) -> bool:
-    a, b, c = flat[before], flat[ear], flat[after]
-    if _turn(a, b, c) <= 0:
-        return False
-    others = flat[[k for k in left if k not in (before, ear, after)]]
-    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
-    # Corners may share a place with the ear's, where a hole is joined to the outline.
-    apart = ~np.any([(others == corner).all(axis=1) for corner in (a, b, c)], axis=0)
-    return not bool((inside & apart).any())
 
 
 def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -246,10 +246,13 @@ def _for_copies(rows: np.ndarray | None, count: int, step: int = 0) -> np.ndarra
     """
     if rows is None or count == 1:
         return rows
-    copied = np.tile(rows, (count, *[1] * (rows.ndim - 1)))
     if step == 0:
-        return copied
-    return np.where(copied >= 0, copied + step * _copy_of_each(rows, count), -1)
+        return np.tile(rows, (count, *[1] * (rows.ndim - 1)))
+    steps = (step * np.arange(count)).astype(rows.dtype).reshape(-1, *[1] * rows.ndim)
+    copied = rows[None] + steps
+    if (none := rows < 0).any():
+        copied[:, none] = -1
+    return copied.reshape(-1, *rows.shape[1:])
 
 
 def _with_given(rows: np.ndarray | None, count: int, given_at: int) -> np.ndarray | None:
