@@ -59,33 +59,41 @@ def test_flux_that_goes_along_a_line_stays_in_one_piece():
     assert len(follow_flux(growing(0.5, 0.0))) == 1
 
 
-def test_a_lens_that_is_scaled_up_catches_light_by_the_square_of_its_size():
-    """From .6 to 1.1 of its size: it catches half of what it does in the middle at first, 1.7 times that at last."""
+def size(time: float) -> float:
+    """Of a lens that is scaled up from .6 to 1.1."""
+    return 0.6 + 0.5 * time
+
+
+def scaled_lens(shutter: Shutter, power: float = 1.0) -> SceneAtShutter:
     points, triangles, normals = shapes.lens(0.5, 1.2)
+    lens = MeshAtShutter(
+        "/lens",
+        points * size(shutter.middle) + [0.0, 0.0, 0.8],
+        triangles,
+        motions=0.5 * shutter.exposure * points if shutter.exposure else None,
+        normals=normals,
+        normal_indices=triangles,
+        materials=(glass(),),
+    )
+    return SceneAtShutter(shutter, (floor(), lens), (replace(SUN, power=(power,) * 3),), looking_down(height=0.2))
 
-    def size(time: float) -> float:
-        return 0.6 + 0.5 * time
 
-    def at(shutter: Shutter) -> SceneAtShutter:
-        place = np.array([0.0, 0.0, 0.8])
-        lens = MeshAtShutter(
-            "/lens",
-            points * size(shutter.middle) + place,
-            triangles,
-            normals=normals,
-            normal_indices=triangles,
-            motions=0.5 * shutter.exposure * points if shutter.exposure else None,
-            materials=(glass(),),
-        )
-        return SceneAtShutter(shutter, (floor(), lens), (SUN,), looking_down(height=0.2))
-
-    photons, _ = fitted_photons(Source(at), OPEN, photons=4096)
+def test_a_lens_that_is_scaled_up_catches_light_by_the_square_of_its_size():
+    """It catches half of what it does in the middle as the shutter opens, 1.7 times that as it closes."""
+    photons, _ = fitted_photons(Source(scaled_lens), OPEN, photons=4096)
     bent = photons.trajectory.flux_bend != 0.0
     assert photons.flux[bent].sum() > 0.9 * photons.flux.sum()
-    pieces = [piece for piece in follow_flux(photons.rows(bent)) if len(piece)]
     times = np.linspace(0.0, 1.0, 4001)
-    for piece in pieces:
+    for piece in follow_flux(photons.rows(bent)):
         within = np.abs(times - 0.5 - piece.time) < 0.5 * piece.duration
         expected = (size(times[within]) ** 2).mean() / (size(times) ** 2).mean()
         found = piece.flux.sum() / photons.flux[bent].sum() / piece.duration
         assert found == pytest.approx(expected, rel=0.01)
+
+
+def test_light_that_brightens_by_itself_is_not_in_pieces_for_its_cells():
+    """Products of two lines are what its own pieces have (:mod:`tpdwarp.trajectories.brightening`)."""
+    source = Source(lambda shutter: scaled_lens(shutter, 0.5 + shutter.middle))
+    photons, _ = fitted_photons(source, OPEN, photons=1024)
+    assert any(photons.power_curves) and not photons.trajectory.flux_bend.any()
+    assert np.abs(photons.trajectory.gain).max() <= 1.0
