@@ -211,6 +211,23 @@ def test_light_whose_flux_changes_as_it_goes_takes_more_segments_along_straight_
     assert counts[1] >= counts[0] + 2
 
 
+@pytest.mark.parametrize("samples", [2, 5, 9])
+def test_samples_of_a_motion_that_goes_on_evenly_are_worth_no_segments(samples):
+    """As caches of simulations have them: a gliding ball took as many segments as it had samples, up to eight."""
+
+    class Sampled(Source):
+        def motion_breaks(self, shutter: Shutter) -> list[float]:
+            return [time for time in np.linspace(0.0, 1.0, samples) if shutter.open < time < shutter.close]
+
+    def at(shutter: Shutter) -> SceneAtShutter:
+        start = moving(ball("/ball", (-0.1, 0.0, 0.8), 0.35, 12, glass()), (0.2, 0.0, 0.0))
+        offset = (shutter.middle - 0.5) * start.motions
+        gliding = replace(start, points=start.points + offset, motions=shutter.exposure * start.motions)
+        return SceneAtShutter(shutter, (floor(), gliding), (SUN,), looking_down(height=0.2))
+
+    assert chosen(Sampled(at), photons=1 << 14) == 1
+
+
 def test_what_turns_over_takes_no_more_segments_for_the_light_that_passes():
     """Each is traced with fewer photons, and edges pass in all of them: a thin mirror would take 59, and err by ten
     times as much as in one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +25,7 @@ from tpdwarp.scene.description import (
     Shutter,
 )
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.turns import largest_slide, least_segments, turn_between, turn_of_light
+from tpdwarp.trajectories.turns import largest_slide, segments_needed, turn_between, turn_of_light
 from usd_scenes.shapes import rotation
 
 BODY = box("/box", (-0.4, -0.3, 0.6), (0.4, 0.5, 1.4), glass())
@@ -125,7 +126,8 @@ def test_lamps_that_go_around_a_body_have_a_segment_for_each_fifteen_degrees_see
         body = box("/box", (-half, -half, 0.6), (half, half, 0.8), glass())
         return SceneAtShutter(shutter, (floor(), body), (light,), looking_down(height=0.05))
 
-    assert least_segments([at(Shutter(0, time, time)) for time in (0.0625, 0.5, 0.9375)], 0.875) == least
+    scenes = [at(Shutter(0, time, time)) for time in (0.0625, 0.5, 0.9375)]
+    assert max(1, math.ceil(segments_needed(scenes, 0.875) - 1e-3)) == least
 
 
 @pytest.mark.parametrize(("rise", "half", "least"), [(0.2, 0.2, 1), (1.0, 0.2, 3), (1.0, 2.0, 1)])
@@ -140,7 +142,7 @@ def test_a_lamp_that_rises_from_a_body_has_segments_in_which_that_shrinks_evenly
         return SceneAtShutter(Shutter(0, time, time), (floor(), body), (lamp,), looking_down(height=0.05))
 
     scenes = [at(time) for time in (0.0625, 0.5, 0.9375)]
-    assert least_segments(scenes, 0.875) == least
+    assert max(1, math.ceil(segments_needed(scenes, 0.875) - 1e-3)) == least
     if half < 1.0:
         radii = np.arcsin(np.sqrt(2 * half**2 + 0.1**2) / (1.5 + rise * np.array([-0.4375, 0.0, 0.4375])))
         slide = largest_slide([scene.lights[0].position for scene in scenes], scenes)

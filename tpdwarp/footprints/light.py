@@ -23,6 +23,7 @@ from tpdwarp.footprints.wide import WideFootprints, wide_footprints
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.bends import within_reach
 from tpdwarp.trajectories.brightening import follow_lights
+from tpdwarp.trajectories.flux_pieces import follow_flux
 
 # Footprints whose sizes lie within so many octaves are looked up together. Chosen: on the blob of
 # scripts/benchmarks/solids.py, 256 pixels wide, it takes half of what all of them at once take.
@@ -61,6 +62,7 @@ class FootprintLight:
         self._form, self._launcher, self.moves = form, launcher, moves
         self._smoothing, self._pixel = smoothing, pixel
         maps = [part for photons in maps for part in follow_lights(within_reach(photons))]
+        maps = [piece for photons in maps for piece in follow_flux(photons)]
         # Kernels of the paper are evaluated as it says.
         split = split_light(maps, smoothing, pixel, launcher) if form.smooth else SplitLight(maps)
 

@@ -23,6 +23,8 @@ class TrajectoryColumns:
         dxdtt, dxdttt: Acceleration D_tt x and jerk D_ttt x, each [n, 3].
         dxdut, dxdvt: Jacobian rates D_t D_u x and D_t D_v x, each [n, 3].
         gain: Change of the flux over the whole shutter, as a part of the flux, shape [n].
+        flux_bend: Second derivative of the flux over the shutter, as a part of the flux, where that is cut into pieces
+            for it (:mod:`tpdwarp.trajectories.flux_pieces`), zero of others, shape [n]; no rows where none is.
     """
 
     dxdtt: np.ndarray
@@ -30,11 +32,13 @@ class TrajectoryColumns:
     dxdut: np.ndarray
     dxdvt: np.ndarray
     gain: np.ndarray
+    flux_bend: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
 
     def rows(self, chosen: np.ndarray) -> TrajectoryColumns:
         """Those of some of the photons, by index or mask."""
         index = row_index(chosen)
-        return TrajectoryColumns(*(getattr(self, f.name).take(index, axis=0) for f in fields(self)))
+        columns = (getattr(self, f.name) for f in fields(self))
+        return TrajectoryColumns(*(column.take(index, axis=0) if len(column) else column for column in columns))
 
 
 @dataclass

@@ -17,7 +17,7 @@ from functools import cache
 import numpy as np
 
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
-from tpdwarp.photons.power_curves import PowerCurve, PowerPiece
+from tpdwarp.photons.power_curves import PowerCurve
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import LightAtShutter, SceneSource, Shutter
 
@@ -96,7 +96,12 @@ def follow_lights(photons: PhotonMap) -> list[PhotonMap]:
         if not rows.any():
             continue
         own = replace(photons.rows(rows), power_curves=())
-        found += [own] if curve is None else [_over(own, piece) for piece in curve.pieces]
+        if curve is None:
+            found.append(own)
+            continue
+        found += [
+            over_piece(own, piece.time, piece.duration, piece.power, piece.gain, piece.center) for piece in curve.pieces
+        ]
     return found
 
 
@@ -123,14 +128,24 @@ def gained_flux(photons: PhotonMap) -> float:
     return gained
 
 
-def _over(photons: PhotonMap, piece: PowerPiece) -> PhotonMap:
-    """The photons over a part of the time for which they shine, with the flux that they have then."""
-    late, part = np.float32(piece.time), np.float32(piece.duration)
+def over_piece(
+    photons: PhotonMap, time: float, duration: float, flux: np.ndarray, gain: np.ndarray | float, center: float = 0.0
+) -> PhotonMap:
+    """Photons over a part of the time for which they shine, with the flux that they have then.
+
+    Args:
+        photons: They, with trajectories.
+        time, duration: Middle, −½ … ½, and length of the part, of the time for which they shine.
+        flux: By what their flux is multiplied meanwhile, beside its own gain: [3], or [n, 1].
+        gain: Change of that over the part, as a part of it: a number, or [n].
+        center: The time of its light on average.
+    """
+    late, part = np.float32(time), np.float32(duration)
     curve = photons.trajectory
     grown = 1.0 + late * curve.gain
-    mean = 1.0 + np.float32(piece.center) * curve.gain
-    flux = part * piece.power.astype(np.float32) * mean[:, None]
-    gain = part * curve.gain / grown + np.float32(piece.gain)
+    mean = 1.0 + np.float32(center) * curve.gain
+    flux = part * flux.astype(np.float32) * mean[:, None]
+    gain = part * curve.gain / grown + np.float32(gain)
     rates = [curve.dxdut, curve.dxdvt]
     if late:
         rates = [_limited(rate, column) for rate, column in zip(rates, (photons.dxdu, photons.dxdv), strict=True)]
@@ -149,8 +164,8 @@ def _over(photons: PhotonMap, piece: PowerPiece) -> PhotonMap:
             part * rates[1],
             np.clip(gain, -LARGEST_GAIN, LARGEST_GAIN),
         ),
-        time=photons.time + photons.duration * piece.time,
-        duration=photons.duration * piece.duration,
+        time=photons.time + photons.duration * time,
+        duration=photons.duration * duration,
     )
 
 

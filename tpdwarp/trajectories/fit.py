@@ -38,6 +38,7 @@ from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.brightening import gained_flux
+from tpdwarp.trajectories.flux_pieces import needs_pieces
 from tpdwarp.trajectories.keyframes import (
     END,
     LARGEST_DISAGREEMENT,
@@ -94,7 +95,10 @@ def fit_trajectories(
             beside = neighbours(photons, plan)
             rates = [differences(photons.dxdt, pairs) for pairs in beside]
             growth = growth_of(photons, beside)
-        gain, mean = _flux_over_the_shutter(before, middle, after, follows, growth)
+        curves = keyframes.power_curves(photons.light_paths)
+        # Light that changes by itself is in pieces for that.
+        steady = np.array([curve is None for curve in curves])[photons.light] if any(curves) else follows
+        gain, mean, bend = _flux_over_the_shutter(before, middle, after, follows, growth, steady)
         account = EnergyAccount(counts={"keyframes": keyframes.emitted})
         if shortened:
             account.counts["ways shortened for want of keyframes"] = shortened
@@ -102,22 +106,29 @@ def fit_trajectories(
             account.counts["straight for want of keyframes"] = int(np.sum(~follows))
         gained = float(((mean - 1.0) * photons.flux.sum(axis=1, dtype=np.float64)).sum())
         photons = replace(photons, flux=photons.flux * mean[:, None].astype(np.float32))
-        photons = replace(photons, trajectory=TrajectoryColumns(*changes, *rates, gain))
-        photons = replace(photons, power_curves=keyframes.power_curves(photons.light_paths))
+        photons = replace(photons, trajectory=TrajectoryColumns(*changes, *rates, gain, bend))
+        photons = replace(photons, power_curves=curves)
         gained = plan.normalization.power * (gained + gained_flux(photons))
         account.add(EnergyAccount(sent=gained, deposited=gained))
         return photons, account
 
 
 def _flux_over_the_shutter(
-    before: KeyframeState, middle: KeyframeState, after: KeyframeState, follows: np.ndarray, growth: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """How the flux of photons grows over the shutter, by its mean, and that by what it is in the middle, both [n].
+    before: KeyframeState,
+    middle: KeyframeState,
+    after: KeyframeState,
+    follows: np.ndarray,
+    growth: np.ndarray,
+    steady: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How the flux of photons grows over the shutter, by its mean, that by what it is in the middle, and how it bends
+    where it is cut into pieces for it, by its mean, all [n]; the last one without rows where none is.
 
     Args:
         before, middle, after: Keyframes.
         follows: Photons that follow them, shape [n].
         growth: How fast cells grow that ride, in the middle, shape [n].
+        steady: Photons that may be cut into pieces, shape [n].
     """
     # Of flux that goes along a line, over its mean.
     change = 2.0 * np.tanh(0.5 * (after.log_flux - before.log_flux)) / (2.0 * END)
@@ -126,14 +137,21 @@ def _flux_over_the_shutter(
     faster = 0.25 * END * (after.growth - before.growth)
     bend = END / 6.0 * (before.growth + after.growth - 2.0 * middle.growth)
     known = np.maximum(np.maximum(before.rough, after.rough), middle.rough) < LARGEST_ROUGHNESS
-    ends = []
+    ends, within = [], follows & steady & known
     for state, side in ((before, -1.0), (after, 1.0)):
         size = side * END * growth + faster + side * bend
         light = np.where(known, state.log_flux - middle.log_flux, 0.0)
+        within &= np.abs(size + light) < LARGEST_LOGARITHM
         ends.append(np.exp(np.minimum(size + light, LARGEST_LOGARITHM)))
-    # Of the parabola through them.
-    mean = 1.0 + (ends[0] + ends[1] - 2.0) / (24.0 * END**2)
-    return gain, np.where(follows, np.clip(mean, LEAST_MEAN, MOST_MEAN), 1.0)
+    # ---- Of the parabola through them
+    second = (ends[0] + ends[1] - 2.0) / END**2
+    mean = 1.0 + second / 24.0
+    curved = within & (mean > LEAST_MEAN) & (mean < MOST_MEAN)
+    slope, second = (ends[1] - ends[0]) / (2.0 * END) / mean, second / mean
+    cut = curved & needs_pieces(slope, second)
+    gain = np.where(cut, slope, gain).astype(np.float32)
+    mean = np.where(follows, np.clip(mean, LEAST_MEAN, MOST_MEAN), 1.0)
+    return gain, mean, np.where(cut, second, 0.0).astype(np.float32)[: None if cut.any() else 0]
 
 
 def _shortened(photons: PhotonMap, follows: np.ndarray) -> tuple[PhotonMap, int]:

@@ -59,7 +59,7 @@ from tpdwarp.trajectories.keyframes import (
 from tpdwarp.trajectories.neighbours import Pairs, growth_of, neighbours
 from tpdwarp.trajectories.retraced import PARTS, CellsOfLattices, Window
 from tpdwarp.trajectories.rifts import widths_of_rifts
-from tpdwarp.trajectories.turns import least_segments
+from tpdwarp.trajectories.turns import segments_needed
 
 # Photons of the trace from which the number of segments is chosen. Chosen, not derived.
 PILOT_PHOTONS = 4096
@@ -234,7 +234,9 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
         whole = Shutter(frame, start, start + shutter.exposure)
         shutter_part = whole.segments(parts)[number % parts]
         scenes = _keyframe_scenes(tracer, shutter_part)
-        least = max(least, parts * least_segments([loaded.scene for loaded in scenes], 2.0 * END))
+        turns = parts * segments_needed([loaded.scene for loaded in scenes], 2.0 * END)
+        # Rounding is no segment more.
+        least = max(least, math.ceil(turns - 1e-3))
         errors, rifts = _errors_over(tracer, scenes, plan)
         least = max(least, math.ceil(parts * rifts / WIDEST_RIFT))
         if errors is not None:

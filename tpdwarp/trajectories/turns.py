@@ -43,8 +43,9 @@ RIGID = 0.02
 MOST_POINTS = 256
 
 
-def least_segments(scenes: Sequence[SceneAtShutter], part: float) -> int:
-    """How many segments the shutter has at least for what turns in it.
+def segments_needed(scenes: Sequence[SceneAtShutter], part: float) -> float:
+    """How many segments the shutter has at least for what turns in it; not yet a whole number, for ``scenes`` may be
+    those of a part of a longer shutter, and nothing where nothing turns.
 
     Args:
         scenes: The scene at consecutive times of the shutter, no more than half a turn apart.
@@ -71,9 +72,7 @@ def least_segments(scenes: Sequence[SceneAtShutter], part: float) -> int:
         # Nothing slides where neither has moved.
         if len(scenes) == 3 and (bodies_move or np.ptp(places, axis=0).any()):
             slide = max(slide, largest_slide(places, scenes))
-    # Rounding is no segment more.
-    turning, sliding = degrees / part / DEGREES_PER_SEGMENT, math.sqrt(slide / LARGEST_SLIDE) / part
-    return max(1, math.ceil(max(turning, sliding) - 1e-3))
+    return max(degrees / DEGREES_PER_SEGMENT, math.sqrt(slide / LARGEST_SLIDE)) / part
 
 
 def turn_of_light(light: LightAtShutter, before: np.ndarray, after: np.ndarray) -> float:
