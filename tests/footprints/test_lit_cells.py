@@ -41,7 +41,7 @@ def test_light_of_a_sun_through_still_water_is_even_however_fine_its_cells_are(d
 )
 def test_copies_of_a_cell_have_its_flux_middle_and_variance_with_that_of_its_image(du, dv, a, b, image):
     photons = lit(photon_map([(0.1, 0.2, 0)], du, dv), a, b, image)
-    found = spread_over_images(PhotonRows(photons), PIXEL, ONE_THREAD)
+    found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)
     part = stacked(found, "flux")[:, 0] / photons.flux[0, 0]
     assert part.sum() == pytest.approx(1, rel=1e-6)
     place, sides = stacked(found, "position")[:, :2], [stacked(found, name)[:, :2] for name in ("dxdu", "dxdv")]
@@ -59,7 +59,7 @@ def test_copies_of_a_cell_have_its_flux_middle_and_variance_with_that_of_its_ima
 
 def test_a_cell_whose_light_has_no_image_stays_alone():
     photons = lit(photon_map([(0, 0, 0)], (0.3, 0, 0), (0, 0.2, 0)), (1e-3, 0, 0), (0, 1e-3, 0))
-    found = spread_over_images(PhotonRows(photons), PIXEL, ONE_THREAD)
+    found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)
     assert sum(map(len, found)) == 1
     np.testing.assert_array_equal(stacked(found, "position"), photons.position)
     np.testing.assert_allclose(stacked(found, "dxdu"), photons.dxdu, rtol=1e-6)

@@ -107,7 +107,10 @@ def told_apart(
             elif part.any():
                 index = np.flatnonzero(part > 0.0)
                 taken.append(PhotonRows(shaped, index, part[index]))
-    return splines, [copy for part in cells for copy in spread_over_images(part, pixel, launcher)]
+    # Parts of cells lie at edges, where no lattice fills the receiver: one widened cell each is enough.
+    whole = [part for part in cells if part.photons.finer == 1]
+    parts = [part for part in cells if part.photons.finer != 1]
+    return splines, [*spread_over_images(whole, pixel, launcher), *parts]
 
 
 def _halved(photons: PhotonMap) -> PhotonMap:

@@ -281,7 +281,10 @@ def pixel_variance_trace(pixel: PixelOnPlane) -> float:
 def spline_or_cell_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: float, is_cell: int) -> Axes:
     """Axes of a B-spline footprint, or a cell, that is averaged over a pixel and the image of its light."""
     if is_cell == 1:
-        return cell_axes(singular_values(j[0, 0], j[0, 1], j[1, 0], j[1, 1]), pixel, distance)
+        w = j
+        if is_widened(pixel, light):
+            w = cell_in_light(j, light)
+        return cell_axes(singular_values(w[0, 0], w[0, 1], w[1, 0], w[1, 1]), pixel, distance)
     return image_axes(j, pixel, light, distance)
 
 

@@ -16,7 +16,6 @@ Beyond the paper.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import warp as wp
@@ -140,28 +139,41 @@ def spread_cells(
         second[i] = lit.second[0] * frame.e1 + lit.second[1] * frame.e2
 
 
-def spread_over_images(cells: PhotonRows, pixel: PixelSize, launcher: Launcher) -> list[PhotonRows]:
+def spread_over_images(cells: list[PhotonRows], pixel: PixelSize, launcher: Launcher) -> list[PhotonRows]:
     """Cells as what stands for them under the images of their lights, which these photons then have no more."""
-    if not cells.has("image") or not len(cells):
-        return [cells]
-    columns = [launcher.array(stacked([cells], name), wp.vec3) for name in ("position", "normal")]
-    sides = [launcher.array(stacked([cells], name, own=True), wp.vec3) for name in ("dxdu", "dxdv")]
-    asides = [launcher.zeros(len(cells), wp.vec3) for _ in range(2)]
-    images = images_of([cells], "bspline", launcher)
-    launcher(spread_cells, len(cells), [*columns, images, pixel, *sides, *asides], in_turn=True)
-    dxdu, dxdv, first, second = (values.numpy() for values in (*sides, *asides))
-    rows = np.arange(len(cells)) if cells.rows is None else cells.rows
-    part = np.ones(len(cells), np.float32) if cells.part is None else cells.part
+    if not cells or not all(part.has("image") for part in cells):
+        return cells
+    columns = [launcher.array(stacked(cells, name), wp.vec3) for name in ("position", "normal")]
+    sides = [launcher.array(stacked(cells, name, own=True), wp.vec3) for name in ("dxdu", "dxdv")]
+    count = sum(map(len, cells))
+    asides = [launcher.zeros(count, wp.vec3) for _ in range(2)]
+    images = images_of(cells, "bspline", launcher)
+    launcher(spread_cells, count, [*columns, images, pixel, *sides, *asides], in_turn=True)
+    position, dxdu, dxdv, first, second = (values.numpy() for values in (columns[0], *sides, *asides))
+
+    # ---- Copies, by the cells that they are of
     along = first.any(axis=1), second.any(axis=1)
-    found = []
-    for copied, places in PLACES.items():
+    of_cell, places, shares = [], [], []
+    for copied, at in PLACES.items():
         chosen = np.flatnonzero((along[0] == copied[0]) & (along[1] == copied[1]))
-        if not len(chosen):
-            continue
-        no_image = np.full(len(chosen), int(LightImage.NONE), np.int32)
-        photons = replace(cells.photons.rows(rows[chosen]), dxdu=dxdu[chosen], dxdv=dxdv[chosen], image=no_image)
-        for a, b in places:
-            position = photons.position + np.float32(a) * first[chosen] + np.float32(b) * second[chosen]
-            share = part[chosen] / np.float32(len(places))
-            found.append(PhotonRows(replace(photons, position=position), None, share))
+        of_cell.append(np.repeat(chosen, len(at)))
+        places.append(np.tile(np.array(at, np.float32), (len(chosen), 1)))
+        shares.append(np.full(len(chosen) * len(at), 1.0 / len(at), np.float32))
+    order = np.argsort(np.concatenate(of_cell), kind="stable")
+    cell, place, share = (np.concatenate(values)[order] for values in (of_cell, places, shares))
+    changed = {
+        "position": position[cell] + place[:, :1] * first[cell] + place[:, 1:] * second[cell],
+        "dxdu": dxdu[cell],
+        "dxdv": dxdv[cell],
+        "image": np.full(len(cell), int(LightImage.NONE), np.int32),
+    }
+    found = []
+    start = 0
+    for part in cells:
+        low, high = np.searchsorted(cell, (start, start + len(part)))
+        rows = cell[low:high] - start
+        of_part = share[low:high] if part.part is None else share[low:high] * part.part[rows]
+        values = {name: column[low:high] for name, column in changed.items()}
+        found.append(PhotonRows(part.photons, rows if part.rows is None else part.rows[rows], of_part, values))
+        start += len(part)
     return found
