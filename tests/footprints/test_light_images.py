@@ -81,8 +81,8 @@ def test_flux_stays_and_variances_add_up(name, side):
 @pytest.mark.parametrize("image", [DISC, BOX])
 def test_an_image_within_a_pixel_adds_its_variance_to_that_of_its_cell(image):
     """A cell has a twelfth of its sides' squares for its variance, a B-spline three times as much."""
-    du, dv, a, b, side = (0.004, 0.001, 0), (0, 0.005, 0), (0.003, 0.001, 0), (0, 0.002, 0), 0.04
-    whole, variance = moments(one(du, dv, a, b, image, half_pixel=side / math.sqrt(12)), 0.04)
+    du, dv, a, b, side = (0.004, 0.001, 0), (0, 0.005, 0), (0.003, 0.001, 0), (0, 0.002, 0), 0.03
+    whole, variance = moments(one(du, dv, a, b, image, half_pixel=side / math.sqrt(12)), 0.03)
     du, dv, a, b = (np.array(v[:2]) for v in (du, dv, a, b))
     light = (0.25 if image == DISC else 1.0 / 3.0) * (np.outer(a, a) + np.outer(b, b))
     expected = (np.outer(du, du) + np.outer(dv, dv)) / 12 + light + side**2 / 12 * np.eye(2)
@@ -200,7 +200,7 @@ def test_narrow_footprints_of_parts_whose_lattices_interleave_sum_to_one(cells, 
 
 
 @pytest.mark.parametrize("radius", [0.2, 0.4, 0.6, 0.9, 1.5])
-def test_fine_cells_that_overlap_by_their_image_have_one_footprint_each_and_sum_to_one(radius):
+def test_fine_cells_under_an_image_are_a_spline_or_copies_of_a_cell_and_sum_to_one(radius):
     """Cells of a third of a pixel, by images from well within a pixel to wider ones."""
     side, cell = 0.03, 0.01
     index = np.arange(-16, 17)
@@ -210,9 +210,10 @@ def test_fine_cells_that_overlap_by_their_image_have_one_footprint_each_and_sum_
         photon_map(at, (cell, 0, 0), (0, cell, 0), flux=cell**2), (radius * side, 0, 0), (0, radius * side, 0)
     )
     footprints = shaped(photons, half_pixel=side / math.sqrt(12))
-    assert footprints.count == len(photons)
+    assert footprints.count in (len(photons), 3 * len(photons))
     points = np.append(np.random.default_rng(4).uniform(-0.03, 0.03, (300, 2)), np.zeros((300, 1)), axis=1)
-    assert np.abs(first_channel(footprints, points, EXTENDED) - 1).max() < 0.02
+    allowed = 0.02 if footprints.count == len(photons) else 1e-5
+    assert np.abs(first_channel(footprints, points, EXTENDED) - 1).max() < allowed
 
 
 @wp.kernel

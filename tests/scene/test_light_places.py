@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.view.scenes import WATER, quad
 from tpdwarp.scene.description import (
     EmissionProfile,
     Extent,
@@ -155,6 +156,20 @@ def test_faces_of_a_cylinder_that_shine_away_from_the_glass_are_left_out():
     lit = split_lights(SceneAtShutter(Shutter.still(0), (glass,), (DRUM,)), 19).lights
     assert 0.4 * len(parts_of(DRUM, 19)) < len(lit) < 0.7 * len(parts_of(DRUM, 19))
     assert all(((glass.points - part.position) @ -part.axes[2]).max() > -1e-3 for part in lit)
+
+
+@pytest.mark.parametrize(
+    ("radius", "count", "part"), [(0.4, 61, 0.0), (0.4, 7, 0.0), (2.2, 169, 1.0), (2.2, 19, None), (20.0, 19, 1.0)]
+)
+def test_a_sphere_that_glass_sees_from_about_one_direction_is_a_flat_disc(radius, count, part):
+    """From 3 away glass of that radius sees it within 10, 45 and 85°; in between discs are as deep in part."""
+    glass = quad("/glass", (-radius, -radius), (radius, radius), PLACE[2] - 3.0, WATER)
+    glass = replace(glass, points=glass.points + np.array([*PLACE[:2], 0.0]))
+    lit = split_lights(SceneAtShutter(Shutter.still(0), (glass,), (SPHERE,)), count).lights
+    depths = places(lit)[:, 2] - PLACE[2]
+    whole = places(parts_of(SPHERE, count, np.array([PLACE - (0.0, 0.0, 3.0)] * 2)))[:, 2] - PLACE[2]
+    found = np.abs(depths).max() / np.abs(whole).max()
+    assert 0.0 < found < 1.0 if part is None else found == pytest.approx(part, abs=1e-9)
 
 
 def test_parts_of_a_sphere_that_the_glass_goes_round_move_steadily_with_it():

@@ -25,7 +25,8 @@ import warp as wp
 
 from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.light_images import cell_in_light, images_of, is_widened
+from tpdwarp.footprints.light_images import images_of, is_widened
+from tpdwarp.footprints.lit_cells import lit_cell, spread_over_images
 from tpdwarp.footprints.photon_rows import PhotonRows
 from tpdwarp.footprints.shaping import (
     LightImageArrays,
@@ -81,7 +82,7 @@ def measure_cells(
                 overlaps = is_widened(on_plane, light) and singular_values(
                     own[0, 0], own[0, 1], own[1, 0], own[1, 1]
                 ).s1 <= LONGEST_OVERLAPPING
-                j = cell_in_light(narrowing_at(images, i) * j, on_plane, light)
+                j = lit_cell(narrowing_at(images, i) * j, on_plane, light).w
             inside = in_sides(on_plane, j)
             sigma = singular_values(inside[0, 0], inside[0, 1], inside[1, 0], inside[1, 1])
             by_length = (SHORTEST_BSPLINE - sigma.s1) / (SHORTEST_BSPLINE - LONGEST_CELL)
@@ -106,7 +107,10 @@ def told_apart(
             elif part.any():
                 index = np.flatnonzero(part > 0.0)
                 taken.append(PhotonRows(shaped, index, part[index]))
-    return splines, cells
+    # Parts of cells lie at edges, where no lattice fills the receiver: one widened cell each is enough.
+    whole = [part for part in cells if part.photons.finer == 1]
+    parts = [part for part in cells if part.photons.finer != 1]
+    return splines, [*spread_over_images(whole, pixel, launcher), *parts]
 
 
 def _halved(photons: PhotonMap) -> PhotonMap:

@@ -103,3 +103,11 @@ class Irradiance:
     motion: np.ndarray | None = None
     weight: np.ndarray | None = None
     photons: np.ndarray | None = None
+
+    def add(self, more: Irradiance, rows: np.ndarray | slice = slice(None)) -> None:
+        """Adds the light of other footprints, all that is asked for; its irradiance to those ``rows``."""
+        self.irradiance[rows] += more.irradiance
+        if self.motion is not None:
+            self.motion += more.motion
+            self.weight += more.weight
+            self.photons += more.photons

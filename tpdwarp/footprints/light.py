@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 import warp as wp
@@ -104,17 +103,16 @@ class FootprintLight:
     def _levels(self, sides: dict[float, np.ndarray]) -> list[tuple[float, FootprintMap]]:
         return [(side, self._map_of(rows)) for side, rows in sorted(sides.items())]
 
-    @cached_property
-    def _all_that_moves(self) -> FootprintMap:
+    @property
+    def _all_that_moves(self) -> list[FootprintMap]:
         """What queries look at that move, or see part of the shutter: wide footprints too, unless they stand still."""
-        if not self._sweeping and len(self._fine) == 1:
-            return self._fine[0]
-        return self._map_of(np.sort(np.concatenate([self._wide.others, *self._wide.moving.values()])))
+        swept = [footprints for smooth in self._sweeping for footprints in smooth.levels]
+        return [*self._fine, *swept] or [self._map_of(self._wide.others)]
 
     @property
     def longest_way(self) -> float:
         """How far a query may move within its window and be looked up at once: through a run, or anywhere."""
-        return _longest_way(self._all_that_moves)
+        return min(map(_longest_way, self._all_that_moves), default=math.inf)
 
     def of_photons(self, maps: list[PhotonMap]) -> FootprintLight:
         """The light of other photons, evaluated as this one is."""
@@ -126,7 +124,11 @@ class FootprintLight:
         if whole:
             found = irradiance_of(gathered(self._fine, queries, self._form, self._launcher, lookup), lookup.with_motion)
         else:
-            found = self._along_ways(self._all_that_moves, queries, lookup)
+            # By size: queries pass the finest of footprints in many pieces of their way, the others in few.
+            first, *others = [self._along_ways(footprints, queries, lookup) for footprints in self._all_that_moves]
+            found = first
+            for more in others:
+                found.add(more)
         rasters = [*self._smooth, *(self._sweeping if whole else ())]
         if rasters:
             sums = self._launcher.array(found.irradiance, wp.vec3)
@@ -174,11 +176,8 @@ class FootprintLight:
         some = rows_of(queries, looked_at, self._launcher)
         for footprints in smooth.levels:
             more = self._along_ways(footprints, some, lookup.of_rows(looked_at))
-            found.irradiance[rows] += more.irradiance[np.searchsorted(looked_at, rows)]
-            if lookup.with_motion:
-                found.motion += more.motion
-                found.weight += more.weight
-                found.photons += more.photons
+            more.irradiance = more.irradiance[np.searchsorted(looked_at, rows)]
+            found.add(more, rows)
 
 
 def _longest_way(footprints: FootprintMap) -> float:

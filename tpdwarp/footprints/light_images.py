@@ -255,13 +255,11 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
 
 
 @wp.func
-def cell_in_light(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane) -> wp.mat22:
+def cell_in_light(j: wp.mat22, light: LightOnPlane) -> wp.mat22:
     """The cell W that stands for a cell J averaged over the image of its light: W Wᵀ/12 = J Jᵀ/12 + its variance.
 
     W = (W Wᵀ)^½ (J Jᵀ)^−½ J, the one nearest to J.
     """
-    if not is_widened(pixel, light):
-        return j
     return variance_root(j * wp.transpose(j) + 12.0 * light_variance(light)) * turned_as(j)
 
 
@@ -283,7 +281,9 @@ def pixel_variance_trace(pixel: PixelOnPlane) -> float:
 def spline_or_cell_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: float, is_cell: int) -> Axes:
     """Axes of a B-spline footprint, or a cell, that is averaged over a pixel and the image of its light."""
     if is_cell == 1:
-        w = cell_in_light(j, pixel, light)
+        w = j
+        if is_widened(pixel, light):
+            w = cell_in_light(j, light)
         return cell_axes(singular_values(w[0, 0], w[0, 1], w[1, 0], w[1, 1]), pixel, distance)
     return image_axes(j, pixel, light, distance)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -20,11 +20,13 @@ class PhotonRows:
         photons: The map.
         rows: Which, by index, shape [n]; None for all.
         part: The part of its flux that each of them has here, shape [n]; None for all of it.
+        changed: Columns in the place of those of the map, shape [n, ...] each.
     """
 
     photons: PhotonMap
     rows: np.ndarray | None = None
     part: np.ndarray | None = None
+    changed: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.photons) if self.rows is None else len(self.rows)
@@ -50,13 +52,15 @@ def stacked(parts: Sequence[PhotonRows], name: str, *, own: bool = False) -> np.
         own: Whether it is to be written to: else that of a whole map alone is not copied.
     """
     first = parts[0].values(name)
-    if len(parts) == 1 and parts[0].rows is None and not own:
+    if len(parts) == 1 and parts[0].rows is None and not parts[0].changed and not own:
         return first
     out = np.empty((sum(map(len, parts)), *first.shape[1:]), first.dtype)
     start = 0
     for part in parts:
         here = out[start : start + len(part)]
-        if part.rows is None:
+        if name in part.changed:
+            here[:] = part.changed[name]
+        elif part.rows is None:
             here[:] = part.values(name)
         else:
             # With other modes NumPy takes them twice.

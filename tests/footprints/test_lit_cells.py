@@ -1,0 +1,65 @@
+"""Cells under lights with extent: sums of lattices, as the light of a sun through still water is, and moments."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+
+from tests.footprints.photons import ONE_THREAD, photon_map
+from tests.footprints.test_light_images import BOX, DISC, lit
+from tests.rendering.test_extended_lights import irradiance, sun
+from tests.view.scenes import WATER, floor, looking_down, quad, steady
+from tpdwarp.footprints.lit_cells import spread_over_images
+from tpdwarp.footprints.photon_rows import PhotonRows, stacked
+from tpdwarp.footprints.shaping import PixelSize
+from usd_scenes.oracle.closed_forms import fresnel_reflectance
+
+PIXEL = PixelSize()
+PIXEL.back, PIXEL.right, PIXEL.up, PIXEL.orthographic = wp.vec3(0, 0, 1), wp.vec3(1, 0, 0), wp.vec3(0, 1, 0), 1
+
+
+@pytest.mark.parametrize("photons", [1 << 14, 1 << 15, 1 << 17, 1 << 18, 1 << 20])
+@pytest.mark.parametrize("degrees", [0.53, 1.0])
+def test_light_of_a_sun_through_still_water_is_even_however_fine_its_cells_are(degrees, photons):
+    """Its image is .3 and .6 of a pixel across here, and cells are .6 to .08 of one: cells of the variance of both are
+    1.1 to 4 cells of the lattice wide, and rippled by .002 to .023."""
+    sheet = quad("/water", (-1, -1), (1, 1), 1.0, WATER)
+    camera = looking_down((-0.8, 0.8, -0.8, 0.8), height=0.5)
+    found = irradiance(steady([floor(), sheet], (sun(degrees),), camera), 64, 64, photons=photons)
+    passed = 1 - fresnel_reflectance(0.0, 1.0, 1.33)
+    np.testing.assert_allclose(found, passed, rtol=2e-4)
+
+
+@pytest.mark.parametrize("image", [DISC, BOX])
+@pytest.mark.parametrize(
+    ("du", "dv"),
+    [((0.3, 0, 0), (0, 0.2, 0)), ((0.25, 0.1, 0), (-0.05, 0.3, 0)), ((0.02, 0, 0), (0, 0.5, 0))],
+)
+@pytest.mark.parametrize(
+    ("a", "b"), [((0.15, 0, 0), (0, 0.15, 0)), ((0.3, 0.1, 0), (0, 0.05, 0)), ((0.02, 0, 0), (0.3, 0.3, 0))]
+)
+def test_copies_of_a_cell_have_its_flux_middle_and_variance_with_that_of_its_image(du, dv, a, b, image):
+    photons = lit(photon_map([(0.1, 0.2, 0)], du, dv), a, b, image)
+    found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)
+    part = stacked(found, "flux")[:, 0] / photons.flux[0, 0]
+    assert part.sum() == pytest.approx(1, rel=1e-6)
+    place, sides = stacked(found, "position")[:, :2], [stacked(found, name)[:, :2] for name in ("dxdu", "dxdv")]
+    np.testing.assert_allclose(part @ place, (0.1, 0.2), atol=1e-6)
+    off = place - (0.1, 0.2)
+    variance = np.einsum("n,ni,nj->ij", part, off, off)
+    variance += sum(np.einsum("n,ni,nj->ij", part, side, side) for side in sides) / 12
+    du, dv, a, b = (np.array(v[:2]) for v in (du, dv, a, b))
+    light = (0.25 if image == DISC else 1.0 / 3.0) * (np.outer(a, a) + np.outer(b, b))
+    expected = (np.outer(du, du) + np.outer(dv, dv)) / 12 + light
+    # A cell of less than an eighth of a pixel is a whole number of cells wide: at most half of one off, here by .004.
+    narrow = np.linalg.norm(du) < 0.125
+    np.testing.assert_allclose(variance, expected, atol=0.02**2 * 10 if narrow else 1e-6)
+
+
+def test_a_cell_whose_light_has_no_image_stays_alone():
+    photons = lit(photon_map([(0, 0, 0)], (0.3, 0, 0), (0, 0.2, 0)), (1e-3, 0, 0), (0, 1e-3, 0))
+    found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)
+    assert sum(map(len, found)) == 1
+    np.testing.assert_array_equal(stacked(found, "position"), photons.position)
+    np.testing.assert_allclose(stacked(found, "dxdu"), photons.dxdu, rtol=1e-6)
