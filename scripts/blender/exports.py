@@ -5,8 +5,8 @@
     /tmp/blender/bin/python scripts/blender/exports.py FOLDER [ocean monkey gobo area]
 
 It needs Python 3.11 and the ``bpy`` wheel, which is no dependency of this project. FOLDER then holds a folder for each
-scene, with ``scene.usda``, ``plain.exr`` and ``caustics.exr``; ``scripts/blender/compare_exports.py`` renders them here
-and says how the light compares.
+scene, with ``scene.usda``, ``plain.exr`` and ``caustics_1.exr`` …, each of other random numbers;
+``scripts/blender/compare_exports.py`` renders the scenes here and says how the light compares.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ def ocean() -> None:
     """
     bpy.ops.mesh.primitive_plane_add(size=8)
     named("Floor", material("Floor", GREY, 0.0))
-    bpy.ops.mesh.primitive_plane_add(size=1, location=(0, 0, 2.0))
+    # Aside, so that the camera also sees floor in the sun.
+    bpy.ops.mesh.primitive_plane_add(size=1, location=(0, 1.0, 2.0))
     named("Water", material("Water", (1.0, 1.0, 1.0), 1.0))
     waves = bpy.context.object.modifiers.new("Ocean", "OCEAN")
     waves.geometry_mode, waves.resolution, waves.spatial_size = "GENERATE", 8, 6
@@ -91,7 +92,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Exports scenes from Blender and renders them with Cycles.")
     parser.add_argument("folder", help="where to")
     parser.add_argument("scenes", nargs="*", default=list(SCENES), help=", ".join(SCENES))
-    parser.add_argument("--samples", type=int, default=2048, help="of the render with caustics [2048]")
+    parser.add_argument("--samples", type=int, default=2048, help="of each render with caustics [2048]")
+    parser.add_argument("--renders", type=int, default=8, help="with caustics [8]")
     parser.add_argument("--width", type=int, default=96, help="pixels [96]")
     parser.add_argument("--threads", type=int, default=0, help="of Cycles [all]")
     options = parser.parse_args()
@@ -107,9 +109,13 @@ def main() -> None:
             scene.render.threads_mode, scene.render.threads = "FIXED", options.threads
         bpy.ops.wm.usd_export(filepath=f"{folder}/scene.usda", generate_materialx_network=True)
         set_up_cycles(scene)
-        for picture, caustics, samples in (("plain", False, options.samples // 4), ("caustics", True, options.samples)):
+        # Wider filters carry light across the picture's edge.
+        scene.cycles.pixel_filter_type = "BOX"
+        pictures = [("plain", False, options.samples // 4)]
+        pictures += [(f"caustics_{seed}", True, options.samples) for seed in range(1, options.renders + 1)]
+        for seed, (picture, caustics, samples) in enumerate(pictures):
             scene.cycles.caustics_reflective = scene.cycles.caustics_refractive = caustics
-            scene.cycles.samples = samples
+            scene.cycles.samples, scene.cycles.seed = samples, seed
             scene.render.filepath = f"{folder}/{picture}.exr"
             bpy.ops.render.render(write_still=True)
 
