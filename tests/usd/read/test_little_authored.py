@@ -51,10 +51,10 @@ def surface(small, path, **inputs):
     set_inputs(shader, **inputs)
 
 
-def rendered(small, photons=4096):
+def rendered(small):
     """The beauty [8, 8, 3], energies, and what is warned about."""
     scene = small.open()
-    frame = render_frame(RenderContext(scene, Settings(photons=photons, samples=4)), STILL, 8, 8)
+    frame = render_frame(RenderContext(scene, Settings(photons=4096, samples=4)), STILL, 8, 8)
     pixels = np.stack([frame.channels[name] for name in "RGB"], axis=-1)
     return pixels, frame.energy, scene.warnings.messages
 
