@@ -3,7 +3,8 @@
 
     .venv/bin/python scripts/blender/compare_exports.py FOLDER
 
-For each scene: direct light on the floor, and the light of photons there, as parts of Cycles'.
+For each scene: direct light on the floor, and the light of photons there, as parts of Cycles', with the standard error
+that the scatter of Cycles' renders leaves in the latter.
 """
 
 from __future__ import annotations
@@ -25,7 +26,11 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0)
     options = parser.parse_args()
     for stage in sorted(options.folder.glob("*/scene.usda")):
-        plain, theirs = (rgb(read_image(stage.parent / f"{name}.exr")[0]) for name in ("plain", "caustics"))
+        plain, *renders = (
+            rgb(read_image(file)[0])
+            for file in (stage.parent / "plain.exr", *sorted(stage.parent.glob("caustics_*.exr")))
+        )
+        theirs = np.mean(renders, axis=0)
         height, width = plain.shape[:2]
         frame = tpdwarp.render_frame(
             stage, 1, resolution=(width, height), photons=options.photons, samples=16, threads=options.threads,
@@ -36,9 +41,11 @@ def main() -> None:
             for name in ("caustic", "direct")
         )
         # The camera sees the floor alone.
+        part = caustic.sum() / (theirs - plain).sum()
+        scatter = part * np.std([render.sum() for render in renders], ddof=1) / (theirs - plain).sum()
         print(
             f"{stage.parent.name}: direct light {direct.sum() / plain.sum():.4f} of Cycles', light of photons "
-            f"{caustic.sum() / (theirs - plain).sum():.3f}, both {(direct + caustic).sum() / theirs.sum():.4f}",
+            f"{part:.3f} ± {scatter / len(renders) ** 0.5:.3f}, both {(direct + caustic).sum() / theirs.sum():.4f}",
             flush=True,
         )
 
