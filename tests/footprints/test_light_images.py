@@ -81,7 +81,7 @@ def test_flux_stays_and_variances_add_up(name, side):
 @pytest.mark.parametrize("image", [DISC, BOX])
 def test_an_image_within_a_pixel_adds_its_variance_to_that_of_its_cell(image):
     """A cell has a twelfth of its sides' squares for its variance, a B-spline three times as much."""
-    du, dv, a, b, side = (0.004, 0.001, 0), (0, 0.005, 0), (0.003, 0.001, 0), (0, 0.002, 0), 0.03
+    du, dv, a, b, side = (0.004, 0.001, 0), (0, 0.005, 0), (0.003, 0.001, 0), (0, 0.002, 0), 0.008
     whole, variance = moments(one(du, dv, a, b, image, half_pixel=side / math.sqrt(12)), 0.03)
     du, dv, a, b = (np.array(v[:2]) for v in (du, dv, a, b))
     light = (0.25 if image == DISC else 1.0 / 3.0) * (np.outer(a, a) + np.outer(b, b))

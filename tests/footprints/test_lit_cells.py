@@ -16,7 +16,8 @@ from tpdwarp.footprints.shaping import PixelSize
 from usd_scenes.oracle.closed_forms import fresnel_reflectance
 
 PIXEL = PixelSize()
-PIXEL.back, PIXEL.right, PIXEL.up, PIXEL.orthographic = wp.vec3(0, 0, 1), wp.vec3(1, 0, 0), wp.vec3(0, 1, 0), 1
+PIXEL.back, PIXEL.orthographic = wp.vec3(0, 0, 1), 1
+PIXEL.right, PIXEL.up = wp.vec3(0.25, 0, 0), wp.vec3(0, 0.25, 0)
 
 
 @pytest.mark.parametrize("photons", [1 << 14, 1 << 15, 1 << 17, 1 << 18, 1 << 20])
@@ -52,7 +53,7 @@ def test_copies_of_a_cell_have_its_flux_middle_and_variance_with_that_of_its_ima
     du, dv, a, b = (np.array(v[:2]) for v in (du, dv, a, b))
     light = (0.25 if image == DISC else 1.0 / 3.0) * (np.outer(a, a) + np.outer(b, b))
     expected = (np.outer(du, du) + np.outer(dv, dv)) / 12 + light
-    # A cell of less than an eighth of a pixel is a whole number of cells wide: at most half of one off, here by .004.
+    # A cell of less than half of a pixel is a whole number of cells wide: at most half of one off, here by .004.
     narrow = np.linalg.norm(du) < 0.125
     np.testing.assert_allclose(variance, expected, atol=0.02**2 * 10 if narrow else 1e-6)
 
