@@ -37,9 +37,9 @@ from tpdwarp.footprints.shaping import (
 )
 from tpdwarp.photons.light_columns import LightImage
 
-# Cells that are shorter than this part of a pixel have no copies. Chosen, not derived: with a quarter sea and ring under a
-# sun take 1.38 and 1.33 times the CPU time of parallel light, so 1.04 and 1.17 (65 536 photons); errors grow by a tenth
-# at most.
+# Cells that are shorter than this part of a pixel have no copies. Chosen, not derived: with a quarter sea and ring take
+# 1.38 and 1.33 times the CPU time of parallel light under a sun, so 1.04 and 1.17 (65 536 photons); errors grow by a
+# tenth at most.
 SHORTEST_COPIED = wp.constant(0.5)
 # Variance of a cell along its sides.
 OF_CELL = wp.constant(1.0 / 12.0)
