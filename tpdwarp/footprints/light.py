@@ -112,7 +112,7 @@ class FootprintLight:
     @property
     def longest_way(self) -> float:
         """How far a query may move within its window and be looked up at once: through a run, or anywhere."""
-        return min(map(_longest_way, self._all_that_moves), default=math.inf)
+        return min(map(_longest_way, self._all_that_moves))
 
     def of_photons(self, maps: list[PhotonMap]) -> FootprintLight:
         """The light of other photons, evaluated as this one is."""
@@ -125,10 +125,10 @@ class FootprintLight:
             found = irradiance_of(gathered(self._fine, queries, self._form, self._launcher, lookup), lookup.with_motion)
         else:
             # By size: queries pass the finest of footprints in many pieces of their way, the others in few.
-            first, *others = [self._along_ways(footprints, queries, lookup) for footprints in self._all_that_moves]
-            found = first
-            for more in others:
-                found.add(more)
+            first, *others = self._all_that_moves
+            found = self._along_ways(first, queries, lookup)
+            for footprints in others:
+                found.add(self._along_ways(footprints, queries, lookup))
         rasters = [*self._smooth, *(self._sweeping if whole else ())]
         if rasters:
             sums = self._launcher.array(found.irradiance, wp.vec3)

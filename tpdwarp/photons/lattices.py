@@ -501,14 +501,18 @@ def _candidates(
 def _radius(scene: SceneAtShutter, normalization: Normalization) -> float:
     """Radius of a sphere about the origin that holds the scene at mid shutter, in the tracer's units."""
     radius = normalization.radius
-    boxes = np.concatenate([mesh.boxes.reshape(-1, 3) for mesh in scene.meshes] or [np.zeros((0, 3))])
-    # By rounding, the farthest point may be a little farther than the corner of what holds all.
-    corner = np.abs(normalization.points(boxes)).max(axis=0, initial=0.0)
-    if (1.0 + 1e-6) * float(np.linalg.norm(corner)) < radius:
+
+    def is_within(boxes: Sequence[np.ndarray]) -> bool:
+        corners = np.concatenate(boxes).reshape(-1, 3)
+        corner = np.abs(normalization.points(corners)).max(axis=0, initial=0.0)
+        # By rounding, the farthest point may be a little farther than the corner of what holds all.
+        return (1.0 + 1e-6) * float(np.linalg.norm(corner)) < radius
+
+    # Thousands of meshes are asked at once.
+    if not scene.meshes or is_within([mesh.boxes for mesh in scene.meshes]):
         return radius
     for mesh in scene.meshes:
-        corner = np.abs(normalization.points(mesh.boxes.reshape(-1, 3))).max(axis=0, initial=0.0)
-        if (1.0 + 1e-6) * float(np.linalg.norm(corner)) < radius:
+        if is_within([mesh.boxes]):
             continue
         points = normalization.points(mesh.points)
         radius = max(radius, float(np.sqrt(np.einsum("ij,ij->i", points, points).max(initial=0.0))))

@@ -60,13 +60,14 @@ def split_lights(scene: SceneAtShutter, count: int) -> SceneAtShutter:
     """``scene`` with each light that has an extent cut into about ``count`` smaller ones, which cover it together."""
     if count == 1 or all(light.extent is None for light in scene.lights):
         return scene
-    middles, corners = _middles_of_glass(scene), _corners_of_glass(scene)
+    middles = _middles_of_glass(scene)
+    corners = _corners_of_glass(scene) if any(map(_has_depth, scene.lights)) else []
     lights: list[LightAtShutter] = []
     for light in scene.lights:
         parts = [light]
         if light.extent is not None:
-            deep = light.extent.shape in WITH_DEPTH and light.kind != LightKind.DISTANT
-            parts = parts_of(light, count, middles, _spread_of_glass(light, middles, corners) if deep else math.pi)
+            spread = _spread_of_glass(light, middles, corners) if _has_depth(light) else math.pi
+            parts = parts_of(light, count, middles, spread)
         if light.extent is not None and light.extent.shape == ExtentShape.CYLINDER:
             parts = [part for part in parts if not _is_turned_away(part, scene)]
         lights += parts
@@ -316,6 +317,11 @@ def _depths_in_ball(pieces: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     return np.sqrt(np.maximum(1.0 - squares, 0.0)) * np.concatenate(depths)
 
 
+def _has_depth(light: LightAtShutter) -> bool:
+    """Whether a light is a body, not a surface or a part of the sky."""
+    return light.extent is not None and light.extent.shape in WITH_DEPTH and light.kind != LightKind.DISTANT
+
+
 def _depth_seen(spread: float, count: int) -> float:
     """The part of its depth that a sphere of ``count`` pieces has, seen within ``spread`` [rad] of one direction.
 
@@ -327,12 +333,12 @@ def _depth_seen(spread: float, count: int) -> float:
 
 def _ends_of_glass(scene: SceneAtShutter) -> list[tuple[float, np.ndarray]]:
     """Vertices of what is specular, shape [n, 3], at the parts −½ and ½ of the shutter."""
-
-    def at(mesh: MeshAtShutter, part: float) -> np.ndarray:
-        return mesh.points if mesh.motions is None else mesh.points + part * mesh.motions
-
     meshes = [mesh for mesh in scene.meshes if mesh.specular]
-    return [(part, np.concatenate([at(mesh, part) for mesh in meshes])) for part in (-0.5, 0.5) if meshes]
+    return [(part, np.concatenate([_points_at(mesh, part) for mesh in meshes])) for part in (-0.5, 0.5) if meshes]
+
+
+def _points_at(mesh: MeshAtShutter, part: float) -> np.ndarray:
+    return mesh.points if mesh.motions is None else mesh.points + part * mesh.motions
 
 
 def _middles_of_glass(scene: SceneAtShutter) -> np.ndarray | None:
@@ -344,12 +350,9 @@ def _middles_of_glass(scene: SceneAtShutter) -> np.ndarray | None:
 def _corners_of_glass(scene: SceneAtShutter) -> list[np.ndarray]:
     """Corners of the boxes of what is specular as the shutter opens and closes, shape [n, 3] each."""
     found = []
+    meshes = [mesh for mesh in scene.meshes if mesh.specular and len(mesh.points)]
     for part in (-0.5, 0.5):
-        ends = [
-            mesh.points if mesh.motions is None else mesh.points + part * mesh.motions
-            for mesh in scene.meshes
-            if mesh.specular and len(mesh.points)
-        ]
+        ends = [_points_at(mesh, part) for mesh in meshes]
         boxes = [np.stack([points.min(axis=0), points.max(axis=0)]) for points in ends]
         found += [np.concatenate([[np.choose(k, box) for k in CORNERS] for box in boxes])] if boxes else []
     return found

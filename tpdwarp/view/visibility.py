@@ -733,7 +733,7 @@ def visible_points(
         kept = launcher.zeros(0, ViewState)
         if branches:
             # Taken up only as it is written.
-            kept = wp.empty(len(items) * KEPT_STATES, dtype=ViewState, device=launcher.device)
+            kept = launcher.empty(len(items) * KEPT_STATES, ViewState)
         paths = [launcher.array(items, wp.int32), launcher.array(masks, wp.int32), device_rows]
         paths += [launcher.array(sources, wp.int32), states]
         lit = [surfaces, lights, area_lights, camera]

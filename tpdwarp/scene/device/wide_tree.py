@@ -252,8 +252,8 @@ class WideTree:
             return
         # Room for the worst, of which memory is taken up only as it is written.
         most = triangles + 1
-        opened, slots, counts = (wp.empty(n, dtype=wp.int32, device=launcher.device) for n in (most, most, 3))
-        links, faces = (wp.empty(WIDTH * most, dtype=wp.int32, device=launcher.device) for _ in range(2))
+        opened, slots, counts = (launcher.empty(n, wp.int32) for n in (most, most, 3))
+        links, faces = (launcher.empty(WIDTH * most, wp.int32) for _ in range(2))
         launcher(make_wide_tree, 1, [mesh.id, opened, slots, links, faces, counts])
         nodes, blocks, levels = map(int, counts.numpy())
         if levels > MOST_LEVELS:
@@ -261,7 +261,7 @@ class WideTree:
         self._slots = slots[:blocks]
         self.tree.links, self.tree.faces = links[: WIDTH * nodes], faces[: WIDTH * blocks]
         self.tree.boxes = launcher.zeros(NODE_FLOATS * nodes, wp.float32)
-        self.tree.corners = wp.empty(BLOCK_FLOATS * blocks, dtype=wp.float32, device=launcher.device)
+        self.tree.corners = launcher.empty(BLOCK_FLOATS * blocks, wp.float32)
         self._follow(())
 
     @property
