@@ -1,7 +1,8 @@
-"""Options of kernels that LLVM compiles well only when told how."""
+"""Options of kernels: what modules they lie in, and what LLVM has to be told to compile them well."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import warp as wp
@@ -17,6 +18,15 @@ INLINED = f"-mllvm=-inline-threshold={LARGEST_INLINED}"
 # Bits of vectors where a CPU has such. LLVM prefers half of them for the sake of older ones' clocks: a footprint takes
 # 1.3 times as long with it.
 WIDEST_VECTORS = 512
+
+
+def own_module(flags: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Of a kernel that is made for what a scene requires, in a module of its own with the options ``flags``.
+
+    Warp hashes such a module as the kernel is defined, for its default number of threads a block, and again as it is
+    loaded where that is for another, which takes a tenth of a second for the largest. A CPU has one thread a block.
+    """
+    return {"module": "unique", "module_options": {"block_dim": 1, **(flags or {})}, "enable_backward": False}
 
 
 def lanes_in_vectors() -> dict[str, Any]:

@@ -23,6 +23,8 @@ from tpdwarp.workers import Chunks, Workers
 
 CHUNKS_PER_THREAD = 16
 SMALLEST_CHUNK = 512
+# Threads a block on a GPU: Warp's default.
+GPU_BLOCK = 256
 
 wp.config.log_level = wp.LOG_WARNING
 wp.config.enable_backward = False
@@ -98,8 +100,9 @@ class Launcher:
         if count <= 0:
             return
         if self.device.is_cuda:
-            _cache.load(kernel.module, self.device, kernel.module.options["block_dim"])
-            wp.launch(kernel, dim=count, inputs=[0, *([1] if in_turn else []), *inputs], device=self.device)
+            _cache.load(kernel.module, self.device, GPU_BLOCK)
+            given = [0, *([1] if in_turn else []), *inputs]
+            wp.launch(kernel, dim=count, inputs=given, device=self.device, block_dim=GPU_BLOCK)
             return
         # Loaded once, as a launch on the CPU would (one thread a block), or each thread compiles it again.
         _cache.load(kernel.module, self.device, 1)

@@ -40,6 +40,8 @@ from tpdwarp.footprints.shaping import (
 )
 from tpdwarp.photons.photon_map import PhotonMap
 
+wp.set_module_options(calls_inlined())
+
 # Lengths and widths, in pixels, up to which a footprint is a cell, and from which on it is none. Chosen: with cells up
 # to twice as wide the light of soft waves errs by .0035 of itself, as the steps between them are seen, so by .0004; and
 # longer cells show as stripes where light varies little across them.
@@ -51,7 +53,7 @@ WIDEST_CELL, NARROWEST_BSPLINE = wp.constant(0.5), wp.constant(1.0)
 LONGEST_OVERLAPPING = wp.constant(0.5)
 
 
-@wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
+@wp.kernel(enable_backward=False)
 def measure_cells(
     base: int,
     in_turn: int,

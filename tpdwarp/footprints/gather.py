@@ -260,7 +260,7 @@ def gather_kernel(
     add_parabola = _add_parabola(form, lanes, moves, curved) if parabolas else None
     add_to_leaf = _add_to_leaf(form, lanes, moves, curved, shaded, query_moves, with_motion)
 
-    @kernel_of_lanes(lanes, module_options=lanes_in_vectors())
+    @kernel_of_lanes(lanes, lanes_in_vectors())
     def gather(
         base: int,
         # In

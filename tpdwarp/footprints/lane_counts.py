@@ -16,6 +16,8 @@ from typing import Any
 
 import warp as wp
 
+from tpdwarp.compiler_flags import own_module
+
 
 class PerLaneCount:
     """What there is one of for each number of lanes.
@@ -69,9 +71,9 @@ def func_native(value: str) -> Callable[[Callable], PerLaneCount]:
     return decorated
 
 
-def kernel_of_lanes(count: int, **options: Any) -> Callable[[Callable], wp.Kernel]:
-    """A kernel in a module of its own for one number of lanes, with further ``options`` of ``wp.kernel``."""
-    return lambda function: wp.kernel(module="unique", enable_backward=False, **options)(for_lanes(function, count))
+def kernel_of_lanes(count: int, flags: Mapping[str, Any] | None = None) -> Callable[[Callable], wp.Kernel]:
+    """A kernel in a module of its own for one number of lanes, with the options ``flags``."""
+    return lambda function: wp.kernel(**own_module(flags))(for_lanes(function, count))
 
 
 def lane_kernel(function: Callable) -> PerLaneCount:

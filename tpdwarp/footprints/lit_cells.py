@@ -37,6 +37,8 @@ from tpdwarp.footprints.shaping import (
 )
 from tpdwarp.photons.light_columns import LightImage
 
+wp.set_module_options(calls_inlined())
+
 # Cells that are shorter than this part of a pixel have no copies. Chosen, not derived: with a quarter sea and ring take
 # 1.38 and 1.33 times the CPU time of parallel light under a sun, so 1.04 and 1.17 (65 536 photons); errors grow by a
 # tenth at most.
@@ -109,7 +111,7 @@ def lit_cell(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane) -> LitCell:
     return out
 
 
-@wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
+@wp.kernel(enable_backward=False)
 def spread_cells(
     base: int,
     in_turn: int,

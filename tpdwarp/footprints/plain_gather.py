@@ -9,6 +9,7 @@ from functools import cache
 
 import warp as wp
 
+from tpdwarp.compiler_flags import own_module
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.footprint_map import FootprintMap
 from tpdwarp.footprints.gather import PLAIN_LOOKUP, SMALLEST_COSINE, irradiance_arrays, irradiance_of, time_window
@@ -27,7 +28,7 @@ def plain_gather_kernel(form: GatherForm, moves: bool, curved: bool, shaded: boo
     lane = Lanes.of(1)
     place = place_footprint(form.smooth, moves, curved, shaded)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(**own_module())
     def plain_gather(
         base: int, footprints: FootprintArrays, durations: wp.array(dtype=wp.float32), run_size: float,
         window: TimeWindow, queries: QueryArrays, out: IrradianceArrays,

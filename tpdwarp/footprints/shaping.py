@@ -31,7 +31,7 @@ from functools import cache
 
 import warp as wp
 
-from tpdwarp.compiler_flags import calls_inlined
+from tpdwarp.compiler_flags import calls_inlined, own_module
 from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.footprints.cells import HALF, pixel_extent
 from tpdwarp.footprints.kernels import VARIANCE
@@ -515,7 +515,7 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
     scale = 2.0 if radial else 1.0
     variance = VARIANCE[radial] if radial else 1.0
 
-    @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
+    @wp.kernel(**own_module(calls_inlined()))
     def shape_footprints(
         base: int,
         in_turn: int,

@@ -21,6 +21,8 @@ from tpdwarp.footprints.footprint_map import Footprints
 from tpdwarp.footprints.planes import FEWEST_PHOTONS, Plane, on_any, planes_of
 from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, pixel_on_plane, tangent_frame
 
+wp.set_module_options(calls_inlined())
+
 # Squares of a cell: interpolated from the corners of squares of a third of one, light that changes from cell to cell by
 # as much as half of its mean at random errs by .002 of the mean, of a quarter by .0009 (light whose waves are seven
 # cells long by .0004 and .0002); powers of two are two thirds of that on average.
@@ -46,7 +48,7 @@ class WideFootprints:
     planes: list[Plane] = field(default_factory=list)
 
 
-@wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
+@wp.kernel(enable_backward=False)
 def measure_widths(
     base: int,
     in_turn: int,

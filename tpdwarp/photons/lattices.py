@@ -501,20 +501,15 @@ def _candidates(
 def _radius(scene: SceneAtShutter, normalization: Normalization) -> float:
     """Radius of a sphere about the origin that holds the scene at mid shutter, in the tracer's units."""
     radius = normalization.radius
-
-    def is_within(boxes: Sequence[np.ndarray]) -> bool:
-        corners = np.concatenate(boxes).reshape(-1, 3)
-        corner = np.abs(normalization.points(corners)).max(axis=0, initial=0.0)
-        # By rounding, the farthest point may be a little farther than the corner of what holds all.
-        return (1.0 + 1e-6) * float(np.linalg.norm(corner)) < radius
-
-    # Thousands of meshes are asked at once.
-    if not scene.meshes or is_within([mesh.boxes for mesh in scene.meshes]):
+    if not scene.meshes:
         return radius
-    for mesh in scene.meshes:
-        if is_within([mesh.boxes]):
-            continue
-        points = normalization.points(mesh.points)
+    # Thousands of meshes are asked at once, by the boxes of all their objects.
+    boxes = np.abs(normalization.points(np.concatenate([mesh.boxes for mesh in scene.meshes]).reshape(-1, 3)))
+    # By rounding, the farthest point may be a little farther than the corner of what holds all.
+    reach = (1.0 + 1e-6) * np.linalg.norm(boxes.reshape(-1, 2, 3).max(axis=1), axis=1)
+    begins = np.cumsum([0, *(len(mesh.boxes) for mesh in scene.meshes[:-1])])
+    for number in np.flatnonzero(np.maximum.reduceat(reach, begins) >= radius):
+        points = normalization.points(scene.meshes[number].points)
         radius = max(radius, float(np.sqrt(np.einsum("ij,ij->i", points, points).max(initial=0.0))))
     return radius
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 from zlib import crc32
 
 import numpy as np
@@ -45,6 +47,7 @@ class PathTags:
         single = [mesh for mesh in scene.meshes if not mesh.copies]
         self._names = {mesh.path: first.setdefault(_shape_of(mesh), mesh.path) for mesh in single}
         self._facets = {mesh.path: facets_of(mesh, least) for mesh in scene.meshes}
+        self._known: WeakKeyDictionary[MeshAtShutter, np.ndarray] = WeakKeyDictionary()
 
     def of(self, scene: SceneAtShutter) -> np.ndarray:
         """A tag for each triangle of ``scene``, in the order of its meshes, shape [m] int32."""
@@ -52,6 +55,12 @@ class PathTags:
         return np.concatenate(tags) if tags else np.zeros(0, np.int32)
 
     def _tags(self, mesh: MeshAtShutter) -> np.ndarray:
+        # What does not move is the same object at all times.
+        if mesh not in self._known:
+            self._known[mesh] = self._tags_of(mesh)
+        return self._known[mesh]
+
+    def _tags_of(self, mesh: MeshAtShutter) -> np.ndarray:
         count = len(mesh.triangles)
         facets = self._facets.get(mesh.path)
         if facets is None or len(facets) != count:
@@ -75,11 +84,34 @@ def _shape_of(mesh: MeshAtShutter) -> tuple[int, int]:
 def facets_of(mesh: MeshAtShutter, least: float) -> np.ndarray:
     """Numbers, from 1 on, of plane facets that make up more than the part ``least`` of ``mesh``; else 0; [m] int32."""
     facets = np.zeros(len(mesh.triangles), np.int32)
-    if not mesh.specular and len(facets) > MOST_TRIANGLES_OF_RECEIVER:
-        return facets
+    # What does not move is the same object from shutter to shutter.
+    if mesh not in _PLANES:
+        _PLANES[mesh] = _planes_of(mesh)
+    planes = _PLANES[mesh]
+    if planes is not None:
+        large = np.flatnonzero(planes.parts > least)
+        names = np.zeros(len(planes.parts), np.int32)
+        names[large] = 1 + np.arange(len(large), dtype=np.int32)
+        facets[planes.rows] = names[planes.numbers]
+    return facets
+
+
+class _Planes(NamedTuple):
+    """Triangles of a mesh that are flat, the number of the plane that each of them lies in, and the parts of the mesh
+    that lie in each."""
+
+    rows: np.ndarray
+    numbers: np.ndarray
+    parts: np.ndarray
+
+
+def _planes_of(mesh: MeshAtShutter) -> _Planes | None:
+    """The planes that matter in ``mesh``; None where none does."""
+    if not mesh.specular and len(mesh.triangles) > MOST_TRIANGLES_OF_RECEIVER:
+        return None
     flat = np.flatnonzero((specular_faces(mesh) if mesh.specular else True) & _is_flat(mesh))
     if not len(flat):
-        return facets
+        return None
     a, b, c = (mesh.points[mesh.triangles[flat, corner]] for corner in range(3))
     normals = np.cross(b - a, c - a)
     areas = np.linalg.norm(normals, axis=1)
@@ -89,13 +121,12 @@ def facets_of(mesh: MeshAtShutter, least: float) -> np.ndarray:
     planes = np.column_stack([normals, np.einsum("ij,ij->i", (a + b + c) / 3.0 - centre, normals) / size])
     numbers = _clusters(planes)
     if not mesh.specular and numbers.max() >= MOST_PLANES_OF_RECEIVER:
-        return facets
-    part = np.bincount(numbers, weights=areas) / max(float(_areas(mesh).sum()), np.finfo(float).tiny)
-    large = np.flatnonzero(part > least)
-    names = np.zeros(len(part), np.int32)
-    names[large] = 1 + np.arange(len(large), dtype=np.int32)
-    facets[flat] = names[numbers]
-    return facets
+        return None
+    parts = np.bincount(numbers, weights=areas) / max(float(_areas(mesh).sum()), np.finfo(float).tiny)
+    return _Planes(flat, numbers, parts)
+
+
+_PLANES: WeakKeyDictionary[MeshAtShutter, _Planes | None] = WeakKeyDictionary()
 
 
 def _is_flat(mesh: MeshAtShutter) -> np.ndarray:

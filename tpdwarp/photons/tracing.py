@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
-from tpdwarp.compiler_flags import calls_inlined
+from tpdwarp.compiler_flags import calls_inlined, own_module
 from tpdwarp.device import Launcher
 from tpdwarp.photons.beam import Interface, interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, take_branch, take_share
@@ -196,7 +196,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                 out = widened(out, before, after, at, reflected, roughness)
         return out
 
-    @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
+    @wp.kernel(**own_module(calls_inlined()))
     def trace_photons(
         base: int,
         in_turn: int,

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from tpdwarp.compiler_flags import own_module
 from tpdwarp.footprints.shaping import PixelSize, tangent_frame
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.surface_points import SurfacePoints
@@ -21,7 +22,7 @@ DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
 
 @cache
 def _albedo(textured: bool) -> wp.Kernel:
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(**own_module())
     def albedo(
         base: int,
         surfaces: Surfaces,

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.clock import Clock
+from tpdwarp.compiler_flags import own_module
 from tpdwarp.estimators import ESTIMATORS
 from tpdwarp.estimators.estimator import IrradianceField, Part
 from tpdwarp.footprints.irradiance import Lookup, QueryArrays
@@ -114,7 +115,7 @@ def square(side: float, context: RenderContext) -> PixelSize:
     return size
 
 
-@wp.kernel(module="unique", enable_backward=False)
+@wp.kernel(enable_backward=False)
 def _find(
     base: int,
     surfaces: Surfaces,
@@ -142,7 +143,7 @@ def _find(
 def _placing(smooth: bool, moves: bool) -> wp.Kernel:
     """The kernel that places queries where points of surfaces stand at the surfaces' time."""
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(**own_module())
     def place(
         base: int,
         surfaces: Surfaces,

@@ -42,7 +42,7 @@ class Texels:
         return out.reshape(self.resolution, self.resolution, -1)
 
 
-@wp.kernel(module="unique", enable_backward=False)
+@wp.kernel(enable_backward=False)
 def _nearest(
     base: int,
     mesh: wp.uint64,

@@ -10,6 +10,8 @@ from tpdwarp.device import Launcher
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.neighbours import Pairs, growth_of, second_differences
 
+wp.set_module_options(calls_inlined())
+
 # Photons of the four around a place that have to have taken a path for its values to be valid.
 FEWEST_CORNERS = wp.constant(3)
 
@@ -113,7 +115,7 @@ def on_plane_of(missing: Corner, a: Corner, b: Corner, opposite: Corner) -> Corn
     return out
 
 
-@wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
+@wp.kernel(enable_backward=False)
 def interpolate(
     base: int,
     in_turn: int,

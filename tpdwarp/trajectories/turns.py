@@ -52,9 +52,8 @@ def segments_needed(scenes: Sequence[SceneAtShutter], part: float) -> float:
         part: The part of the shutter between the first and the last of these.
     """
     degrees = 0.0
-    for mesh in scenes[0].meshes:
-        states = [found for scene in scenes for found in scene.meshes if found.path == mesh.path]
-        if mesh.specular and mesh.moves and len(states) == len(scenes):
+    for states in _bodies(scenes):
+        if states[0].moves:
             turns = [turn_between(*pair) for pair in itertools.pairwise(states)]
             degrees = max(degrees, math.degrees(sum(turns)))
     for light in scenes[0].lights:
@@ -142,15 +141,24 @@ def _ways_to_bodies(
     places: Sequence[np.ndarray], scenes: Sequence[SceneAtShutter]
 ) -> Iterator[tuple[np.ndarray, float]]:
     """From the middle of each specular body to a lamp at ``places``, shape [k, 3], and half of the body's size."""
-    for mesh in scenes[0].meshes:
-        states = [found.points for scene in scenes for found in scene.meshes if found.path == mesh.path]
-        if not mesh.specular or len(states) != len(scenes) or not all(map(len, states)):
+    for states in _bodies(scenes):
+        if not all(len(mesh.points) for mesh in states):
             continue
-        ends = [(points.min(axis=0), points.max(axis=0)) for points in states]
+        ends = [(mesh.points.min(axis=0), mesh.points.max(axis=0)) for mesh in states]
         away = np.array([place - 0.5 * (low + high) for place, (low, high) in zip(places, ends, strict=True)])
         if np.linalg.norm(away, axis=1).min() > 0.0:
             low, high = ends[0]
             yield away, 0.5 * float(np.linalg.norm(high - low))
+
+
+def _bodies(scenes: Sequence[SceneAtShutter]) -> Iterator[list[MeshAtShutter]]:
+    """Each mesh that is specular in the first of some scenes, in all of them; without those that some do not have."""
+    first = {mesh.path: [mesh] for mesh in scenes[0].meshes if mesh.specular}
+    for scene in scenes[1:]:
+        for mesh in scene.meshes:
+            if mesh.path in first:
+                first[mesh.path].append(mesh)
+    return (states for states in first.values() if len(states) == len(scenes))
 
 
 def turn_between(before: MeshAtShutter, after: MeshAtShutter) -> float:

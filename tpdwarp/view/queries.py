@@ -156,6 +156,7 @@ class CameraView:
         self._scenes, self._settings, self._size, self._clock = scenes, settings, (width, height), clock
         self._normalization, self._launcher = normalization, launcher
         self._domes: tuple[tuple[DomeAtShutter, ...], DomeArrays] | None = None
+        self._shot: tuple[LoadedScene, tuple[Camera, LightArrays, AreaLightArrays]] | None = None
         self._moves = any(s.requirements.view_motion for s in scenes)
         self._smooth = any(s.requirements.smooth_receivers for s in scenes)
         self._times = time_count(settings.samples) if any(s.moves for s in scenes) else 1
@@ -380,10 +381,13 @@ class CameraView:
         return self._domes[1]
 
     def _camera_and_lights(self, loaded: LoadedScene) -> tuple[Camera, LightArrays, AreaLightArrays]:
-        paths = loaded.geometry.paths if loaded.requirements.linked else ()
-        lights = loaded.scene.lights, self._normalization, self._launcher, paths
-        camera = camera_of(loaded.scene.camera, *self._size, self._normalization, self._launcher)
-        return camera, light_arrays(*lights), area_light_arrays(*lights)
+        """Those of a scene, made anew only where it is another than the last."""
+        if self._shot is None or self._shot[0] is not loaded:
+            paths = loaded.geometry.paths if loaded.requirements.linked else ()
+            lights = loaded.scene.lights, self._normalization, self._launcher, paths
+            camera = camera_of(loaded.scene.camera, *self._size, self._normalization, self._launcher)
+            self._shot = loaded, (camera, light_arrays(*lights), area_light_arrays(*lights))
+        return self._shot[1]
 
     def _sides(self, places: np.ndarray) -> np.ndarray:
         """How wide what a query stands for is at some places, across the view, shape [n]; in the tracer's units."""

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
+from tpdwarp.compiler_flags import own_module
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals
 from tpdwarp.scene.description import Interaction
@@ -107,7 +108,7 @@ def _kernel(shadow: bool, vector: bool, moves: bool, smooth: bool, extended: boo
     by_glass = only_by_glass(linked)
     shaded_points, shaded_areas = point_irradiance(by_glass, linked), area_irradiance(by_glass, linked)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(**own_module())
     def surface_aovs(
         base: int,
         surfaces: Surfaces,

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 import warp as wp
 
-from tpdwarp.compiler_flags import calls_inlined
+from tpdwarp.compiler_flags import calls_inlined, own_module
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays
 from tpdwarp.photons.beam import Beam, interface_at, passed, relative_index, scatter, transfer_to
@@ -189,7 +189,7 @@ def visible_kernel(
     glint_of_areas = area_reflection(arrives, linked, False) if glints and extended else None
     seen_in_mirrors = lights_along(arrives, linked) if mirrored_lights else None
 
-    @wp.kernel(module="unique", module_options=calls_inlined(), enable_backward=False)
+    @wp.kernel(**own_module(calls_inlined()))
     def see(
         base: int,
         in_turn: int,
