@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+import weakref
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -100,6 +101,7 @@ class StageScene:
     def __init__(self, file: str, stage: Usd.Stage, settings: StageSettings, warnings: WarnOnce) -> None:
         self.file, self.warnings = file, warnings
         self._stage, self._settings = stage, settings
+        self._original: StageScene | None = None
         # Layers in memory that the stage is composed of.
         self._kept: list[Sdf.Layer] = []
         rates = {"timeCodesPerSecond": stage.GetTimeCodesPerSecond(), "framesPerSecond": stage.GetFramesPerSecond()}
@@ -134,8 +136,8 @@ class StageScene:
             InstancedMeshes(
                 instancer,
                 OnStage(instancer.instancer.GetPrim(), self._transforms),
-                self._place,
-                self._stays_apart,
+                _weakly(self._place),
+                _weakly(self._stays_apart),
                 self._transforms,
             )
             for instancer in contents.instancers
@@ -220,6 +222,8 @@ class StageScene:
             InputError: No such product, or it asks for what cannot be used.
         """
         other = copy(self)
+        # What was read asks it.
+        other._original = self
         # Whether anything changes depends on the camera where a light stands at it.
         other.__dict__.pop("_changes", None)
         other._settings = replace(self._settings, product=product)
@@ -337,7 +341,9 @@ class StageScene:
                 copies = set(placed.copies)
                 alone = [one for of in self._instancers for one in of.apart(shutter.frame) if one.label in copies]
                 return [mesh for one in alone for mesh in self._usable(one, shutter, refused)]
-            refused.append(_Refused(error, self._materials.may_be_specular(placed.prim, shutter.frame)))
+            # With its frames it would be part of a circle, see `_weakly`.
+            specular = self._materials.may_be_specular(placed.prim, shutter.frame)
+            refused.append(_Refused(error.with_traceback(None), specular))
             return []
         return [] if mesh is None else [mesh]
 
@@ -632,8 +638,9 @@ class StageScene:
         )
 
     def _shape(self, prim: Usd.Prim, deformation: Deformation | None) -> Shape | Primitive | Blobs:
+        segments, levels = _weakly(self._segments), _weakly(self._levels)
         if is_primitive(prim):
-            return Primitive(prim, lambda: self._segments(prim), self._cubic, self.warnings)
+            return Primitive(prim, lambda: segments(prim), self._cubic, self.warnings)
         if is_blob(prim):
             kind = next((kind for schema, kind in SURFACES.items() if prim.IsA(schema)), Blobs)
             return kind(prim, self.warnings, deformation)
@@ -641,7 +648,7 @@ class StageScene:
             UsdGeom.Mesh(prim),
             self.time_codes_per_second,
             self._cubic,
-            lambda faces: self._levels(prim, faces),
+            lambda faces: levels(prim, faces),
             self.warnings,
             deformation,
         )
@@ -737,7 +744,8 @@ class StageScene:
 
     @cached_property
     def _free_camera(self) -> FreeCamera:
-        return FreeCamera(self._stage, self.start, self.up_axis, self._purposes, self._points_at, self._bounded)
+        points = _weakly(self._points_at)
+        return FreeCamera(self._stage, self.start, self.up_axis, self._purposes, points, self._bounded)
 
     def _choose_camera(self) -> str | None:
         wanted = self._settings.camera
@@ -779,6 +787,16 @@ class StageScene:
             light.ever_visible and (light.power_varies or any(light.power(self.start)))
             for light in self._sources_at(self.start)
         )
+
+
+def _weakly(method: Callable[..., Any]) -> Callable[..., Any]:
+    """A method for what its object holds itself.
+
+    A circle of references would keep the layers of a stage open, and as they were, after a render: until Python next
+    looks for circles, whoever writes their files anew renders what they held before.
+    """
+    weak = weakref.WeakMethod(method)
+    return lambda *arguments: weak()(*arguments)
 
 
 def collected_as(label: str, prim: Usd.Prim) -> Sdf.Path:
