@@ -44,6 +44,10 @@ ATTRIBUTE_NAMES = {"capDate": "DateTime", "expTime": "ExposureTime"}
 # An image is held as read, and compared as planes, with differences beside them.
 IMAGE_COPIES = 4
 
+# A process that is forked does not have OpenEXR's threads, and would wait for them with its next file. Frames are
+# written as fast without any.
+oiio.attribute("exr_threads", -1)
+
 # The configuration built into OpenImageIO, so that an $OCIO meant for other programs changes no picture.
 COLOR_CONFIG = "ocio://default"
 
