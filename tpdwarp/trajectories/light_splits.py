@@ -16,6 +16,8 @@ as root mean squares over the photons of a coarse trace, weighted by the irradia
 pictures are. Photons from the rim are traced from the point of the first surface at which those from the middle meet
 it, so that each has its own e.
 
+What is rough is traced as if it were smooth: its lobes take up the columns of lights, and blur what parts miss as well.
+
 Of lights that something specular cuts, some places shine on its other side, which no photon from the middle tells: they
 have as many parts as there may be.
 
@@ -163,7 +165,9 @@ def foreseen_splits(tracer: PhotonTracer) -> Foreseen:
         if loaded.requirements.extended_lights and loaded.requirements.caustics:
             if cut_lights(loaded.scene):
                 return Foreseen(counts, CHANGED_ERROR / np.sqrt(counts), int(counts[-1]))
-            totals, looks = totals + _errors(tracer, loaded, counts, clock), looks + 1
+            # The lobes of rough surfaces take the columns of lights up, which tell what first order misses.
+            smooth = replace(loaded, requirements=replace(loaded.requirements, rough=False))
+            totals, looks = totals + _errors(tracer, smooth, counts, clock), looks + 1
     errors = totals / max(1, looks)
     if errors[0] <= ENOUGH:
         return Foreseen(counts, errors, 1)
