@@ -72,6 +72,7 @@ def test_no_seam_shows_where_ever_longer_cells_go_over_to_another_whole_number()
     found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)
     x, half = (stacked(found, name)[:, 0].astype(np.float64) for name in ("position", "dxdu"))
     half, part = 0.5 * half, stacked(found, "flux")[:, 0].astype(np.float64)
+    np.testing.assert_allclose(stacked(found, "dxdv"), np.tile([0, 0.02, 0], (len(x), 1)), atol=1e-6)
     worst = 0.0
     # Edges of pixels wherever they come to lie.
     for start in np.arange(0.5, ends[-1] / 0.25 - 2.0, 0.05):

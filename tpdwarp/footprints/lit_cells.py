@@ -144,18 +144,20 @@ def lit_cell(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane) -> LitCell:
         out.w = cell_in_light(j, light)
         return out
     inverse = wp.inverse(j)
-    image = inverse * light_variance(light) * wp.transpose(inverse)
-    of = principal_axes(image)
+    of = principal_axes(inverse * light_variance(light) * wp.transpose(inverse))
     across = wp.vec2(-of.first[1], of.first[0])
     first = j * of.first
     second = j * across
     seen = in_sides(pixel, j)
-    lengths = wp.vec2(wp.length(seen * of.first), wp.length(seen * across))
-    one = _along(of.s1 / OF_CELL, lengths[0])
-    two = _along(of.s2 / OF_CELL, lengths[1])
+    one = _along(of.s1 / OF_CELL, wp.length(seen * of.first))
+    two = _along(of.s2 / OF_CELL, wp.length(seen * across))
     out.w = one.whole * wp.outer(first, of.first) + two.whole * wp.outer(second, across)
-    out.other = one.other * wp.outer(first, of.first) + two.other * wp.outer(second, across)
+    # Along both axes at once it is another number in few places: the one nearer to half way changes.
     out.share = wp.max(one.share, two.share)
+    if one.share >= two.share:
+        out.other = one.other * wp.outer(first, of.first) + two.whole * wp.outer(second, across)
+    else:
+        out.other = one.whole * wp.outer(first, of.first) + two.other * wp.outer(second, across)
     out.first = one.aside * first
     out.second = two.aside * second
     if one.aside > 0.0 and two.aside > 0.0:

@@ -240,7 +240,9 @@ def _unevenness(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
     With E = exp(g), E_uu/E = g_uu + g_u².
     """
     flux = photons.flux.sum(axis=1, dtype=np.float64)
-    level = np.log(flux / np.maximum(areas(photons.dxdu, photons.dxdv), np.finfo(float).tiny))
+    known = np.finfo(np.float32)
+    level = np.log(np.maximum(flux, known.tiny))
+    level -= np.log(np.clip(areas(photons.dxdu, photons.dxdv).astype(np.float64), known.tiny, known.max))
     total = np.zeros(len(photons))
     for pairs in neighbours(photons, plan):
         slope = differences(level[:, None], pairs)[:, 0]
