@@ -44,11 +44,11 @@ from tpdwarp.photons.light_columns import LightImage
 # 1.38 and 1.33 times the CPU time of parallel light under a sun, so 1.04 and 1.17 (65 536 photons); errors grow by a
 # tenth at most.
 SHORTEST_COPIED = wp.constant(0.5)
-# Of cells shorter than this part of a pixel, those that are less than ``SHARED_OUT`` from half way between two whole
+# Of cells between these parts of a pixel, those that are less than ``SHARED_OUT`` from half way between two whole
 # numbers are shared out between both. Chosen, not derived: the wave under a sun of .53°, whose cells are that narrow
-# with 262 144 photons, errs by .0006 so, by .0014 without, and by .0012 with a tenth; of longer cells sea and ring err
-# by less by a twentieth, and take a fifth longer.
-SHORTEST_SHARED = wp.constant(0.125)
+# with 262 144 photons, errs by .0006 so, by .0014 without, and by .0012 with a tenth. What finer cells leave aside goes
+# with their length, and of longer ones sea and ring err by less by a twentieth, but have a fifth more of them.
+FINEST_SHARED, LONGEST_SHARED = wp.constant(0.03), wp.constant(0.09)
 SHARED_OUT = wp.constant(0.25)
 # Variance of a cell along its sides.
 OF_CELL = wp.constant(1.0 / 12.0)
@@ -87,7 +87,7 @@ def _share_of_other(value: float, cell: float) -> float:
         value: How wide W is, in cells.
         cell: How long the cell is, in pixels.
     """
-    if cell > SHORTEST_SHARED:
+    if cell < FINEST_SHARED or cell > LONGEST_SHARED:
         return 0.0
     from_half = 0.5 - wp.abs(value - wp.round(value))
     return wp.max(0.5 - 0.5 * from_half / SHARED_OUT, 0.0)
