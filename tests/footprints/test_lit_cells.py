@@ -58,6 +58,30 @@ def test_copies_of_a_cell_have_its_flux_middle_and_variance_with_that_of_its_ima
     np.testing.assert_allclose(variance, expected, atol=0.02**2 * 10 if narrow else 1e-6)
 
 
+def test_no_seam_shows_where_ever_longer_cells_go_over_to_another_whole_number():
+    """Cells .04 to .08 of a pixel long that fill a strip evenly, under an image that makes them 3 to 5 cells wide.
+
+    The sum over pixels is off by .0004, and by .009 where one number goes over to the next at once.
+    """
+    sizes = np.linspace(0.04, 0.08, 700) * 0.25
+    ends = np.concatenate([[0.0], np.cumsum(sizes)])
+    places = np.stack([0.5 * (ends[1:] + ends[:-1]), np.zeros(700), np.zeros(700)], axis=1)
+    du = np.stack([sizes, np.zeros(700), np.zeros(700)], axis=1)
+    flux = np.repeat(sizes[:, None] / 0.25, 3, axis=1)
+    photons = lit(photon_map(places, du, (0, 0.02, 0), flux=flux), (0.03, 0, 0), (0, 1e-4, 0))
+    found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)
+    x, half = (stacked(found, name)[:, 0].astype(np.float64) for name in ("position", "dxdu"))
+    half, part = 0.5 * half, stacked(found, "flux")[:, 0].astype(np.float64)
+    np.testing.assert_allclose(stacked(found, "dxdv"), np.tile([0, 0.02, 0], (len(x), 1)), atol=1e-6)
+    worst = 0.0
+    # Edges of pixels wherever they come to lie.
+    for start in np.arange(0.5, ends[-1] / 0.25 - 2.0, 0.05):
+        low, high = 0.25 * start, 0.25 * (start + 1.0)
+        inside = np.clip(np.minimum(x + half, high) - np.maximum(x - half, low), 0.0, None) / (2.0 * half)
+        worst = max(worst, abs(part @ inside - 1.0))
+    assert worst < 2e-3
+
+
 def test_a_cell_whose_light_has_no_image_stays_alone():
     photons = lit(photon_map([(0, 0, 0)], (0.3, 0, 0), (0, 0.2, 0)), (1e-3, 0, 0), (0, 1e-3, 0))
     found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)

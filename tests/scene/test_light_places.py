@@ -172,6 +172,20 @@ def test_a_sphere_that_glass_sees_from_about_one_direction_is_a_flat_disc(radius
     assert 0.0 < found < 1.0 if part is None else found == pytest.approx(part, abs=1e-9)
 
 
+@pytest.mark.parametrize(("count", "spread"), [(7, 0.1), (19, 0.2), (61, 0.3), (169, 0.1)])
+def test_the_parts_of_a_sphere_send_its_irradiance_however_deep_they_are(count, spread):
+    """I/d², as harmonic as that is; a flat disc at a sixth of its distance sends 1 − ¾ (R/d)², 2 % less."""
+    away = 6.0 * SPHERE.extent.radius
+    middle = PLACE - (0.0, 0.0, away)
+    nodes = math.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
+    total = 0.0
+    for light in parts_of(SPHERE, count, np.array([middle] * 2), spread):
+        at = [light.position + np.array([a, b]) @ light.extent.spans - middle for a in nodes for b in nodes]
+        weights = np.outer([5, 8, 5], [5, 8, 5]).ravel() / 324.0
+        total += light.power[0] * float(weights @ [way[2] / np.linalg.norm(way) ** 3 for way in at])
+    assert total == pytest.approx(SPHERE.power[0] / away**2, rel=4e-3)
+
+
 def test_parts_of_a_sphere_that_the_glass_goes_round_move_steadily_with_it():
     """By so much as they would between two shutters before and after, to second order; none jumps."""
     turns = np.linspace(0.0, 2.0 * math.pi, 33)

@@ -141,6 +141,43 @@ def test_few_parts_of_a_lamp_beside_glass_send_as_much_light_through_it_as_many(
         np.testing.assert_allclose(means[splits], means["auto"], rtol=0.03)
 
 
+@pytest.mark.parametrize("roughness", [0.0, 0.06])
+def test_a_lamp_beside_rough_glass_is_split_as_beside_smooth_glass(roughness):
+    """Photons of rough glass have lobes in the place of images of lights: in one part a rectangle erred by .8."""
+    points, triangles, normals = shapes.sphere()
+    triangles = np.ascontiguousarray(triangles, np.int32)
+    glass = Material(Interaction.DIELECTRIC, ior=1.5, roughness=roughness)
+    ball = MeshAtShutter(
+        "/ball", 0.4 * points + (0.0, 0.0, 0.6), triangles,
+        normals=normals, normal_indices=triangles, materials=(glass,),
+    )  # fmt: skip
+    lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.1, 0.1, 1.3]))
+    light = replace(lamp, profile=EmissionProfile.COSINE, extent=Extent(ExtentShape.RECT, 0.0, SPANS))
+    source = steady([floor(), ball], (light,), looking_down((-0.8, 0.8, -0.8, 0.8), height=0.1))
+    context = RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1))
+    parts = render_frame(context, Shutter(0, 0, 0), 8, 8).energy.counts.get("parts of each light with extent", 1)
+    assert parts >= 37
+
+
+def test_a_tube_above_wide_water_is_split_though_its_image_is_narrow():
+    """Light of the water changes slowly beside that: seven parts blur it by little, and err far less than one."""
+    lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.2, 0.1, 1.2]))
+    extent = Extent(ExtentShape.CYLINDER, 0.1, SPANS * [[1.0], [0.0]])
+    light = replace(lamp, profile=EmissionProfile.SINE, extent=extent)
+    water = bumpy("/water", WATER, 1.0, False)
+    water = replace(water, points=water.points * (3.0, 3.0, 0.5))
+    source = steady([floor(), water], (light,), looking_down(height=0.05))
+
+    def light_of(**changes):
+        context = RenderContext(source, Settings(samples=2, threads=1, aovs=("irradiance",), **changes))
+        return render_frame(context, Shutter(0, 0, 0), 16, 16).channels["irradiance.R"].astype(np.float64)
+
+    truth = light_of(estimator="accumulation", accumulation_times=64, photons=1 << 12)
+    found, unsplit = (light_of(photons=1 << 14, light_splits=n) for n in ("auto", 1))
+    errors = [np.sqrt(np.mean((one - truth) ** 2) / np.mean(truth**2)) for one in (found, unsplit)]
+    assert errors[0] < 0.02 and errors[0] < 0.6 * errors[1]
+
+
 def test_errors_between_the_numbers_looked_at_lie_between_theirs():
     foreseen = Foreseen(np.array([1, 7, 19]), np.array([0.3, 0.1, 0.03]), 19)
     assert foreseen.error_of(7) == pytest.approx(0.1)

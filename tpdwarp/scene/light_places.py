@@ -102,6 +102,7 @@ def parts_of(
         return _parts_of_sun(light, count)
     spans, motions = _spans(light, seen_from)
     depths: np.ndarray | None = None
+    gain = 1.0
     if extent.shape == ExtentShape.RECT:
         pieces = _pieces_of_rectangle(extent.spans, count)
         shapes = [ExtentShape.RECT] * len(pieces)
@@ -109,11 +110,13 @@ def parts_of(
         pieces = pieces_of_disc(count)
         shapes = [ExtentShape.DISK] + [ExtentShape.RECT] * (len(pieces) - 1)
         if extent.shape in WITH_DEPTH:
-            depths = _depth_seen(spread, len(pieces)) * _depths_in_ball(pieces)
+            part_of_depth = _depth_seen(spread, len(pieces))
+            depths = part_of_depth * _depths_in_ball(pieces)
+            gain = _gain_by_depth(light, spans[2], seen_from, part_of_depth)
     found = []
     for number, ((place, sides), shape) in enumerate(zip(pieces, shapes, strict=True)):
         part = _at(light, np.append(place, 0.0 if depths is None else depths[number]), spans, motions)
-        power = tuple(channel / len(pieces) for channel in part.power)
+        power = tuple(gain * channel / len(pieces) for channel in part.power)
         smaller = Extent(shape, extent.radius, sides @ spans[:2], sides @ motions[:2])
         ball = None if depths is None else _ball(light, part.position - light.position)
         found.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller, ball=ball))
@@ -329,6 +332,18 @@ def _depth_seen(spread: float, count: int) -> float:
     depth times the sine, and fewer pieces are a coarser cloud.
     """
     return min(max(spread * math.sqrt(count) / DEPTH_SEEN - 0.5, 0.0), 1.0)
+
+
+def _gain_by_depth(light: LightAtShutter, depth: np.ndarray, seen_from: np.ndarray | None, part: float) -> float:
+    """By how much more light pieces of a sphere send that are as bright as it, but have a ``part`` of its depth alone.
+
+    Places z before and behind the middle, d away, send 1/(d − z)², on average 1 + 3 ⟨z²⟩/d² of what the middle does. In
+    a cloud as deep as the sphere, ⟨z²⟩ is a quarter of the square of its radius ``depth`` along the view.
+    """
+    if seen_from is None:
+        return 1.0
+    away = 0.5 * (seen_from[0] + seen_from[1]) - light.position
+    return 1.0 + 0.75 * (1.0 - part * part) * float(depth @ depth) / max(float(away @ away), float(depth @ depth))
 
 
 def _ends_of_glass(scene: SceneAtShutter) -> list[tuple[float, np.ndarray]]:

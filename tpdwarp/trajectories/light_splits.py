@@ -16,6 +16,8 @@ as root mean squares over the photons of a coarse trace, weighted by the irradia
 pictures are. Photons from the rim are traced from the point of the first surface at which those from the middle meet
 it, so that each has its own e.
 
+What is rough is traced as if it were smooth: its lobes take up the columns of lights, and blur what parts miss as well.
+
 Of lights that something specular cuts, some places shine on its other side, which no photon from the middle tells: they
 have as many parts as there may be.
 
@@ -40,6 +42,7 @@ from tpdwarp.photons.vectors import areas, lengths
 from tpdwarp.scene.cut_lights import cut_lights
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.light_places import narrowing_of, prim_of
+from tpdwarp.trajectories.neighbours import differences, has_three, neighbours, second_differences
 
 # Photons of the trace from which the number of parts is chosen. Chosen, not derived.
 PILOT_PHOTONS = 4096
@@ -162,7 +165,9 @@ def foreseen_splits(tracer: PhotonTracer) -> Foreseen:
         if loaded.requirements.extended_lights and loaded.requirements.caustics:
             if cut_lights(loaded.scene):
                 return Foreseen(counts, CHANGED_ERROR / np.sqrt(counts), int(counts[-1]))
-            totals, looks = totals + _errors(tracer, loaded, counts, clock), looks + 1
+            # The lobes of rough surfaces take the columns of lights up, which tell what first order misses.
+            smooth = replace(loaded, requirements=replace(loaded.requirements, rough=False))
+            totals, looks = totals + _errors(tracer, smooth, counts, clock), looks + 1
     errors = totals / max(1, looks)
     if errors[0] <= ENOUGH:
         return Foreseen(counts, errors, 1)
@@ -182,6 +187,7 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     plan = tracer.plan(min(photons, PILOT_PHOTONS), clock)
     tags = PathTags(loaded.scene, plan.photons).of(loaded.scene)
     middle, _ = tracer.trace(loaded, plan, clock, tags=tags, place=MIDDLE)
+    uneven = _unevenness(middle, plan)[_has_image(middle)]
     middle = _with_image(middle)
     missed, changed = np.zeros(len(middle)), np.zeros(len(middle))
     from_rim_alone = []
@@ -201,22 +207,47 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
         return np.zeros(len(counts))
     missed = np.append(missed, np.zeros(alone))
     changed = np.append(changed, np.full(alone, 1.0 / len(RIM)))
+    uneven = np.append(uneven, np.full(alone, np.inf))
     middle = _together([middle, *from_rim_alone])
     length = _length(middle, plan)
-    size = areas(middle.dxdu, middle.dxdv) * plan.photons / photons
+    cell = areas(middle.dxdu, middle.dxdv).astype(np.float64)
+    # Of the length over which light changes, by that of a cell: as neighbours tell, and at least what L is.
+    uneven = np.minimum(uneven, cell / length**2) * plan.photons / photons
     n = counts[:, None].astype(np.float64)
     narrowing = np.array([[narrowing_of(int(count))] for count in counts])
     first_order = np.minimum(0.5 * np.sqrt(missed) / length / n, 1.0)
-    blur = np.minimum(BLUR_FACTOR * size * n * narrowing**2 / (8.0 * length**2), 1.0)
+    blur = np.minimum(BLUR_FACTOR * uneven * n * narrowing**2 / 8.0, 1.0)
     round_part = np.where(middle.image == int(LightImage.DISC), _image_areas(middle) / length**2, 0.0)
     outline = np.where(n > 1.0, OUTLINE_FACTOR * LEFT_OUT * n ** (LEFT_OUT_POWER - 0.5), 0.0) * round_part
     error = first_order + CHANGED_ERROR * changed / np.sqrt(n) + blur + outline
     return np.sqrt((error**2 * _squares(middle, float(np.median(length)))).sum(axis=1))
 
 
+def _has_image(photons: PhotonMap) -> np.ndarray:
+    """Which photons are of a light with extent, shape [n]; the lobes of rough surfaces are no images of lights."""
+    return (photons.image > 0) & (photons.image < int(LightImage.LOBE))
+
+
 def _with_image(photons: PhotonMap) -> PhotonMap:
-    """Photons whose light has an extent; the lobes of rough surfaces are no images of lights."""
-    return photons.rows((photons.image > 0) & (photons.image < int(LightImage.LOBE)))
+    """Photons whose light has an extent."""
+    return photons.rows(_has_image(photons))
+
+
+def _unevenness(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
+    """|E_uu|/E + |E_vv|/E of the irradiance that photons carry, by differences from cell to cell, shape [n]; infinite
+    where fewer than three lie in a row on the same path.
+
+    With E = exp(g), E_uu/E = g_uu + g_u².
+    """
+    flux = photons.flux.sum(axis=1, dtype=np.float64)
+    known = np.finfo(np.float32)
+    level = np.log(np.maximum(flux, known.tiny))
+    level -= np.log(np.clip(areas(photons.dxdu, photons.dxdv).astype(np.float64), known.tiny, known.max))
+    total = np.zeros(len(photons))
+    for pairs in neighbours(photons, plan):
+        slope = differences(level[:, None], pairs)[:, 0]
+        total += np.where(has_three(len(photons), pairs), np.abs(second_differences(level, pairs) + slope**2), np.inf)
+    return total
 
 
 def _together(maps: list[PhotonMap]) -> PhotonMap:

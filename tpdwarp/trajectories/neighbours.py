@@ -73,6 +73,13 @@ def second_differences(values: np.ndarray, pairs: Pairs) -> np.ndarray:
     return np.where(inside, found, found[np.where(ahead != rows, ahead, behind)])
 
 
+def has_three(count: int, pairs: Pairs) -> np.ndarray:
+    """Which of ``count`` photons lie in a row of three or more, shape [n]."""
+    ahead, behind, rows = _beside(count, pairs)
+    inside = (ahead != rows) & (behind != rows)
+    return inside | inside[ahead] | inside[behind]
+
+
 def _beside(count: int, pairs: Pairs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows of the photons one cell ahead and behind, of ``count`` photons, their own without; and all rows."""
     a, b = pairs

@@ -222,6 +222,32 @@ def test_lights_that_are_dark_or_invisible_are_left_out_quietly(small):
     assert light.path == "/Sun" and warnings == []
 
 
+@pytest.mark.parametrize(
+    ("radii", "mean"), [({1: 0.0, 2: 0.9}, 0.9 * math.sqrt(0.6)), ({1: 0.6, 1.5: 0.0, 2: 0.6}, 0.6 * math.sqrt(0.6))]
+)
+def test_a_radius_that_changes_within_the_shutter_is_that_of_its_mean_square_over_the_light(small, radii, mean):
+    """∫ r² r² by ∫ r², of light that goes with r²; at mid shutter the second is a point."""
+    lamp = sphere(small, 0.5)
+    for time, radius in radii.items():
+        lamp.GetRadiusAttr().Set(radius, time)
+    light, _ = read(small, Shutter(1.5, 1.0, 2.0))
+    assert light.extent.radius == pytest.approx(mean, rel=1e-6)
+
+
+def test_a_sun_whose_angle_changes_has_that_of_its_mean_square_and_what_only_brightens_keeps_its_own(small):
+    sun = distant(small, Normalize=True)
+    for time, angle in ((1, 0.0), (2, 6.0)):
+        sun.GetAngleAttr().Set(angle, time)
+    light, _ = read(small, Shutter(1.5, 1.0, 2.0))
+    assert light.extent.radius == pytest.approx(math.radians(0.5 * 6.0 / math.sqrt(3.0)), rel=1e-6)
+    sun.GetAngleAttr().Clear()
+    sun.GetAngleAttr().Set(0.53)
+    for time, intensity in ((1, 0.0), (2, 6.0)):
+        sun.GetIntensityAttr().Set(intensity, time)
+    light, _ = read(small, Shutter(1.5, 1.0, 2.0))
+    assert light.extent.radius == math.radians(0.5 * float(np.float32(0.53)))
+
+
 @pytest.mark.parametrize("kind", ["PortalLight", "GeometryLight"])
 def test_other_lights_are_said_and_left_out(small, kind):
     distant(small)

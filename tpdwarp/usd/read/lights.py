@@ -218,7 +218,7 @@ class Light:
         rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation, self._warnings)
         if not is_stretched(light.extent.shape, rows):
             return [light]
-        radius, length = (*self._sizes(shutter.middle), 0.0)[:2]
+        radius, length = (*self._mean_sizes(shutter, self._sizes), 0.0)[:2]
         if light.extent.shape == ExtentShape.ROUND:
             return [ellipsoid_of(light, radius, rows, motion)]
         return faces_of(light, radius, length, rows, motion)
@@ -236,12 +236,13 @@ class Light:
         return self._pictures[path]
 
     def _extent(self, shutter: Shutter) -> Extent | None:
-        """Its extent at mid shutter; None where it has none, its transform leaves none, or it asks to be a point."""
+        """Its extent over a shutter, where it stands in its middle; None where it has none, its transform leaves none,
+        or it asks to be a point."""
         time = shutter.middle
         if self.kind == LightKind.DISTANT:
-            angle = self._angle(time)
+            (angle,) = self._mean_sizes(shutter, lambda at: [self._angle(at)])
             return Extent(ExtentShape.ROUND, math.radians(0.5 * min(angle, 180.0))) if angle > 0 else None
-        sizes = self._sizes(time)
+        sizes = self._mean_sizes(shutter, self._sizes)
         if not all(sizes) or self._asks_to_be_a_point(time):
             return None
         rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation, self._warnings)
@@ -324,17 +325,32 @@ class Light:
         """The mean of :meth:`power` over ``shutter``, with nothing where the light is invisible."""
         if not (self.power_varies or self.varies or self._visibilities) or shutter.exposure <= 0:
             return self.power(shutter.middle) if self.visible(shutter.middle) else (0.0, 0.0, 0.0)
+        total = sum((weight * np.array(self.power(time)) for time, weight in self._nodes(shutter)), np.zeros(3))
+        return tuple(map(float, total / shutter.exposure))
+
+    def _nodes(self, shutter: Shutter) -> list[tuple[float, float]]:
+        """Times at which it is visible while a shutter is open, and the time [frames] that each of them stands for."""
         varying = [attribute for attribute in self._inputs if attribute.ValueMightBeTimeVarying()]
         # Between samples everything is smooth or held, so that these nodes see what there is.
         times = {time for attribute in (*varying, *self._visibilities) for time in sample_times(attribute)}
         edges = [shutter.open, *sorted(t for t in times if shutter.open < t < shutter.close), shutter.close]
-        total = np.zeros(3)
+        nodes = []
         for first, last in itertools.pairwise(edges):
             for node, weight in zip(GAUSS_NODES, GAUSS_WEIGHTS, strict=True):
-                time = 0.5 * (first + last) + 0.5 * node * (last - first)
-                if self.visible(time):
-                    total += 0.5 * weight * (last - first) * np.array(self.power(time))
-        return tuple(map(float, total / shutter.exposure))
+                nodes.append((0.5 * (first + last) + 0.5 * node * (last - first), 0.5 * weight * (last - first)))
+        return [(time, weight) for time, weight in nodes if self.visible(time)]
+
+    def _mean_sizes(self, shutter: Shutter, sizes_at: Callable[[float], list[float]]) -> list[float]:
+        """Sizes over a shutter, by the root mean square over its light: a light that is small shines little, and what
+        its shadows and caustics are blurred by goes with the square of its size."""
+        now = sizes_at(shutter.middle)
+        if shutter.exposure <= 0 or not self.power_varies:
+            return now
+        nodes = [(weight * max(self.power(time)), sizes_at(time)) for time, weight in self._nodes(shutter)]
+        light = sum(part for part, _ in nodes)
+        if not light > 0.0 or all(sizes == now for _, sizes in nodes):
+            return now
+        return [math.sqrt(sum(part * sizes[k] ** 2 for part, sizes in nodes) / light) for k in range(len(now))]
 
     def power(self, frame: float) -> tuple[float, float, float]:
         """Irradiance at normal incidence [W/m²] (distant) or radiant intensity [W/sr] (point) at a time code.
