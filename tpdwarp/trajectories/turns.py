@@ -38,7 +38,7 @@ DEGREES_PER_SEGMENT = 15.0
 LARGEST_SLIDE = 0.015
 # Nor by fewer cells of the lattice than these: what slides over the cells at a rim alone is traced in parts of the
 # shutter. As many as that lens, 90 cells of 16 384 from its middle to a corner of its box, slides by at the most.
-# Thirty glass beads on strings that swing by nine degrees, 17 cells each, err by .017 in one segment and by .023 in two.
+# Thirty glass beads on strings that swing by nine degrees, 17 cells each, err by .017 in one segment, by .023 in two.
 LEAST_SLIDE = 1.35
 # A mesh is rigid where its points lie within this part of its size of those that its turn leads to. Chosen, not
 # derived: as far as a turn by a degree and a half moves them.
