@@ -216,7 +216,6 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
     plan = tracer.plan(min(photons, PILOT_PHOTONS))
     stills = tracer.source.reference_shutters()
     chosen = stills[:: math.ceil(len(stills) / MOST_FRAMES)]
-    cells = _angles_of_cells(plan, photons)
     found: list[SegmentErrors] = []
     least = 1
     breaks: set[float] = set()
@@ -235,7 +234,7 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
         whole = Shutter(frame, start, start + shutter.exposure)
         shutter_part = whole.segments(parts)[number % parts]
         scenes = _keyframe_scenes(tracer, shutter_part)
-        turns = parts * segments_needed([loaded.scene for loaded in scenes], 2.0 * END, cells)
+        turns = parts * segments_needed([loaded.scene for loaded in scenes], 2.0 * END)
         # Rounding is no segment more.
         least = max(least, math.ceil(turns - 1e-3))
         errors, rifts = _errors_over(tracer, scenes, plan)
@@ -244,15 +243,6 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
             found.append(errors.over(parts))
     most = min(MOST_SEGMENTS, photons // FEWEST_PHOTONS)
     return SegmentErrors.joined(found).best(breaks, most, least) if found else min(least, most)
-
-
-def _angles_of_cells(plan: EmissionPlan, photons: int) -> dict[str, float]:
-    """The angle [rad] of the narrowest cell of each lamp with so many photons, by the lamp's path."""
-    angles: dict[str, float] = {}
-    for lattice in (lattice for lattice in plan.lattices if lattice.axes is not None):
-        light = plan.light_of(lattice)
-        angles[light] = min(angles.get(light, math.inf), math.sqrt(plan.photons / photons) * min(lattice.step))
-    return angles
 
 
 def _keyframe_scenes(tracer: PhotonTracer, shutter: Shutter) -> list[LoadedScene]:

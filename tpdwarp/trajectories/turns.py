@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -36,10 +36,6 @@ DEGREES_PER_SEGMENT = 15.0
 # lamp that rises from 1.0 to 2.0 above a lens of radius .25, whose focus errs by 1.37 (of the mean) in one segment,
 # .27 in two, .14 in three and in four (16 384 photons).
 LARGEST_SLIDE = 0.015
-# Nor by fewer cells of the lattice than these: what slides over the cells at a rim alone is traced in parts of the
-# shutter. As many as that lens, 90 cells of 16 384 from its middle to a corner of its box, slides by at the most.
-# Thirty glass beads on strings that swing by nine degrees, 17 cells each, err by .017 in one segment, by .023 in two.
-LEAST_SLIDE = 1.35
 # A mesh is rigid where its points lie within this part of its size of those that its turn leads to. Chosen, not
 # derived: as far as a turn by a degree and a half moves them.
 RIGID = 0.02
@@ -47,14 +43,13 @@ RIGID = 0.02
 MOST_POINTS = 256
 
 
-def segments_needed(scenes: Sequence[SceneAtShutter], part: float, cells: Mapping[str, float] | None = None) -> float:
+def segments_needed(scenes: Sequence[SceneAtShutter], part: float) -> float:
     """How many segments the shutter has at least for what turns in it; not yet a whole number, for ``scenes`` may be
     those of a part of a longer shutter, and nothing where nothing turns.
 
     Args:
         scenes: The scene at consecutive times of the shutter, no more than half a turn apart.
         part: The part of the shutter between the first and the last of these.
-        cells: The angle [rad] of a cell of each lamp, by its path; without, bodies may slide over a part of one.
     """
     degrees = 0.0
     for mesh in scenes[0].meshes:
@@ -76,7 +71,7 @@ def segments_needed(scenes: Sequence[SceneAtShutter], part: float, cells: Mappin
             degrees = max(degrees, math.degrees(largest_turn_about_bodies(places, scenes)))
         # Nothing slides where neither has moved.
         if len(scenes) == 3 and (bodies_move or np.ptp(places, axis=0).any()):
-            slide = max(slide, largest_slide(places, scenes, LEAST_SLIDE * (cells or {}).get(light.path, 0.0)))
+            slide = max(slide, largest_slide(places, scenes))
     return max(degrees / DEGREES_PER_SEGMENT, math.sqrt(slide / LARGEST_SLIDE)) / part
 
 
@@ -111,12 +106,11 @@ def largest_turn_about_bodies(places: Sequence[np.ndarray], scenes: Sequence[Sce
     return largest
 
 
-def largest_slide(places: Sequence[np.ndarray], scenes: Sequence[SceneAtShutter], least: float = 0.0) -> float:
+def largest_slide(places: Sequence[np.ndarray], scenes: Sequence[SceneAtShutter]) -> float:
     """How far bodies leave an even way and an even growth, as a lamp at ``places`` [3, 3] sees them, by their size.
 
     Cells ride and grow evenly: so the rim of a lens slides over them as a lamp rises from it, though both move evenly.
-    It is what the ends of the shutter deviate by from the tangent in the middle. What holds the lamp does not count,
-    nor do bodies that slide by less than an angle of ``least`` [rad].
+    It is what the ends of the shutter deviate by from the tangent in the middle. What holds the lamp does not count.
     """
     largest = 0.0
     for away, radius in _ways_to_bodies(places, scenes):
@@ -130,8 +124,7 @@ def largest_slide(places: Sequence[np.ndarray], scenes: Sequence[SceneAtShutter]
         angles = np.arctan2(sines, directions @ directions[1])
         at = across * np.divide(angles, sines, out=np.ones_like(angles), where=sines > 0.0)[:, None]
         bends = 0.5 * np.linalg.norm(at[0] + at[2]), 0.5 * abs(radii[0] + radii[2] - 2.0 * radii[1])
-        if sum(bends) > least:
-            largest = max(largest, float(sum(bends) / radii[1]))
+        largest = max(largest, float(sum(bends) / radii[1]))
     return largest
 
 
