@@ -36,7 +36,18 @@ from tpdwarp.photons.light_columns import (
     shaping_of_place,
     transfer_columns,
 )
-from tpdwarp.photons.path_regions import SPARE, VERTICES, PathQueue, PathRegions, WaitingPaths, add_branch, hand_over
+from tpdwarp.photons.path_regions import (
+    SPARE,
+    VERTICES,
+    PathQueue,
+    PathRegions,
+    WaitingPaths,
+    add_branch,
+    as_they_lie,
+    given_to,
+    hand_over,
+    row_of,
+)
 from tpdwarp.photons.path_state import path_state
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.photons.rough_lobes import widened, widened_by_sheet
@@ -214,20 +225,19 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         bounces: int,
         smallest_branch: float,
         seed: int,
-        given: int,
-        rows: int,
         # Out
         out: PhotonArrays,
         paths: PathQueue,
     ):
         first = base + wp.tid() * in_turn
         for region in range(first, first + in_turn):
-            used = wp.min(given, sources.shape[0] - region * given)
-            for k in range(used):
-                hand_over(waiting, sources[region * given + k], paths, region * rows + k)
+            own = given_to(paths, region)
+            for k in range(own):
+                hand_over(waiting, sources[region * paths.given + k], paths, row_of(paths, region, k))
+            used = int(own)
             done = int(0)
-            while done < used and used + wp.static(SPARE if branches else 0) <= rows:
-                i = region * rows + done
+            while done < used and used - own + wp.static(SPARE if branches else 0) <= paths.room:
+                i = row_of(paths, region, done)
                 done += 1
                 # ---- Emission
                 number = wp.lower_bound(first_cells, paths.cell[i] + 1) - 1
@@ -341,7 +351,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         part = take_share(mask, decision, first_open, share, flux, cutoff)
                         flux = part.throughput
                         if part.reported != 0:
-                            add_branch(paths, region * rows + used, i, part.reported, state)
+                            add_branch(paths, row_of(paths, region, used), i, part.reported, state)
                             used += 1
                         culled += part.culled
                         decision += part.decided
@@ -383,7 +393,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         part = take_share(mask, decision, first_open, share, flux, cutoff)
                         flux = part.throughput
                         if part.reported != 0:
-                            add_branch(paths, region * rows + used, i, part.reported, state)
+                            add_branch(paths, row_of(paths, region, used), i, part.reported, state)
                             used += 1
                         culled += part.culled
                         decision += part.decided
@@ -497,7 +507,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                                 other, others, emitted, branch.other, shift, prolonged(path, 1), 0.0, inside,
                                 decision + 1, count + 1, bounce + 1,
                             )  # fmt: skip
-                            add_branch(paths, region * rows + used, i, branch.reported, of_branch)
+                            add_branch(paths, row_of(paths, region, used), i, branch.reported, of_branch)
                             used += 1
                         culled += branch.culled
                         decision += branch.decided
@@ -656,21 +666,22 @@ def trace_photons(
             paths = WaitingPaths.at_light(emitting.cells[begin : begin + BLOCK], launcher)
             while count := len(paths.sources):
                 regions = PathRegions.room_for(count, variant.branches, recording, launcher)
-                arrays = launcher.rows(PhotonArrays, regions.count * regions.rows, left_out, zeroed=False)
+                arrays = launcher.rows(PhotonArrays, regions.rows, left_out, zeroed=False)
                 inputs = [band.surfaces, textures or TextureArrays(), patches, first_cells]
                 inputs += [offsets, device_tags, own, launcher.array(paths.sources, wp.int32), paths.queue]
-                inputs += [requirements.bounces, smallest_branch, seed, regions.given, regions.rows]
+                inputs += [requirements.bounces, smallest_branch, seed]
                 inputs += [arrays, regions.queue]
                 launcher(kernel, regions.count, inputs, smallest_chunk=1, in_turn=True)
                 rows = regions.traced()
-                ended = {name: launcher.rows_of(getattr(arrays, name), rows) for name in _ACCOUNTED}
-                masks = launcher.rows_of(regions.queue.mask, rows)
+                lying = as_they_lie(rows)
+                ended = {name: launcher.rows_of(getattr(arrays, name), lying) for name in _ACCOUNTED}
+                masks = launcher.rows_of(regions.queue.mask, lying)
                 # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
                 first = np.ones(len(rows), bool) if needs.partial else masks == 0
                 _tally(account, ended, first, plan.normalization.power)
                 landing = ended["fate"] == Fate.DEPOSITED
                 if landing.any():
-                    rows = rows[landing]
+                    rows = as_they_lie(rows[landing])
                     found = {name: launcher.rows_of(getattr(arrays, name), rows) for name in columns}
                     cells = launcher.rows_of(regions.queue.cell, rows)
                     lattice, found["ids"] = emitting.ids(cells, band.path(masks[landing]), plan.id_count)
