@@ -11,8 +11,9 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.morton import morton_codes
 from tpdwarp.footprints.shaping import FootprintArrays
 
-# Pieces that the longest footprints are cut into; more of them fill boxes little better. Chosen, not derived.
-MOST_PIECES = 32
+# Pieces that the longest footprints are cut into. Chosen: with 32 a blob of glass takes as long to be looked up, and its
+# tree half as long again to be built.
+MOST_PIECES = 8
 
 
 @wp.struct
