@@ -11,8 +11,8 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.morton import morton_codes
 from tpdwarp.footprints.shaping import FootprintArrays
 
-# Pieces that the longest footprints are cut into. Chosen: with 32 a blob of glass takes as long to be looked up, and its
-# tree half as long again to be built.
+# Pieces that the longest footprints are cut into. Chosen: with 32 light of a blob takes as long to be looked up, and
+# half as long again to be shaped.
 MOST_PIECES = 8
 
 
