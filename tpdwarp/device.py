@@ -150,8 +150,13 @@ class Launcher:
                 setattr(instance, name, (self.zeros if zeroed else self.empty)(count, variable.type.dtype))
         return instance
 
-    def rows_of(self, array: wp.array, rows: np.ndarray) -> np.ndarray:
-        """Some rows of an array of one dimension, on the host; from a GPU nothing else is copied."""
+    def rows_of(self, array: wp.array, rows: np.ndarray | slice) -> np.ndarray:
+        """Some rows of an array of one dimension, on the host; from a GPU nothing else is copied.
+
+        Of a slice it is a view on the CPU.
+        """
+        if isinstance(rows, slice):
+            return array[rows].numpy()
         if not self.device.is_cuda:
             return array.numpy().take(rows, axis=0)
         return wp.indexedarray(array, [self.array(rows.astype(np.int32), wp.int32)]).numpy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -89,5 +90,39 @@ def test_each_row_of_a_region_is_traced_or_left():
     assert regions.count == 2
     regions.queue.done.numpy()[:] = 2, 1
     regions.queue.used.numpy()[:] = 4, 1
-    np.testing.assert_array_equal(regions.traced(), [0, 1, regions.rows])
+    np.testing.assert_array_equal(regions.traced(), [0, 1, path_regions.GIVEN])
     np.testing.assert_array_equal(regions.left(), [2, 3])
+
+
+def test_rows_that_are_given_come_first_and_the_room_of_all_regions_behind():
+    launcher = Launcher("cpu", 1)
+    paths = 2 * path_regions.GIVEN + 3
+    regions = PathRegions.room_for(paths, True, False, launcher)
+    assert regions.rows == paths + 3 * regions.queue.room
+    regions.queue.done.numpy()[:] = path_regions.GIVEN, path_regions.GIVEN, 3
+    assert path_regions.as_they_lie(regions.traced()) == slice(0, paths)
+    # Each row of every region once.
+    for number in range(3):
+        own = 3 if number == 2 else path_regions.GIVEN
+        regions.queue.done.numpy()[number] = own + regions.queue.room
+    np.testing.assert_array_equal(np.sort(regions.traced()), np.arange(regions.rows))
+
+
+@pytest.mark.parametrize("rows", [[], [3], [2, 3, 4], [0, 2], [0, 2, 1, 3], [2, 1, 0]])
+def test_rows_as_they_lie_are_the_same_rows(rows):
+    rows = np.array(rows, np.int64)
+    taken = path_regions.as_they_lie(rows)
+    assert isinstance(taken, slice) == (len(rows) > 0 and rows.tolist() == list(range(rows[0], rows[0] + len(rows))))
+    np.testing.assert_array_equal(np.arange(5)[taken], rows)
+
+
+def test_light_that_leaves_the_scene_where_it_branches_takes_no_row_and_is_counted(monkeypatch):
+    rows, traced_rows = [], PathRegions.traced
+    monkeypatch.setattr(PathRegions, "traced", lambda regions: rows.append(traced_rows(regions)) or rows[-1])
+    found = traced(scene_of((floor(1.0, 1.0, glass(), "/water"), floor()), SUN), 256)
+    assert sum(map(len, rows)) == found.energy.counts["emitted"] < 1.1 * len(found.map)
+    ior, cosine = 1.5, 1.0 / math.sqrt(1.0 + 0.3**2 + 0.15**2)
+    refracted = math.sqrt(1.0 - (1.0 - cosine**2) / ior**2)
+    across = (cosine - ior * refracted) / (cosine + ior * refracted)
+    within = (refracted - ior * cosine) / (refracted + ior * cosine)
+    assert found.energy.escaped / found.energy.sent == pytest.approx(0.5 * (across**2 + within**2), rel=1e-5)

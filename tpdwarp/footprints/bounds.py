@@ -11,8 +11,9 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.morton import morton_codes
 from tpdwarp.footprints.shaping import FootprintArrays
 
-# Pieces that the longest footprints are cut into; more of them fill boxes little better. Chosen, not derived.
-MOST_PIECES = 32
+# Pieces that the longest footprints are cut into. Chosen: with 32 light of a blob takes as long to be looked up, and
+# half as long again to be shaped.
+MOST_PIECES = 8
 
 
 @wp.struct
@@ -27,6 +28,17 @@ class Piece:
     number: int
     low_before: wp.vec3
     high_before: wp.vec3
+
+
+@wp.struct
+class Sweeps:
+    """What footprints sweep over: boxes about ``center``, with ``half_extent`` along ``long_axis``, across it and along
+    ``normal``."""
+
+    center: wp.array(dtype=wp.vec3)
+    normal: wp.array(dtype=wp.vec3)
+    long_axis: wp.array(dtype=wp.vec3)
+    half_extent: wp.array(dtype=wp.vec3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +61,7 @@ class Pieces:
 def bound_pieces(
     base: int,
     # In
-    footprints: FootprintArrays,
+    sweeps: Sweeps,
     counts: wp.array(dtype=wp.int32),
     owners: wp.array(dtype=wp.int32),
     first: wp.array(dtype=wp.int32),
@@ -58,17 +70,17 @@ def bound_pieces(
     lower: wp.array(dtype=wp.vec3),
     upper: wp.array(dtype=wp.vec3),
 ):
-    """Bounds of the pieces of what a footprint sweeps over in the photon's own part of the shutter."""
+    """Bounds of the pieces of what a footprint sweeps over."""
     i = base + wp.tid()
     owner = owners[i]
     j = chosen[owner]
     count = counts[owner]
-    extent = footprints.half_extent[j]
-    n = footprints.normal[j]
-    axis = footprints.long_axis[j]
+    extent = sweeps.half_extent[j]
+    n = sweeps.normal[j]
+    axis = sweeps.long_axis[j]
     other = wp.cross(n, axis)
     half = extent[0] / float(count)
-    center = footprints.center[j] + ((2.0 * float(i - first[owner]) + 1.0) * half - extent[0]) * axis
+    center = sweeps.center[j] + ((2.0 * float(i - first[owner]) + 1.0) * half - extent[0]) * axis
     for k in range(3):
         size = half * wp.abs(axis[k]) + extent[1] * wp.abs(other[k]) + extent[2] * wp.abs(n[k])
         lower[i][k] = center[k] - size
@@ -107,13 +119,21 @@ def order_pieces(
     sizes[i] = wp.length(upper[k] - lower[k])
 
 
-def pieces_of(footprints: FootprintArrays, rows: np.ndarray, launcher: Launcher) -> Pieces:
-    """The pieces of some ``footprints``: as many as a footprint is longer than wide, or than others are wide.
+def whole_sweeps(footprints: FootprintArrays) -> Sweeps:
+    """What footprints sweep over in the photons' own parts of the shutter."""
+    out = Sweeps()
+    for name in Sweeps.vars:
+        setattr(out, name, getattr(footprints, name))
+    return out
+
+
+def pieces_of(sweeps: Sweeps, rows: np.ndarray, launcher: Launcher) -> Pieces:
+    """The pieces of some footprints: as many as a footprint is longer than wide, or than others are wide.
 
     Args:
         rows: Which of them, shape [n].
     """
-    along, across = footprints.half_extent.numpy()[rows, :2].T
+    along, across = sweeps.half_extent.numpy()[rows, :2].T
     counts = np.ceil(along / np.maximum(across, np.median(across))).clip(1, MOST_PIECES).astype(np.int32)
     ends = np.cumsum(counts, dtype=np.int32)
     count = int(ends[-1])
@@ -122,7 +142,7 @@ def pieces_of(footprints: FootprintArrays, rows: np.ndarray, launcher: Launcher)
         for values in (np.repeat(np.arange(len(rows), dtype=np.int32), counts), ends - counts, rows.astype(np.int32))
     )
     lower, upper = (launcher.zeros(count, wp.vec3) for _ in range(2))
-    launcher(bound_pieces, count, [footprints, launcher.array(counts, wp.int32), owners, first, chosen, lower, upper])
+    launcher(bound_pieces, count, [sweeps, launcher.array(counts, wp.int32), owners, first, chosen, lower, upper])
     codes = morton_codes(0.5 * (lower.numpy() + upper.numpy()))
     order = launcher.array(np.argsort(codes, kind="stable").astype(np.int32), wp.int32)
     out = launcher.empty(count, Piece)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -10,12 +10,13 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.bounds import Pieces, pieces_of
+from tpdwarp.footprints.bounds import Pieces, Sweeps, pieces_of, whole_sweeps
 from tpdwarp.footprints.cell_parts import told_apart
 from tpdwarp.footprints.courses import courses_of
 from tpdwarp.footprints.light_images import axes_in_light, images_of
 from tpdwarp.footprints.photon_rows import PhotonRows, stacked
 from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, footprint_kernel
+from tpdwarp.footprints.time_slots import most_slots, sweeps_in
 from tpdwarp.photons.photon_map import PhotonMap
 
 # Pieces that a leaf of the tree holds: a tree of a million is built in half the time that it takes with one in each and
@@ -64,17 +65,18 @@ class FootprintMap:
 
     Attributes:
         footprints: All of them, which maps share.
-        count: How many of them are in this map.
+        rows: Those of them that are in this map, by index.
         pieces: The parts that ``bvh`` is built over; None where there are none.
         bvh: Bounds of the pieces, swept over their own part of the shutter; None where there are none.
         run_size: Half the typical size of a piece, in which queries are gathered together (:mod:`.runs`).
     """
 
     footprints: Footprints
-    count: int
+    rows: np.ndarray
     pieces: Pieces | None
     bvh: wp.Bvh | None
     run_size: float
+    _slots: dict[tuple[int, int], FootprintMap] = field(default_factory=dict)
 
     @classmethod
     def of(cls, footprints: Footprints, rows: np.ndarray | None = None) -> FootprintMap:
@@ -85,13 +87,38 @@ class FootprintMap:
         """
         if rows is None:
             rows = np.arange(footprints.count, dtype=np.int32)
+        return cls._over(footprints, rows, whole_sweeps(footprints.arrays))
+
+    @classmethod
+    def _over(cls, footprints: Footprints, rows: np.ndarray, sweeps: Sweeps) -> FootprintMap:
         if not len(rows):
-            return cls(footprints, 0, None, None, 0.0)
-        pieces = pieces_of(footprints.arrays, rows, footprints.launcher)
+            return cls(footprints, rows, None, None, 0.0)
+        pieces = pieces_of(sweeps, rows, footprints.launcher)
         # On the CPU it is built in half the time that the default takes, and walked through no slower.
         constructor = None if footprints.launcher.device.is_cuda else "cubql"
         bvh = wp.Bvh(pieces.lower, pieces.upper, constructor=constructor, leaf_size=PIECES_OF_LEAF)
-        return cls(footprints, len(rows), pieces, bvh, 0.5 * pieces.size)
+        return cls(footprints, rows, pieces, bvh, 0.5 * pieces.size)
+
+    @property
+    def count(self) -> int:
+        """How many footprints are in this map."""
+        return len(self.rows)
+
+    @cached_property
+    def most_slots(self) -> int:
+        """Into how many slots of the shutter it is worth cutting, a power of two."""
+        every = self.footprints
+        return most_slots(every.arrays, every.courses, self.rows) if self.count else 1
+
+    def in_slot(self, slot: int, count: int) -> FootprintMap:
+        """The same footprints as far as they go in one of ``count`` slots of the shutter; built once."""
+        if count == 1:
+            return self
+        if (slot, count) not in self._slots:
+            every = self.footprints
+            sweeps, rows = sweeps_in(every.arrays, every.courses, self.rows, slot, count, every.launcher)
+            self._slots[slot, count] = FootprintMap._over(every, rows, sweeps)
+        return self._slots[slot, count]
 
 
 def shape_footprints(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,3 +112,15 @@ class Irradiance:
             self.motion += more.motion
             self.weight += more.weight
             self.photons += more.photons
+
+
+def scattered(parts: Sequence[tuple[np.ndarray, Irradiance]]) -> Irradiance:
+    """The irradiance at queries of which each is in one of several ``parts``: their rows, and what was found there."""
+    rows = np.concatenate([rows for rows, _ in parts])
+    place = np.argsort(rows)
+
+    def column(name: str) -> np.ndarray | None:
+        columns = [getattr(found, name) for _, found in parts]
+        return None if columns[0] is None else np.concatenate(columns)[place]
+
+    return Irradiance(*map(column, ("irradiance", "motion", "weight", "photons")))

@@ -12,10 +12,11 @@ from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import SplitLight, split_light
 from tpdwarp.footprints.footprint_map import FootprintMap, Footprints, shape_footprints
 from tpdwarp.footprints.gather import gathered, irradiance_of
-from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, rows_of
+from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, rows_of, scattered
 from tpdwarp.footprints.rasters import Rasters
 from tpdwarp.footprints.runs import LARGEST_DEVIATION
 from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.footprints.time_slots import slots_of, worth_trees
 from tpdwarp.footprints.ways import WayPieces, piece_counts, rows_at
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.footprints.wide import WideFootprints, wide_footprints
@@ -142,8 +143,7 @@ class FootprintLight:
         """What ``footprints`` add up to along the ways of queries, looked up piece by piece at once."""
         counts = piece_counts(queries, lookup, _longest_way(footprints))
         if counts.max(initial=1) == 1 and lookup.own_times is None:
-            sums = gathered([footprints], queries, self._form, self._launcher, lookup)
-            return irradiance_of(sums, lookup.with_motion)
+            return self._gathered(footprints, queries, lookup, lookup.windows())
         pieces = WayPieces.of(queries, lookup, counts, footprints.run_size)
         if lookup.query_moves:
             times = lookup.windows()[:, 0]
@@ -151,8 +151,7 @@ class FootprintLight:
             at = rows_at(queries, pieces.rows, late, self._launcher)
         else:
             at = rows_of(queries, pieces.rows, self._launcher)
-        sums = gathered([footprints], at, self._form, self._launcher, lookup, pieces.windows)
-        more = irradiance_of(sums, lookup.with_motion)
+        more = self._gathered(footprints, at, lookup, pieces.windows)
 
         # ---- The mean along each way
         def mean(values: np.ndarray) -> np.ndarray:
@@ -165,6 +164,25 @@ class FootprintLight:
             # Those that overlap at a time, as for queries that stand.
             found.photons = np.maximum.reduceat(more.photons[pieces.place], pieces.starts)
         return found
+
+    def _gathered(
+        self, footprints: FootprintMap, queries: QueryArrays, lookup: Lookup, windows: np.ndarray
+    ) -> Irradiance:
+        """What ``footprints`` add up to at queries over their ``windows`` [n, 3] or [1, 3], slot by slot."""
+        crowded = worth_trees(queries.position.shape[0], 2.0 * footprints.run_size)
+        count, slots = slots_of(windows, footprints.most_slots if crowded else 1)
+        parts = []
+        for slot in np.unique(slots):
+            rows = np.flatnonzero(slots == slot)
+            everything = len(rows) == len(slots)
+            at = queries if everything else rows_of(queries, rows, self._launcher)
+            there = footprints.in_slot(int(slot), count)
+            sums = gathered([there], at, self._form, self._launcher, lookup, windows[rows])
+            part = irradiance_of(sums, lookup.with_motion)
+            if everything:
+                return part
+            parts.append((rows, part))
+        return scattered(parts)
 
     def _add_directly(
         self, smooth: Rasters, queries: QueryArrays, rows: np.ndarray, lookup: Lookup, found: Irradiance

@@ -2,9 +2,12 @@
 
 Traced in passes, each over all paths that branched from those of the pass before, a lattice takes a launch for every
 generation, and the late ones hold few paths: inside of glass most launches trace less than what they cost. So a thread
-is given a region: some paths in its first rows, and room behind them, to which what branches from a row is added. Where
-the room ends, what is left goes on in a region of the next launch. Which paths share a region, and so the order of
-rows, does not depend on the number of threads.
+is given a region: some paths, and room to which what branches from them is added. Where the room ends, what is left
+goes on in a region of the next launch. Which paths share a region, and so the order of rows, does not depend on the
+number of threads.
+
+Rows that the regions are given come first, one region after the other, and the room of all of them behind: where
+nothing branches, columns of what was traced are taken as they lie.
 """
 
 from __future__ import annotations
@@ -36,7 +39,8 @@ class PathQueue:
 
     ``cell`` is where each starts on the light and ``mask`` how it branches; where ``resumes`` is 1 it goes on from
     ``states``, else from the light. ``vertices`` are those behind it, where they are recorded. Of each region ``done``
-    is how many of its rows were traced, and ``used`` how many hold a path.
+    is how many of its rows were traced, and ``used`` how many hold a path. All regions are given ``count`` paths, each
+    but the last ``given`` of them, and ``room`` rows for what branches.
     """
 
     cell: wp.array(dtype=wp.int32)
@@ -46,6 +50,24 @@ class PathQueue:
     vertices: wp.array(dtype=wp.vec3)
     done: wp.array(dtype=wp.int32)
     used: wp.array(dtype=wp.int32)
+    count: int
+    given: int
+    room: int
+
+
+@wp.func
+def given_to(paths: PathQueue, region: int) -> int:
+    """How many paths a region is given."""
+    return wp.min(paths.given, paths.count - region * paths.given)
+
+
+@wp.func
+def row_of(paths: PathQueue, region: int, number: int) -> int:
+    """The row of a path of a region, by its number there."""
+    own = given_to(paths, region)
+    if number < own:
+        return region * paths.given + number
+    return paths.count + region * paths.room + number - own
 
 
 @wp.func
@@ -79,12 +101,11 @@ class PathRegions:
 
     Attributes:
         count: How many there are.
-        given, rows: Paths that each but the last is given, and rows that it has.
+        rows: Rows of all of them.
         queue: On the device.
     """
 
     count: int
-    given: int
     rows: int
     queue: PathQueue
 
@@ -92,27 +113,40 @@ class PathRegions:
     def room_for(cls, paths: int, branching: bool, recording: bool, launcher: Launcher) -> PathRegions:
         """Regions for ``paths``; memory is taken up only as rows are written."""
         given = min(paths, GIVEN_ON_A_GPU if launcher.device.is_cuda else GIVEN)
-        rows = given * ROWS + SPARE if branching else given
         count = -(-paths // given)
         queue = PathQueue()
+        queue.count, queue.given, queue.room = paths, given, given * (ROWS - 1) + SPARE if branching else 0
+        rows = paths + count * queue.room
         for name in ("cell", "mask", "resumes"):
-            setattr(queue, name, launcher.empty(count * rows, wp.int32))
-        queue.states = launcher.empty(count * rows if branching else 0, PathState)
-        queue.vertices = launcher.zeros(count * rows * MOST_VERTICES if recording else 0, wp.vec3)
+            setattr(queue, name, launcher.empty(rows, wp.int32))
+        queue.states = launcher.empty(rows if branching else 0, PathState)
+        queue.vertices = launcher.zeros(rows * MOST_VERTICES if recording else 0, wp.vec3)
         queue.done, queue.used = launcher.zeros(count, wp.int32), launcher.zeros(count, wp.int32)
-        return cls(count, given, rows, queue)
+        return cls(count, rows, queue)
 
     def traced(self) -> np.ndarray:
-        """Rows that were traced, in order, shape [n]."""
+        """Rows that were traced, region by region, shape [n]."""
         return self._within(np.zeros(self.count, np.int32), self.queue.done.numpy())
 
     def left(self) -> np.ndarray:
-        """Rows that wait for another launch, in order, shape [n] int32."""
+        """Rows that wait for another launch, region by region, shape [n] int32."""
         return self._within(self.queue.done.numpy(), self.queue.used.numpy()).astype(np.int32)
 
     def _within(self, first: np.ndarray, end: np.ndarray) -> np.ndarray:
-        row = np.arange(self.rows)
-        return np.flatnonzero((row >= first[:, None]) & (row < end[:, None]))
+        """Rows of the paths ``first`` … ``end`` − 1 of each region, by their numbers there."""
+        counts = end - first
+        region = np.repeat(np.arange(self.count), counts)
+        number = np.arange(len(region)) - np.repeat(np.cumsum(counts) - counts - first, counts)
+        paths, given, room = self.queue.count, self.queue.given, self.queue.room
+        own = np.minimum(given, paths - region * given)
+        return np.where(number < own, region * given + number, paths + region * room + number - own)
+
+
+def as_they_lie(rows: np.ndarray) -> np.ndarray | slice:
+    """The rows, as a slice where they follow each other, so that columns of them are no copies."""
+    if len(rows) and rows[-1] - rows[0] == len(rows) - 1 and (np.diff(rows) == 1).all():
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+    return rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache
 
 import numpy as np
@@ -17,12 +16,24 @@ import warp as wp
 
 from tpdwarp.compiler_flags import calls_inlined, own_module
 from tpdwarp.device import Launcher
-from tpdwarp.photons.beam import Interface, interface_at, passed, relative_index, scatter, transfer_to
+from tpdwarp.photons.beam import Beam, Interface, interface_at, passed, relative_index, scatter, transfer_to
 from tpdwarp.photons.branching import first_open_decision, take_branch, take_share
 from tpdwarp.photons.differentials import riding_shift
 from tpdwarp.photons.dispersion import Band, bands_of
 from tpdwarp.photons.emission import ChosenCells, Patch, cell_flux, emit, leaving
 from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.fates import (
+    FATE_DEPOSITED,
+    FATE_DEPTH,
+    FATE_DIRECT,
+    FATE_ESCAPED,
+    FATE_NONFINITE,
+    Fate,
+    FluxSums,
+    add_sums,
+    channel_sum,
+    with_path,
+)
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.light_columns import (
     FluxOfPlaces,
@@ -36,7 +47,18 @@ from tpdwarp.photons.light_columns import (
     shaping_of_place,
     transfer_columns,
 )
-from tpdwarp.photons.path_regions import SPARE, VERTICES, PathQueue, PathRegions, WaitingPaths, add_branch, hand_over
+from tpdwarp.photons.path_regions import (
+    SPARE,
+    VERTICES,
+    PathQueue,
+    PathRegions,
+    WaitingPaths,
+    add_branch,
+    as_they_lie,
+    given_to,
+    hand_over,
+    row_of,
+)
 from tpdwarp.photons.path_state import path_state
 from tpdwarp.photons.photon_map import MOST_VERTICES, PhotonMap, joined
 from tpdwarp.photons.rough_lobes import widened, widened_by_sheet
@@ -75,27 +97,12 @@ BLOCK = 1 << 17
 FAR = wp.constant(1.0e6)
 
 
-class Fate(IntEnum):
-    """How a path ended."""
-
-    DIRECT = 0  # met no specular surface: direct light's business
-    DEPOSITED = 1
-    ESCAPED = 2
-    DEPTH = 3
-    NONFINITE = 4
-
-
-# Kernels know no enumerations.
-FATE_DIRECT = wp.constant(int(Fate.DIRECT))
-FATE_DEPOSITED = wp.constant(int(Fate.DEPOSITED))
-FATE_ESCAPED = wp.constant(int(Fate.ESCAPED))
-FATE_DEPTH = wp.constant(int(Fate.DEPTH))
-FATE_NONFINITE = wp.constant(int(Fate.NONFINITE))
-
-
 @wp.struct
 class PhotonArrays:
-    """One row a path, in the tracer's units; ``dxdt`` is the world displacement over the photon's own (sub-)shutter."""
+    """One row a path, in the tracer's units; ``dxdt`` is the world displacement over the photon's own (sub-)shutter.
+
+    All but ``fate`` is of paths that are deposited.
+    """
 
     position: wp.array(dtype=wp.vec3)
     normal: wp.array(dtype=wp.vec3)
@@ -103,10 +110,7 @@ class PhotonArrays:
     dxdv: wp.array(dtype=wp.vec3)
     dxdt: wp.array(dtype=wp.vec3)
     receiver_motion: wp.array(dtype=wp.vec3)
-    emitted: wp.array(dtype=wp.vec3)
     flux: wp.array(dtype=wp.vec3)
-    absorbed: wp.array(dtype=wp.vec3)
-    culled: wp.array(dtype=wp.vec3)
     emission: wp.array(dtype=wp.vec2)
     shift: wp.array(dtype=wp.vec2)
     receiver: wp.array(dtype=wp.int32)
@@ -118,7 +122,6 @@ class PhotonArrays:
     dxdb: wp.array(dtype=wp.vec3)
     image: wp.array(dtype=wp.int32)
     fate: wp.array(dtype=wp.int32)
-    retried: wp.array(dtype=wp.int32)
 
 
 @dataclass(frozen=True)
@@ -168,6 +171,16 @@ def start_of(surfaces: Surfaces, patch: Patch, x: wp.vec3, w: wp.vec3, offset: w
     return start
 
 
+@wp.func
+def meets_nothing(surfaces: Surfaces, beam: Beam, stream: wp.uint32) -> bool:
+    """Whether light that leaves a surface leaves the scene.
+
+    Most that is reflected off the outside of solids and off open water does: it needs no row, whose memory costs more
+    than a ray.
+    """
+    return closest_hit(surfaces, beam.x, beam.w, beam.offset, beam.magnitude, 0.0, FAR, False, stream).triangle < 0
+
+
 @cache
 def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
     """The kernel that traces the paths of a region and all that branches from them, specialised by what the scene
@@ -214,20 +227,21 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
         bounces: int,
         smallest_branch: float,
         seed: int,
-        given: int,
-        rows: int,
         # Out
         out: PhotonArrays,
         paths: PathQueue,
+        sums: wp.array(dtype=FluxSums),
     ):
         first = base + wp.tid() * in_turn
         for region in range(first, first + in_turn):
-            used = wp.min(given, sources.shape[0] - region * given)
-            for k in range(used):
-                hand_over(waiting, sources[region * given + k], paths, region * rows + k)
+            own = given_to(paths, region)
+            for k in range(own):
+                hand_over(waiting, sources[region * paths.given + k], paths, row_of(paths, region, k))
+            used = int(own)
             done = int(0)
-            while done < used and used + wp.static(SPARE if branches else 0) <= rows:
-                i = region * rows + done
+            sum = FluxSums()
+            while done < used and used - own + wp.static(SPARE if branches else 0) <= paths.room:
+                i = row_of(paths, region, done)
                 done += 1
                 # ---- Emission
                 number = wp.lower_bound(first_cells, paths.cell[i] + 1) - 1
@@ -341,7 +355,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         part = take_share(mask, decision, first_open, share, flux, cutoff)
                         flux = part.throughput
                         if part.reported != 0:
-                            add_branch(paths, region * rows + used, i, part.reported, state)
+                            add_branch(paths, row_of(paths, region, used), i, part.reported, state)
                             used += 1
                         culled += part.culled
                         decision += part.decided
@@ -383,7 +397,7 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         part = take_share(mask, decision, first_open, share, flux, cutoff)
                         flux = part.throughput
                         if part.reported != 0:
-                            add_branch(paths, region * rows + used, i, part.reported, state)
+                            add_branch(paths, row_of(paths, region, used), i, part.reported, state)
                             used += 1
                         culled += part.culled
                         decision += part.decided
@@ -490,15 +504,18 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         if branch.reported != 0:
                             # ---- What is reflected goes on from here
                             other = scatter(beam, hit, at, True, True, wp.static(moves))
-                            others = columns
-                            if wp.static(extended):
-                                others = columns_after(columns, beam.w, other.w, hit, at, True, roughness)
-                            of_branch = path_state(
-                                other, others, emitted, branch.other, shift, prolonged(path, 1), 0.0, inside,
-                                decision + 1, count + 1, bounce + 1,
-                            )  # fmt: skip
-                            add_branch(paths, region * rows + used, i, branch.reported, of_branch)
-                            used += 1
+                            if at.side > 0.0 and meets_nothing(surfaces, other, stream):
+                                sum.escaped += channel_sum(branch.other)
+                            else:
+                                others = columns
+                                if wp.static(extended):
+                                    others = columns_after(columns, beam.w, other.w, hit, at, True, roughness)
+                                of_branch = path_state(
+                                    other, others, emitted, branch.other, shift, prolonged(path, 1), 0.0, inside,
+                                    decision + 1, count + 1, bounce + 1,
+                                )  # fmt: skip
+                                add_branch(paths, row_of(paths, region, used), i, branch.reported, of_branch)
+                                used += 1
                         culled += branch.culled
                         decision += branch.decided
                         if wp.static(tints):
@@ -547,37 +564,37 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                         size += wp.length_sq(columns.dxda) + wp.length_sq(columns.dxdb)
                     if not wp.isfinite(size):
                         fate = FATE_NONFINITE
-                if wp.static(extended):
-                    beam.x += centroid_shift(columns)
-                out.position[i] = beam.x
-                out.shift[i] = shift
-                out.dxdu[i] = beam.dxdu
-                out.dxdv[i] = beam.dxdv
-                out.dxdt[i] = beam.dxdt
-                if wp.static(extended):
-                    out.dxda[i] = columns.dxda
-                    out.dxdb[i] = columns.dxdb
-                    out.image[i] = columns.image
-                if wp.static(partial):
-                    out.emitted[i] = entering
-                else:
-                    out.emitted[i] = emitted
-                out.flux[i] = flux
-                out.absorbed[i] = absorbed
-                out.culled[i] = culled
-                out.emission[i] = coordinates
-                out.bounces[i] = count
-                out.path[i] = path
-                out.share[i] = wp.max(flux) / wp.max(wp.max(emitted), 1.0e-30)
+                if fate == FATE_DEPOSITED:
+                    if wp.static(extended):
+                        beam.x += centroid_shift(columns)
+                        out.dxda[i] = columns.dxda
+                        out.dxdb[i] = columns.dxdb
+                        out.image[i] = columns.image
+                    out.position[i] = beam.x
+                    out.shift[i] = shift
+                    out.dxdu[i] = beam.dxdu
+                    out.dxdv[i] = beam.dxdv
+                    out.dxdt[i] = beam.dxdt
+                    out.flux[i] = flux
+                    out.emission[i] = coordinates
+                    out.bounces[i] = count
+                    out.path[i] = path
+                    out.share[i] = wp.max(flux) / wp.max(wp.max(emitted), 1.0e-30)
                 out.fate[i] = fate
-                out.retried[i] = retried
+
+                # ---- Of surfaces that are there in part, more than one path may be the first to meet what is specular
+                if wp.static(partial):
+                    sent = entering
+                else:
+                    sent = wp.where(mask == 0, emitted, wp.vec3(0.0, 0.0, 0.0))
+                sum = with_path(sum, fate, sent, flux, absorbed, culled, retried)
+            sums[region] = sum
             paths.done[region] = done
             paths.used[region] = used
 
     return trace_photons
 
 
-_ACCOUNTED = ("emitted", "flux", "absorbed", "culled", "fate", "retried")
 _COLUMNS = (
     "position", "normal", "dxdu", "dxdv", "dxdt", "receiver_motion", "flux", "emission", "shift", "receiver", "bounces",
     "path", "share", "incidence", "dxda", "dxdb", "image",
@@ -656,24 +673,21 @@ def trace_photons(
             paths = WaitingPaths.at_light(emitting.cells[begin : begin + BLOCK], launcher)
             while count := len(paths.sources):
                 regions = PathRegions.room_for(count, variant.branches, recording, launcher)
-                arrays = launcher.rows(PhotonArrays, regions.count * regions.rows, left_out, zeroed=False)
+                arrays = launcher.rows(PhotonArrays, regions.rows, left_out, zeroed=False)
                 inputs = [band.surfaces, textures or TextureArrays(), patches, first_cells]
                 inputs += [offsets, device_tags, own, launcher.array(paths.sources, wp.int32), paths.queue]
-                inputs += [requirements.bounces, smallest_branch, seed, regions.given, regions.rows]
-                inputs += [arrays, regions.queue]
+                inputs += [requirements.bounces, smallest_branch, seed]
+                sums = launcher.zeros(regions.count, FluxSums)
+                inputs += [arrays, regions.queue, sums]
                 launcher(kernel, regions.count, inputs, smallest_chunk=1, in_turn=True)
                 rows = regions.traced()
-                ended = {name: launcher.rows_of(getattr(arrays, name), rows) for name in _ACCOUNTED}
-                masks = launcher.rows_of(regions.queue.mask, rows)
-                # Of surfaces that are there in part, more than one path may be the first to meet what is specular.
-                first = np.ones(len(rows), bool) if needs.partial else masks == 0
-                _tally(account, ended, first, plan.normalization.power)
-                landing = ended["fate"] == Fate.DEPOSITED
+                landing = launcher.rows_of(arrays.fate, as_they_lie(rows)) == Fate.DEPOSITED
+                add_sums(account, sums.numpy(), plan.normalization.power)
                 if landing.any():
-                    rows = rows[landing]
+                    rows = as_they_lie(rows[landing])
                     found = {name: launcher.rows_of(getattr(arrays, name), rows) for name in columns}
-                    cells = launcher.rows_of(regions.queue.cell, rows)
-                    lattice, found["ids"] = emitting.ids(cells, band.path(masks[landing]), plan.id_count)
+                    cells, masks = (launcher.rows_of(getattr(regions.queue, name), rows) for name in ("cell", "mask"))
+                    lattice, found["ids"] = emitting.ids(cells, band.path(masks), plan.id_count)
                     if recording:
                         found["vertices"] = regions.queue.vertices.numpy().reshape(-1, MOST_VERTICES, 3)[rows]
                     found["light"] = of_lattice[lattice]
@@ -745,44 +759,6 @@ class _Emitting:
         v = (of_each([patch.first_v for patch in self.patches]) + down) % wrap[1]
         first_id = of_each([lattice.first_id for lattice in self.lattices])
         return number, masks.astype(np.int64) * id_count + first_id + v * wrap[0] + u
-
-
-def _tally(account: EnergyAccount, out: dict[str, np.ndarray], first: np.ndarray, unit: float) -> None:
-    """Adds one pass to the account.
-
-    Args:
-        out: Columns of :class:`PhotonArrays`.
-        first: Paths whose emitted flux no other has counted, shape [n].
-        unit: The tracer's unit of power [W].
-    """
-    fate = out["fate"]
-    ended = np.bincount(fate, minlength=len(Fate))
-    specular = None if not ended[Fate.DIRECT] else fate != Fate.DIRECT
-
-    def ending(how: Fate) -> float:
-        """Flux of the paths that ended so."""
-        return unit * _total(out["flux"], fate == how) if ended[how] else 0.0
-
-    # Counted at the light, not added up from where it went: so the account can show that something is missing.
-    account.sent += unit * _total(out["emitted"], first if specular is None else specular & first)
-    retried = int(out["retried"].sum(dtype=np.int64))
-    if retried:
-        account.counts["hits at the second try"] = account.counts.get("hits at the second try", 0) + retried
-    account.deposited += ending(Fate.DEPOSITED)
-    account.escaped += ending(Fate.ESCAPED)
-    account.absorbed += unit * _total(out["absorbed"], specular)
-    for cause, value in (
-        ("branch below cutoff", unit * _total(out["culled"], specular)),
-        ("too many bounces", ending(Fate.DEPTH)),
-        ("not finite", ending(Fate.NONFINITE)),
-    ):
-        if value:
-            account.lost[cause] = account.lost.get(cause, 0.0) + value
-
-
-def _total(values: np.ndarray, rows: np.ndarray | None) -> float:
-    """Sum of all channels of some rows of vectors, by mask; None for all."""
-    return float((values if rows is None or rows.all() else values[rows]).sum(dtype=np.float64))
 
 
 def _placed(chosen: ChosenCells, patch: Patch) -> tuple[np.ndarray, np.ndarray]:
