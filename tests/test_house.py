@@ -25,7 +25,7 @@ ORDER = (
     ("presets", "stopping"),
     ("workers",),
     ("settings", "io"),
-    ("compiler_lock", "compiler_headers", "compiled_ahead"),
+    ("compiler_lock",),
     ("compiler_flags",),
     ("kernel_cache",),
     ("device",),

@@ -91,15 +91,6 @@ def test_a_sound_cache_is_used_without_a_word_and_nothing_else_is_left(program, 
     assert os.listdir(tmp_path / "tmp") == []
 
 
-def test_what_is_compiled_ahead_is_compiled_once_and_leaves_nothing_else(program, tmp_path):
-    begin = "launcher(double, "
-    program.write_text(PROGRAM.replace(begin, f"launcher.prepare(double)\nlauncher.prepare(square)\n{begin}"))
-    for _ in range(2):
-        assert run(program, tmp_path / "cache")[1] == []
-    assert len(modules(tmp_path / "cache")) == 2
-    assert os.listdir(tmp_path / "tmp") == []
-
-
 def break_object(module, how):
     (binary,) = module.glob("*.o")
     if how == "no metadata":

@@ -125,13 +125,6 @@ class Launcher:
             raise_if_asked()
             run(base)
 
-    def prepare(self, kernel: wp.Kernel) -> None:
-        """Has a kernel that is launched later compiled meanwhile, where it has not been and a thread is to spare."""
-        if self.device.is_cuda:
-            _cache.load_ahead(kernel.module, self.device, GPU_BLOCK)
-        elif self.threads > 1:
-            _cache.load_ahead(kernel.module, self.device, 1)
-
     def array(self, values: np.ndarray, dtype: Any) -> wp.array:
         """A device copy (a view on the CPU) of ``values``."""
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, copy=self.device.is_cuda)

@@ -14,18 +14,16 @@ import re
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from typing import Any
 
 import warp as wp
 
-from tpdwarp.compiled_ahead import CompiledAhead
-from tpdwarp.compiler_headers import Headers, sweep_headers
 from tpdwarp.compiler_lock import Compilers, lock_of
 from tpdwarp.errors import logger, shortened
 from tpdwarp.io.digests import has_its_digests, note_digests
-from tpdwarp.io.files import is_running
+from tpdwarp.io.files import host_name, is_running
 
 # The kernels of all methods took 8 MB, a precompiled header 5 MB; LLVM ends the process when a disk is full.
 ROOM_BYTES = 64 << 20
@@ -42,10 +40,8 @@ class KernelCache:
 
     def __init__(self) -> None:
         self._compilers = Compilers()
-        self._headers = Headers()
         self._swept: set[str] = set()
         self._roomy: set[str] = set()
-        self._ahead: dict[tuple[str, int], CompiledAhead] = {}
 
     def start_warp(self, quietly: Callable[[], AbstractContextManager[None]]) -> None:
         """Starts Warp; with a cache in the temporary folder where its own cannot be made.
@@ -71,12 +67,9 @@ class KernelCache:
         Raises:
             Exception: It cannot be compiled anywhere.
         """
-        if self._is_loaded(module, device, block_dim):
+        loaded = module.execs.get((device.context, block_dim))
+        if loaded is not None and loaded.module_hash == module.get_module_hash(block_dim):
             return
-        if (device.alias, block_dim) in self._ahead:
-            self._ahead[device.alias, block_dim].claim(module)
-            if self._is_loaded(module, device, block_dim):
-                return
         folder = self._folder(module, block_dim)
         if os.path.isdir(folder) and not has_its_digests(folder):
             self._discard(folder, "is damaged")
@@ -98,19 +91,6 @@ class KernelCache:
             module.mark_modified()
             self._load(module, device, block_dim)
 
-    def load_ahead(self, module: wp.Module, device: Any, block_dim: int) -> None:
-        """Has a module that is not compiled yet compiled by another thread, for whoever loads it later."""
-        if self._is_loaded(module, device, block_dim) or os.path.isdir(self._folder(module, block_dim)):
-            return
-        key = device.alias, block_dim
-        if key not in self._ahead:
-            self._ahead[key] = CompiledAhead(lambda wanted: self._load(wanted, device, block_dim))
-        self._ahead[key].add(module)
-
-    def _is_loaded(self, module: wp.Module, device: Any, block_dim: int) -> bool:
-        loaded = module.execs.get((device.context, block_dim))
-        return loaded is not None and loaded.module_hash == module.get_module_hash(block_dim)
-
     def _load(self, module: wp.Module, device: Any, block_dim: int) -> None:
         if not os.path.isdir(self._folder(module, block_dim)):
             self._require_room()
@@ -120,7 +100,7 @@ class KernelCache:
                 module.load(device, block_dim)
                 return
             try:
-                with self._headers.own():
+                with _own_headers():
                     module.load(device, block_dim)
             except BaseException:
                 for left in glob.glob(f"{glob.escape(folder)}_p{os.getpid()}_t*"):
@@ -172,7 +152,10 @@ class KernelCache:
                     if lock.acquire():
                         shutil.rmtree(entry.path, ignore_errors=True)
                         lock.release()
-        sweep_headers()
+        for left in glob.glob(os.path.join(glob.escape(tempfile.gettempdir()), f"tpdwarp-headers-{host_name()}-*")):
+            number = left.rsplit("-", 1)[-1]
+            if number.isdigit() and not is_running(int(number)):
+                shutil.rmtree(left, ignore_errors=True)
 
 
 def own_folder() -> str:
@@ -201,3 +184,22 @@ def _no_room(folder: str) -> str:
     except OSError as error:
         return error.strerror or str(error)
     return ""
+
+
+@contextlib.contextmanager
+def _own_headers() -> Iterator[None]:
+    """Has Warp make its precompiled headers in a folder that says whose they are, so that they can be swept."""
+    before = tempfile.tempdir
+    folder = os.path.join(tempfile.gettempdir(), f"tpdwarp-headers-{host_name()}-{os.getpid()}")
+    made = not os.path.isdir(folder)
+    try:
+        os.makedirs(folder, mode=0o700, exist_ok=True)
+        tempfile.tempdir = folder
+    except OSError:
+        made = False
+    if made:
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    try:
+        yield
+    finally:
+        tempfile.tempdir = before

@@ -28,7 +28,6 @@ from tpdwarp.photons.thinning import thinning_ranks
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.kept_view import KeptView
 from tpdwarp.rendering.light_groups import Fields
-from tpdwarp.rendering.prepared_kernels import prepare_kernels
 from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.view.camera import camera_of, pixel_size
@@ -157,7 +156,6 @@ def render_frame(
     clock = clock or Clock()
     settings = context.settings
     region = region or ImageRegion.whole(width, height)
-    context.loader.when_loaded(partial(prepare_kernels, settings=settings, launcher=context.launcher), shutter)
     scenes = context.scenes(shutter, clock)
     camera = middle_camera(scenes)
     pixel = pixel_of(context, scenes, width, height)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from tpdwarp.footprints.irradiance import Irradiance
@@ -16,11 +14,6 @@ from tpdwarp.view.visibility import VisiblePoints
 # Depth [scene units] where nothing is seen: finite, so that depths can be compared and filtered. Chosen,
 # not derived.
 BACKGROUND_DEPTH = 1.0e10
-
-
-def wants_motion(aovs: Sequence[str]) -> bool:
-    """Whether channel groups hold the photons' motion or number."""
-    return bool({"motion", "photons"} & set(aovs))
 
 
 class Film:
@@ -64,7 +57,7 @@ class Film:
     @property
     def wants_motion(self) -> bool:
         """Whether the photons' motion or number is wanted."""
-        return wants_motion(self._aovs)
+        return bool({"motion", "photons"} & set(self._aovs))
 
     def add_view(self, points: VisiblePoints, pixels: np.ndarray, weight: float) -> None:
         """Adds direct light and, for first paths, what geometry they met.

@@ -660,40 +660,6 @@ class VisiblePoints:
         return cls(items, queries, arrays, first, surfaces)
 
 
-def kernel_for(needs: Requirements, moves: bool, aovs: tuple[str, ...] = ()) -> wp.Kernel:
-    """The kernel that follows camera paths through a scene.
-
-    Args:
-        needs: What the scene requires.
-        moves: Whether queries carry their motion.
-        aovs: Channel groups wanted beside the beauty.
-    """
-    return visible_kernel(
-        moves,
-        needs.refraction,
-        needs.reflection,
-        needs.smooth_receivers,
-        textured=needs.textures,
-        nested=needs.nested,
-        domed=needs.domes,
-        named=bool(set(aovs) & set(SURFACE_AOVS)),
-        partial=needs.partial,
-        tinted=needs.tinted,
-        lens=needs.lens,
-        emission=needs.emission,
-        extended=bool(needs.extended_lights),
-        linked=needs.linked,
-        thin_walls=needs.thin_walls,
-        rough=needs.rough,
-        clipped=needs.clipped,
-        normal_maps=needs.normal_maps,
-        mapped=needs.specular_maps,
-        metals=needs.metals,
-        glints=needs.glints,
-        mirrored_lights=needs.mirrored_lights,
-    )
-
-
 def visible_points(
     surfaces: Surfaces,
     lights: LightArrays,
@@ -734,7 +700,30 @@ def visible_points(
     sources, states = np.zeros(0, np.int32), launcher.zeros(0, ViewState)
     needs = requirements
     branches = needs.refraction or needs.partial or needs.metals
-    kernel = kernel_for(needs, moves, aovs)
+    kernel = visible_kernel(
+        moves,
+        needs.refraction,
+        needs.reflection,
+        needs.smooth_receivers,
+        textured=needs.textures,
+        nested=needs.nested,
+        domed=needs.domes,
+        named=bool(set(aovs) & set(SURFACE_AOVS)),
+        partial=needs.partial,
+        tinted=needs.tinted,
+        lens=needs.lens,
+        emission=needs.emission,
+        extended=bool(needs.extended_lights),
+        linked=needs.linked,
+        thin_walls=needs.thin_walls,
+        rough=needs.rough,
+        clipped=needs.clipped,
+        normal_maps=needs.normal_maps,
+        mapped=needs.specular_maps,
+        metals=needs.metals,
+        glints=needs.glints,
+        mirrored_lights=needs.mirrored_lights,
+    )
     first = True
     while len(items):
         here = first and into is not None

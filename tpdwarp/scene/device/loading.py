@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -69,21 +69,11 @@ class SceneLoader:
         self.dispersive = any(m.abbe > 0 for still in stills for mesh in still.meshes for m in mesh.materials)
         self.normalization = _normalization(stills, source.file)
         self._stills: Sequence[SceneAtShutter] | None = stills
-        self._when_loaded: tuple[Callable[[LoadedScene], None], Shutter] | None = None
 
     def stills_once(self) -> Sequence[SceneAtShutter] | None:
         """The reference scenes for the first who asks; None later, for they are not kept longer than that."""
         stills, self._stills = self._stills, None
         return stills
-
-    def when_loaded(self, tell: Callable[[LoadedScene], None], over: Shutter) -> None:
-        """Has ``tell`` called with the next scene that is loaded, before anything is traced through it.
-
-        Args:
-            tell: Is called once.
-            over: Where this shutter is open for a while, a scene at an instant does not count.
-        """
-        self._when_loaded = tell, over
 
     def load(
         self,
@@ -171,13 +161,7 @@ class SceneLoader:
                 norm, nesting = self.normalization, nesting_of(scene)
                 media = () if nesting is None else nesting.materials
                 textures = self._textures.arrays(scene.meshes, geometry.materials, norm.scale, norm.power, media)
-        loaded = LoadedScene(scene, geometry, needs, textures)
-        if self._when_loaded is not None:
-            tell, over = self._when_loaded
-            if (scene.shutter.exposure > 0) == (over.exposure > 0):
-                self._when_loaded = None
-                tell(loaded)
-        return loaded
+        return LoadedScene(scene, geometry, needs, textures)
 
 
 def _normalization(stills: list[SceneAtShutter], file: str) -> Normalization:
