@@ -1,17 +1,18 @@
 """Background light: what is faint is gathered on rasters, keeps its flux, and errs by no more than it is faint."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from tests.footprints.photons import ONE_THREAD, grid, photon_map, pixel, queries, shaped
-from tpdwarp.footprints.background import FAINT, split_light, with_images
+from tpdwarp.footprints.background import FAINT, split_light
 from tpdwarp.footprints.irradiance import Lookup
 from tpdwarp.footprints.light import FootprintLight
+from tpdwarp.footprints.light_images import spline_over_image
 from tpdwarp.footprints.plain_gather import plain_gather
+from tpdwarp.footprints.shaping import LightImageArrays, TangentFrame, light_on_plane
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.light_columns import LightImage
 
@@ -81,19 +82,30 @@ def test_faint_light_of_fine_cells_is_background_where_the_images_of_lamps_are_w
     np.testing.assert_allclose(looked_up(light_of(*maps), points), 1.0 + DIM, rtol=1e-3)
 
 
-def test_cells_that_stand_for_images_have_the_variance_of_both():
+@wp.kernel(module="unique", enable_backward=False)
+def over_images(base: int, j: wp.array(dtype=wp.mat22), images: LightImageArrays, out: wp.array(dtype=wp.mat22)):
+    i = base + wp.tid()
+    frame = TangentFrame()
+    frame.e1 = wp.vec3(1.0, 0.0, 0.0)
+    frame.e2 = wp.vec3(0.0, 1.0, 0.0)
+    out[i] = spline_over_image(j[i], light_on_plane(images, i, frame))
+
+
+@pytest.mark.parametrize(("image", "part"), [(LightImage.PARALLELOGRAM, 1 / 3), (LightImage.DISC, 1 / 4)])
+def test_cells_that_stand_for_images_have_the_variance_of_both_along_their_axes(image, part):
     random = np.random.default_rng(6)
-    photons = sheet(COARSE, DIM, half=0.1)
-    u, v, a, b = (np.append(random.normal(0, 1, (len(photons), 2)), 0 * photons.position[:, :1], 1) for _ in range(4))
-    image = np.full(len(photons), LightImage.PARALLELOGRAM, np.int32)
-    given = {name: x.astype(np.float32) for name, x in {"dxdu": u, "dxdv": v, "dxda": a, "dxdb": b}.items()}
-    found = with_images(replace(photons, image=image, **given))
-
-    def variance(*columns):
-        return sum(x[:, :, None] * x[:, None, :] for x in columns)
-
-    expected = variance(u, v) / 4 + variance(a, b) / 3
-    np.testing.assert_allclose(variance(found.dxdu, found.dxdv) / 4, expected, rtol=1e-4, atol=1e-5)
+    j, light = random.normal(0, 0.1, (2, 100, 2, 2)).astype(np.float32)
+    images = LightImageArrays()
+    flat = np.append(light, np.zeros((100, 1, 2), np.float32), axis=1)
+    sides = [np.ascontiguousarray(flat[:, :, k]) for k in (0, 1)]
+    images.dxda, images.dxdb = (wp.array(side, dtype=wp.vec3, device="cpu") for side in sides)
+    images.image = wp.array(np.full(100, int(image), np.int32), dtype=wp.int32, device="cpu")
+    out = wp.zeros(100, wp.mat22, device="cpu")
+    ONE_THREAD(over_images, 100, [wp.array(j, dtype=wp.mat22, device="cpu"), images, out])
+    found = out.numpy().astype(np.float64)
+    expected = j @ j.transpose(0, 2, 1) / 4 + part * light @ light.transpose(0, 2, 1)
+    np.testing.assert_allclose(found @ found.transpose(0, 2, 1) / 4, expected, rtol=1e-4, atol=1e-7)
+    assert np.abs(np.einsum("ni,ni->n", found[:, :, 0], found[:, :, 1])).max() < 1e-6
 
 
 @pytest.mark.parametrize("aspect", [1.0, 4.0, 16.0])

@@ -21,9 +21,11 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bspline import SUPPORT
+from tpdwarp.footprints.light_images import images_of, spline_over_image
+from tpdwarp.footprints.photon_rows import PhotonRows
 from tpdwarp.footprints.planes import Plane, on_any, planes_of
-from tpdwarp.footprints.shaping import BSPLINE_VARIANCE, PixelSize, pixel_on_plane, tangent_frame
-from tpdwarp.photons.light_columns import VARIANCE_OF_DISC, VARIANCE_OF_INTERVAL, LightImage
+from tpdwarp.footprints.shaping import LightImageArrays, PixelSize, light_on_plane, pixel_on_plane, tangent_frame
+from tpdwarp.photons.light_columns import IMAGE_NONE
 from tpdwarp.photons.photon_map import PhotonMap
 
 # Photons of less than this part of the irradiance that all but a tenth of the flux exceeds are background.
@@ -73,6 +75,7 @@ def measure_light(
     dxdv: wp.array(dtype=wp.vec3),
     dxdt: wp.array(dtype=wp.vec3),
     flux: wp.array(dtype=wp.vec3),
+    images: LightImageArrays,
     smoothing: float,
     pixel: PixelSize,
     # Out
@@ -81,11 +84,25 @@ def measure_light(
 ):
     """How bright footprints are while they shine, and the largest squares that they cover enough of; 0 for none.
 
-    The area of a swept parallelogram is |a × b| + |a × c| + |b × c|, and it is narrowest across one of the three.
+    Under lights with extent they are as wide as with the images of these. The area of a swept parallelogram is
+    |a × b| + |a × c| + |b × c|, and it is narrowest across one of the three.
     """
     i = base + wp.tid()
-    u = CELLS * smoothing * dxdu[i]
-    v = CELLS * smoothing * dxdv[i]
+    frame = tangent_frame(normal[i])
+    u = dxdu[i]
+    v = dxdv[i]
+    light = int(IMAGE_NONE)
+    if images.image.shape[0] > 0:
+        light = images.image[i]
+    if light != IMAGE_NONE:
+        along_u = wp.vec2(wp.dot(frame.e1, u), wp.dot(frame.e2, u))
+        along_v = wp.vec2(wp.dot(frame.e1, v), wp.dot(frame.e2, v))
+        j = wp.mat22(along_u[0], along_v[0], along_u[1], along_v[1])
+        w = spline_over_image(j, light_on_plane(images, i, frame))
+        u = w[0, 0] * frame.e1 + w[1, 0] * frame.e2
+        v = w[0, 1] * frame.e1 + w[1, 1] * frame.e2
+    u *= CELLS * smoothing
+    v *= CELLS * smoothing
     area = wp.length(wp.cross(u, v))
     brightness[i] = (flux[i][0] + flux[i][1] + flux[i][2]) / wp.max(area, 1.0e-30)
     over_u = wp.length(wp.cross(u, dxdt[i]))
@@ -94,7 +111,7 @@ def measure_light(
     if wp.length(dxdt[i]) > 1.0e-15:
         across = wp.min(across, (over_u + over_v) / wp.length(dxdt[i]))
     largest = wp.min(wp.sqrt((area + over_u + over_v) / FEWEST_SQUARES), across / FEWEST_ACROSS)
-    on_plane = pixel_on_plane(pixel, position[i], normal[i], tangent_frame(normal[i]))
+    on_plane = pixel_on_plane(pixel, position[i], normal[i], frame)
     pixel_area = wp.abs(on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0])
     side = wp.pow(2.0, wp.floor(wp.log2(wp.max(largest, 1.0e-15))))
     squares[i] = 0.0
@@ -138,35 +155,11 @@ def _measured(
     photons: PhotonMap, smoothing: float, pixel: PixelSize, launcher: Launcher
 ) -> tuple[np.ndarray, np.ndarray]:
     out = [launcher.zeros(len(photons), wp.float32) for _ in range(2)]
-    photons = with_images(photons)
     columns = ("position", "normal", "dxdu", "dxdv", "dxdt", "flux")
     given = [launcher.array(getattr(photons, name), wp.vec3) for name in columns]
-    launcher(measure_light, len(photons), [*given, float(smoothing), pixel, *out])
+    images = images_of([PhotonRows(photons)], "bspline", launcher)
+    launcher(measure_light, len(photons), [*given, images, float(smoothing), pixel, *out])
     return out[0].numpy(), out[1].numpy()
-
-
-def with_images(photons: PhotonMap) -> PhotonMap:
-    """The photons with columns of cells that spread light as far as theirs do with the images of their lights.
-
-    A B-spline has the variance ¼ (D_u x D_u xᵀ + D_v x D_v xᵀ), and an image adds its own (:mod:`.light_images`).
-    """
-    if not len(photons.image):
-        return photons
-    factor = np.select(
-        [photons.image == int(LightImage.DISC), photons.image == int(LightImage.PARALLELOGRAM)],
-        [float(VARIANCE_OF_DISC), float(VARIANCE_OF_INTERVAL)],
-        default=1.0,
-    )
-    factor[photons.image == int(LightImage.NONE)] = 0.0
-    variance = np.zeros((len(photons), 3, 3))
-    for name in ("dxdu", "dxdv", "dxda", "dxdb"):
-        column = getattr(photons, name).astype(np.float64)
-        part = factor if name in ("dxda", "dxdb") else np.full(len(photons), float(BSPLINE_VARIANCE))
-        variance += part[:, None, None] * column[:, :, None] * column[:, None, :]
-    values, axes = np.linalg.eigh(variance)
-    lengths = np.sqrt(np.maximum(values, 0.0) / float(BSPLINE_VARIANCE))
-    u, v = ((lengths[:, None, k] * axes[:, :, k]).astype(np.float32) for k in (2, 1))
-    return replace(photons, dxdu=u, dxdv=v)
 
 
 def _exceeded_by_most(brightness: np.ndarray, flux: np.ndarray) -> float:

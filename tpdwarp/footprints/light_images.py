@@ -32,6 +32,7 @@ from tpdwarp.footprints.bspline import disc_widths
 from tpdwarp.footprints.kernels import VARIANCE
 from tpdwarp.footprints.photon_rows import PhotonRows, stacked
 from tpdwarp.footprints.shaping import (
+    BSPLINE_VARIANCE,
     Axes,
     LightImageArrays,
     LightOnPlane,
@@ -133,6 +134,18 @@ def light_variance(light: LightOnPlane) -> wp.mat22:
     elif light.image == IMAGE_LOBE:
         k = 1.0
     return k * (_outer(light.a) + _outer(light.b))
+
+
+@wp.func
+def spline_over_image(j: wp.mat22, light: LightOnPlane) -> wp.mat22:
+    """A cell of the B-spline, along principal axes, that spreads light as far as J does with the image of its light.
+
+    A B-spline has the variance ¼ J Jᵀ, and the image adds its own.
+    """
+    of = principal_axes(BSPLINE_VARIANCE * j * wp.transpose(j) + light_variance(light))
+    one = wp.sqrt(of.s1 / BSPLINE_VARIANCE) * of.first
+    two = wp.sqrt(of.s2 / BSPLINE_VARIANCE) * wp.vec2(-of.first[1], of.first[0])
+    return wp.mat22(one[0], two[0], one[1], two[1])
 
 
 @wp.func

@@ -59,12 +59,18 @@ OF_CELL = wp.constant(1.0 / 12.0)
 LINE = wp.constant(1.0e-4)
 # Places of unit variance along the axes along which there are copies; along both, a triangle.
 THIRDS = [(math.cos(turn), math.sin(turn)) for turn in (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)]
-PLACES = {
-    (False, False): [(0.0, 0.0)],
-    (True, False): [(-1.0, 0.0), (1.0, 0.0)],
-    (False, True): [(0.0, -1.0), (0.0, 1.0)],
-    (True, True): [(math.sqrt(2.0) * a, math.sqrt(2.0) * b) for a, b in THIRDS],
-}
+_ASIDE = math.sqrt(2.0)
+_PLACES = (
+    [(0.0, 0.0)],
+    [(0.0, -1.0), (0.0, 1.0)],
+    [(-1.0, 0.0), (1.0, 0.0)],
+    [(_ASIDE * a, _ASIDE * b) for a, b in THIRDS],
+)
+# By twice whether there are copies along the first axis and once whether along the second: how many, and where.
+COPIES = np.array([len(places) for places in _PLACES])
+PLACES = np.zeros((len(_PLACES), COPIES.max(), 2), np.float32)
+for _kind, _of_kind in enumerate(_PLACES):
+    PLACES[_kind, : len(_of_kind)] = _of_kind
 
 
 @wp.struct
@@ -223,19 +229,15 @@ def spread_over_images(cells: list[PhotonRows], pixel: PixelSize, launcher: Laun
     position, dxdu, dxdv, first, second = (values.numpy() for values in (columns[0], *sides, *asides))
     other_u, other_v, other = (values.numpy() for values in others)
 
-    # ---- Copies, by the cells that they are of
-    along = first.any(axis=1), second.any(axis=1)
-    of_cell, places, shares, is_other = [], [], [], []
-    for copied, at in PLACES.items():
-        alike = (along[0] == copied[0]) & (along[1] == copied[1])
-        for of_others, part in ((False, 1.0 - other), (True, other)):
-            chosen = np.flatnonzero(alike & (other > 0.0)) if of_others else np.flatnonzero(alike)
-            of_cell.append(np.repeat(chosen, len(at)))
-            places.append(np.tile(np.array(at, np.float32), (len(chosen), 1)))
-            shares.append(np.repeat(part[chosen] / np.float32(len(at)), len(at)))
-            is_other.append(np.full(len(of_cell[-1]), of_others))
-    order = np.argsort(np.concatenate(of_cell), kind="stable")
-    cell, place, share, swap = (np.concatenate(values)[order] for values in (of_cell, places, shares, is_other))
+    # ---- Copies, cell by cell: those of the cell, then those of the other
+    kind = 2 * first.any(axis=1).astype(np.int8) + second.any(axis=1)
+    copies = COPIES[kind]
+    rows = np.where(other > 0.0, 2 * copies, copies)
+    cell = np.repeat(np.arange(count), rows)
+    number = np.arange(len(cell)) - np.repeat(np.cumsum(rows) - rows, rows)
+    swap = number >= copies[cell]
+    place = PLACES[kind[cell], number - swap * copies[cell]]
+    share = np.where(swap, other[cell], 1.0 - other[cell]) / copies[cell].astype(np.float32)
     changed = {
         "position": position[cell] + place[:, :1] * first[cell] + place[:, 1:] * second[cell],
         "dxdu": np.where(swap[:, None], other_u[cell], dxdu[cell]),
