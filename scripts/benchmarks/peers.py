@@ -111,6 +111,8 @@ def run(scenes: Sequence[str] = ()) -> list[dict[str, object]]:
         ``mitsuba`` (errors and CPU seconds of its passes, by number of stills), ``wanted`` (by error: CPU seconds of
         ``mitsuba``, of the ``best`` settings and of the best ``preset``, None where it does not get there).
     """
+    if unknown := [name for name in scenes if name not in COMPARED]:
+        raise SystemExit(f"there is no row {unknown[0]!r}; there are {', '.join(COMPARED)}")
     if (python := _mitsuba()) is None:
         return []
     rows: list[dict[str, object]] = []
