@@ -40,6 +40,17 @@ from usd_scenes import shapes
 SPANS = np.array([[0.4, 0.0, 0.0], [0.0, 0.25, 0.0]])
 
 
+def glass_ball(height: float, roughness: float = 0.0) -> MeshAtShutter:
+    """A smooth ball of radius .4 above the origin."""
+    points, triangles, normals = shapes.sphere()
+    triangles = np.ascontiguousarray(triangles, np.int32)
+    glass = Material(Interaction.DIELECTRIC, ior=1.5, roughness=roughness)
+    return MeshAtShutter(
+        "/ball", 0.4 * points + (0.0, 0.0, height), triangles,
+        normals=normals, normal_indices=triangles, materials=(glass,),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("count", [7, 19, 61, 217])
 def test_rectangles_leave_out_as_much_of_a_disc_as_is_counted(count):
     """By the middles of a grid of 500 squares across, within a tenth: the law is fitted to all of these."""
@@ -96,13 +107,7 @@ def test_a_number_of_parts_whose_light_errs_far_more_than_another_is_told_of(hei
 
 def test_a_sphere_far_above_a_ball_is_as_well_lit_by_many_parts_as_by_one():
     """Ten times as far off as it is wide, 19 and 61 parts differ from one by .006 and .008; clouds of 19 by .015."""
-    points, triangles, normals = shapes.sphere()
-    triangles = np.ascontiguousarray(triangles, np.int32)
-    glass = Material(Interaction.DIELECTRIC, ior=1.5)
-    ball = MeshAtShutter(
-        "/ball", 0.4 * points + (0.0, 0.0, 0.6), triangles,
-        normals=normals, normal_indices=triangles, materials=(glass,),
-    )  # fmt: skip
+    ball = glass_ball(0.6)
     lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.6, 0.4, 4.0]))
     lamp = replace(lamp, extent=Extent(ExtentShape.ROUND, 0.16))
     source = steady([floor(), ball], (lamp,), looking_down((-0.6, 0.4, -0.6, 0.4), height=0.1))
@@ -119,13 +124,7 @@ def test_a_sphere_far_above_a_ball_is_as_well_lit_by_many_parts_as_by_one():
 @pytest.mark.parametrize("shape", [ExtentShape.DISK, ExtentShape.RECT, ExtentShape.CYLINDER])
 def test_few_parts_of_a_lamp_beside_glass_send_as_much_light_through_it_as_many(shape):
     """In one part 22 to 34 % less without: its middle does not see what the rim does."""
-    points, triangles, normals = shapes.sphere()
-    triangles = np.ascontiguousarray(triangles, np.int32)
-    glass = Material(Interaction.DIELECTRIC, ior=1.5)
-    ball = MeshAtShutter(
-        "/ball", 0.4 * points + (0.0, 0.0, 0.8), triangles,
-        normals=normals, normal_indices=triangles, materials=(glass,),
-    )  # fmt: skip
+    ball = glass_ball(0.8)
     lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.1, 0.05, 1.5]))
     spans, radius, profile = 0.3 * np.eye(3)[:2], 0.0, EmissionProfile.COSINE
     if shape == ExtentShape.CYLINDER:
@@ -144,13 +143,7 @@ def test_few_parts_of_a_lamp_beside_glass_send_as_much_light_through_it_as_many(
 @pytest.mark.parametrize("roughness", [0.0, 0.06])
 def test_a_lamp_beside_rough_glass_is_split_as_beside_smooth_glass(roughness):
     """Photons of rough glass have lobes in the place of images of lights: in one part a rectangle erred by .8."""
-    points, triangles, normals = shapes.sphere()
-    triangles = np.ascontiguousarray(triangles, np.int32)
-    glass = Material(Interaction.DIELECTRIC, ior=1.5, roughness=roughness)
-    ball = MeshAtShutter(
-        "/ball", 0.4 * points + (0.0, 0.0, 0.6), triangles,
-        normals=normals, normal_indices=triangles, materials=(glass,),
-    )  # fmt: skip
+    ball = glass_ball(0.6, roughness)
     lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.1, 0.1, 1.3]))
     light = replace(lamp, profile=EmissionProfile.COSINE, extent=Extent(ExtentShape.RECT, 0.0, SPANS))
     source = steady([floor(), ball], (light,), looking_down((-0.8, 0.8, -0.8, 0.8), height=0.1))

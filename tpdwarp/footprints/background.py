@@ -24,7 +24,15 @@ from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.footprints.light_images import images_of, spline_over_image
 from tpdwarp.footprints.photon_rows import PhotonRows
 from tpdwarp.footprints.planes import Plane, on_any, planes_of
-from tpdwarp.footprints.shaping import LightImageArrays, PixelSize, light_on_plane, pixel_on_plane, tangent_frame
+from tpdwarp.footprints.shaping import (
+    LightImageArrays,
+    PixelSize,
+    cell_in_frame,
+    light_on_plane,
+    out_of_frame,
+    pixel_on_plane,
+    tangent_frame,
+)
 from tpdwarp.photons.light_columns import IMAGE_NONE
 from tpdwarp.photons.photon_map import PhotonMap
 
@@ -95,12 +103,9 @@ def measure_light(
     if images.image.shape[0] > 0:
         light = images.image[i]
     if light != IMAGE_NONE:
-        along_u = wp.vec2(wp.dot(frame.e1, u), wp.dot(frame.e2, u))
-        along_v = wp.vec2(wp.dot(frame.e1, v), wp.dot(frame.e2, v))
-        j = wp.mat22(along_u[0], along_v[0], along_u[1], along_v[1])
-        w = spline_over_image(j, light_on_plane(images, i, frame))
-        u = w[0, 0] * frame.e1 + w[1, 0] * frame.e2
-        v = w[0, 1] * frame.e1 + w[1, 1] * frame.e2
+        w = spline_over_image(cell_in_frame(frame, u, v), light_on_plane(images, i, frame))
+        u = out_of_frame(frame, wp.vec2(w[0, 0], w[1, 0]))
+        v = out_of_frame(frame, wp.vec2(w[0, 1], w[1, 1]))
     u *= CELLS * smoothing
     v *= CELLS * smoothing
     area = wp.length(wp.cross(u, v))

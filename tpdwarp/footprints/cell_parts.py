@@ -31,6 +31,7 @@ from tpdwarp.footprints.photon_rows import PhotonRows
 from tpdwarp.footprints.shaping import (
     LightImageArrays,
     PixelSize,
+    cell_in_frame,
     in_sides,
     light_on_plane,
     narrowing_at,
@@ -74,9 +75,7 @@ def measure_cells(
         on_plane = pixel_on_plane(pixel, position[i], normal[i], frame)
         parts[i] = 0.0
         if on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0] != 0.0:
-            u = wp.vec2(wp.dot(frame.e1, dxdu[i]), wp.dot(frame.e2, dxdu[i]))
-            v = wp.vec2(wp.dot(frame.e1, dxdv[i]), wp.dot(frame.e2, dxdv[i]))
-            j = wp.mat22(u[0], v[0], u[1], v[1])
+            j = cell_in_frame(frame, dxdu[i], dxdv[i])
             overlaps = bool(False)
             if images.image.shape[0] > 0:
                 own = in_sides(on_plane, j)

@@ -32,9 +32,11 @@ from tpdwarp.footprints.shaping import (
     LightOnPlane,
     PixelOnPlane,
     PixelSize,
+    cell_in_frame,
     in_sides,
     light_on_plane,
     narrowing_at,
+    out_of_frame,
     pixel_on_plane,
     tangent_frame,
 )
@@ -201,18 +203,16 @@ def spread_cells(
     for i in range(start, start + in_turn):
         frame = tangent_frame(normal[i])
         on_plane = pixel_on_plane(pixel, position[i], normal[i], frame)
-        width = narrowing_at(images, i)
-        u = width * wp.vec2(wp.dot(frame.e1, dxdu[i]), wp.dot(frame.e2, dxdu[i]))
-        v = width * wp.vec2(wp.dot(frame.e1, dxdv[i]), wp.dot(frame.e2, dxdv[i]))
-        lit = lit_cell(wp.mat22(u[0], v[0], u[1], v[1]), on_plane, light_on_plane(images, i, frame))
-        dxdu[i] = lit.w[0, 0] * frame.e1 + lit.w[1, 0] * frame.e2
-        dxdv[i] = lit.w[0, 1] * frame.e1 + lit.w[1, 1] * frame.e2
-        first[i] = lit.first[0] * frame.e1 + lit.first[1] * frame.e2
-        second[i] = lit.second[0] * frame.e1 + lit.second[1] * frame.e2
+        j = narrowing_at(images, i) * cell_in_frame(frame, dxdu[i], dxdv[i])
+        lit = lit_cell(j, on_plane, light_on_plane(images, i, frame))
+        dxdu[i] = out_of_frame(frame, wp.vec2(lit.w[0, 0], lit.w[1, 0]))
+        dxdv[i] = out_of_frame(frame, wp.vec2(lit.w[0, 1], lit.w[1, 1]))
+        first[i] = out_of_frame(frame, lit.first)
+        second[i] = out_of_frame(frame, lit.second)
         share[i] = lit.share
         if lit.share > 0.0:
-            other_u[i] = lit.other[0, 0] * frame.e1 + lit.other[1, 0] * frame.e2
-            other_v[i] = lit.other[0, 1] * frame.e1 + lit.other[1, 1] * frame.e2
+            other_u[i] = out_of_frame(frame, wp.vec2(lit.other[0, 0], lit.other[1, 0]))
+            other_v[i] = out_of_frame(frame, wp.vec2(lit.other[0, 1], lit.other[1, 1]))
 
 
 def spread_over_images(cells: list[PhotonRows], pixel: PixelSize, launcher: Launcher) -> list[PhotonRows]:

@@ -220,11 +220,31 @@ def within_scene(axis: wp.vec2) -> wp.vec2:
 
 
 @wp.func
+def in_frame(frame: TangentFrame, x: wp.vec3) -> wp.vec2:
+    """The part of a vector that lies in the tangent plane (Eq. 7, whose M works within it)."""
+    return wp.vec2(wp.dot(frame.e1, x), wp.dot(frame.e2, x))
+
+
+@wp.func
+def out_of_frame(frame: TangentFrame, x: wp.vec2) -> wp.vec3:
+    """The vector in space that one of the tangent plane is (Eq. 7, whose M works within it)."""
+    return x[0] * frame.e1 + x[1] * frame.e2
+
+
+@wp.func
+def cell_in_frame(frame: TangentFrame, dxdu: wp.vec3, dxdv: wp.vec3) -> wp.mat22:
+    """J, whose columns are D_u x and D_v x in the tangent plane: what Eq. 7 inverts."""
+    u = in_frame(frame, dxdu)
+    v = in_frame(frame, dxdv)
+    return wp.mat22(u[0], v[0], u[1], v[1])
+
+
+@wp.func
 def light_on_plane(images: LightImageArrays, photon: int, frame: TangentFrame) -> LightOnPlane:
     """The image of a photon's light in a tangent frame (beyond the paper)."""
     out = LightOnPlane()
-    out.a = within_scene(wp.vec2(wp.dot(frame.e1, images.dxda[photon]), wp.dot(frame.e2, images.dxda[photon])))
-    out.b = within_scene(wp.vec2(wp.dot(frame.e1, images.dxdb[photon]), wp.dot(frame.e2, images.dxdb[photon])))
+    out.a = within_scene(in_frame(frame, images.dxda[photon]))
+    out.b = within_scene(in_frame(frame, images.dxdb[photon]))
     out.image = images.image[photon]
     return out
 
@@ -484,8 +504,8 @@ def rows_times(row_u: wp.vec3, row_v: wp.vec3, d: wp.vec3) -> wp.vec2:
 @wp.func
 def in_filter_space(pixel: PixelOnPlane, frame: TangentFrame, row_u: wp.vec3, row_v: wp.vec3) -> wp.mat22:
     """M P and M Q (M of Eq. 7): the sides of a parallelogram in filter space, as columns."""
-    p = pixel.p[0] * frame.e1 + pixel.p[1] * frame.e2
-    q = pixel.q[0] * frame.e1 + pixel.q[1] * frame.e2
+    p = out_of_frame(frame, pixel.p)
+    q = out_of_frame(frame, pixel.q)
     return wp.mat22(wp.dot(row_u, p), wp.dot(row_u, q), wp.dot(row_v, p), wp.dot(row_v, q))
 
 

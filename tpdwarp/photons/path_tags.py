@@ -81,10 +81,22 @@ def _shape_of(mesh: MeshAtShutter) -> tuple[int, int]:
     return crc32(np.ascontiguousarray(mesh.points)), crc32(np.ascontiguousarray(mesh.triangles))
 
 
+class _Planes(NamedTuple):
+    """Triangles of a mesh that are flat, the number of the plane that each of them lies in, and the parts of the mesh
+    that lie in each."""
+
+    rows: np.ndarray
+    numbers: np.ndarray
+    parts: np.ndarray
+
+
+# What does not move is the same object from shutter to shutter.
+_PLANES: WeakKeyDictionary[MeshAtShutter, _Planes | None] = WeakKeyDictionary()
+
+
 def facets_of(mesh: MeshAtShutter, least: float) -> np.ndarray:
     """Numbers, from 1 on, of plane facets that make up more than the part ``least`` of ``mesh``; else 0; [m] int32."""
     facets = np.zeros(len(mesh.triangles), np.int32)
-    # What does not move is the same object from shutter to shutter.
     if mesh not in _PLANES:
         _PLANES[mesh] = _planes_of(mesh)
     planes = _PLANES[mesh]
@@ -94,15 +106,6 @@ def facets_of(mesh: MeshAtShutter, least: float) -> np.ndarray:
         names[large] = 1 + np.arange(len(large), dtype=np.int32)
         facets[planes.rows] = names[planes.numbers]
     return facets
-
-
-class _Planes(NamedTuple):
-    """Triangles of a mesh that are flat, the number of the plane that each of them lies in, and the parts of the mesh
-    that lie in each."""
-
-    rows: np.ndarray
-    numbers: np.ndarray
-    parts: np.ndarray
 
 
 def _planes_of(mesh: MeshAtShutter) -> _Planes | None:
@@ -124,9 +127,6 @@ def _planes_of(mesh: MeshAtShutter) -> _Planes | None:
         return None
     parts = np.bincount(numbers, weights=areas) / max(float(_areas(mesh).sum()), np.finfo(float).tiny)
     return _Planes(flat, numbers, parts)
-
-
-_PLANES: WeakKeyDictionary[MeshAtShutter, _Planes | None] = WeakKeyDictionary()
 
 
 def _is_flat(mesh: MeshAtShutter) -> np.ndarray:

@@ -187,8 +187,8 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     plan = tracer.plan(min(photons, PILOT_PHOTONS), clock)
     tags = PathTags(loaded.scene, plan.photons).of(loaded.scene)
     middle, _ = tracer.trace(loaded, plan, clock, tags=tags, place=MIDDLE)
-    uneven = _unevenness(middle, plan)[_has_image(middle)]
-    middle = _with_image(middle)
+    lit = _has_image(middle)
+    uneven, middle = _unevenness(middle, plan)[lit], middle.rows(lit)
     missed, changed = np.zeros(len(middle)), np.zeros(len(middle))
     from_rim_alone = []
     for place in RIM:
