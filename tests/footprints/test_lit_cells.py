@@ -10,14 +10,24 @@ from tests.footprints.photons import ONE_THREAD, photon_map
 from tests.footprints.test_light_images import BOX, DISC, lit
 from tests.rendering.test_extended_lights import irradiance, sun
 from tests.view.scenes import WATER, floor, looking_down, quad, steady
+from tpdwarp.footprints.cell_parts import MeasuredCells
 from tpdwarp.footprints.lit_cells import spread_over_images
 from tpdwarp.footprints.photon_rows import PhotonRows, stacked
 from tpdwarp.footprints.shaping import PixelSize
+from tpdwarp.photons.photon_map import PhotonMap
 from usd_scenes.oracle.closed_forms import fresnel_reflectance
 
 PIXEL = PixelSize()
 PIXEL.back, PIXEL.orthographic = wp.vec3(0, 0, 1), 1
 PIXEL.right, PIXEL.up = wp.vec3(0.25, 0, 0), wp.vec3(0, 0.25, 0)
+
+
+def spread(photons: PhotonMap) -> list[PhotonRows]:
+    """What stands for the cells of photons, as wide as they are."""
+    cells = [PhotonRows(photons)]
+    measured = MeasuredCells.of(cells, PIXEL, ONE_THREAD)
+    rows = np.arange(len(photons), dtype=np.int32)
+    return spread_over_images(cells, rows, measured.copies, measured.columns, PIXEL, ONE_THREAD)
 
 
 @pytest.mark.parametrize("photons", [1 << 14, 1 << 15, 1 << 17, 1 << 18, 1 << 20])
@@ -42,7 +52,7 @@ def test_light_of_a_sun_through_still_water_is_even_however_fine_its_cells_are(d
 )
 def test_copies_of_a_cell_have_its_flux_middle_and_variance_with_that_of_its_image(du, dv, a, b, image):
     photons = lit(photon_map([(0.1, 0.2, 0)], du, dv), a, b, image)
-    found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)
+    found = spread(photons)
     part = stacked(found, "flux")[:, 0] / photons.flux[0, 0]
     assert part.sum() == pytest.approx(1, rel=1e-6)
     place, sides = stacked(found, "position")[:, :2], [stacked(found, name)[:, :2] for name in ("dxdu", "dxdv")]
@@ -69,7 +79,7 @@ def test_no_seam_shows_where_ever_longer_cells_go_over_to_another_whole_number()
     du = np.stack([sizes, np.zeros(700), np.zeros(700)], axis=1)
     flux = np.repeat(sizes[:, None] / 0.25, 3, axis=1)
     photons = lit(photon_map(places, du, (0, 0.02, 0), flux=flux), (0.03, 0, 0), (0, 1e-4, 0))
-    found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)
+    found = spread(photons)
     x, half = (stacked(found, name)[:, 0].astype(np.float64) for name in ("position", "dxdu"))
     half, part = 0.5 * half, stacked(found, "flux")[:, 0].astype(np.float64)
     np.testing.assert_allclose(stacked(found, "dxdv"), np.tile([0, 0.02, 0], (len(x), 1)), atol=1e-6)
@@ -84,7 +94,7 @@ def test_no_seam_shows_where_ever_longer_cells_go_over_to_another_whole_number()
 
 def test_a_cell_whose_light_has_no_image_stays_alone():
     photons = lit(photon_map([(0, 0, 0)], (0.3, 0, 0), (0, 0.2, 0)), (1e-3, 0, 0), (0, 1e-3, 0))
-    found = spread_over_images([PhotonRows(photons)], PIXEL, ONE_THREAD)
+    found = spread(photons)
     assert sum(map(len, found)) == 1
     np.testing.assert_array_equal(stacked(found, "position"), photons.position)
     np.testing.assert_allclose(stacked(found, "dxdu"), photons.dxdu, rtol=1e-6)

@@ -18,7 +18,7 @@ Beyond the paper.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -26,10 +26,9 @@ import warp as wp
 from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.light_images import images_of, is_widened
-from tpdwarp.footprints.lit_cells import lit_cell, spread_over_images
-from tpdwarp.footprints.photon_rows import PhotonRows
+from tpdwarp.footprints.lit_cells import CellColumns, copy_count, lit_cell, spread_over_images
+from tpdwarp.footprints.photon_rows import PhotonRows, stacked
 from tpdwarp.footprints.shaping import (
-    LightImageArrays,
     PixelSize,
     cell_in_frame,
     in_sides,
@@ -59,31 +58,31 @@ def measure_cells(
     base: int,
     in_turn: int,
     # In
-    position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
-    dxdu: wp.array(dtype=wp.vec3),
-    dxdv: wp.array(dtype=wp.vec3),
-    images: LightImageArrays,
+    cells: CellColumns,
     pixel: PixelSize,
     # Out
     parts: wp.array(dtype=wp.float32),
+    copies: wp.array(dtype=wp.int32),
 ):
-    """The part of each photon's light that is that of its cell."""
+    """The part of each photon's light that is that of its cell, and how many footprints stand for that where lights
+    have an extent."""
     first = base + wp.tid() * in_turn
     for i in range(first, first + in_turn):
-        frame = tangent_frame(normal[i])
-        on_plane = pixel_on_plane(pixel, position[i], normal[i], frame)
+        frame = tangent_frame(cells.normal[i])
+        on_plane = pixel_on_plane(pixel, cells.position[i], cells.normal[i], frame)
         parts[i] = 0.0
         if on_plane.p[0] * on_plane.q[1] - on_plane.p[1] * on_plane.q[0] != 0.0:
-            j = cell_in_frame(frame, dxdu[i], dxdv[i])
+            j = cell_in_frame(frame, cells.dxdu[i], cells.dxdv[i])
             overlaps = bool(False)
-            if images.image.shape[0] > 0:
+            if copies.shape[0] > 0:
                 own = in_sides(on_plane, j)
-                light = light_on_plane(images, i, frame)
+                light = light_on_plane(cells.images, i, frame)
                 overlaps = is_widened(on_plane, light) and singular_values(
                     own[0, 0], own[0, 1], own[1, 0], own[1, 1]
                 ).s1 <= LONGEST_OVERLAPPING
-                j = lit_cell(narrowing_at(images, i) * j, on_plane, light).w
+                lit = lit_cell(narrowing_at(cells.images, i) * j, on_plane, light)
+                copies[i] = copy_count(lit)
+                j = lit.w
             inside = in_sides(on_plane, j)
             sigma = singular_values(inside[0, 0], inside[0, 1], inside[1, 0], inside[1, 1])
             by_length = (SHORTEST_BSPLINE - sigma.s1) / (SHORTEST_BSPLINE - LONGEST_CELL)
@@ -93,37 +92,75 @@ def measure_cells(
                 parts[i] = wp.where(parts[i] >= 0.5, 1.0, 0.0)
 
 
+@dataclass(frozen=True, eq=False)
+class MeasuredCells:
+    """What cells of photons are, one row a photon of all maps, one below the other.
+
+    Attributes:
+        columns: The photons.
+        part: The part of the light of each that is that of its cell.
+        copies: How many footprints stand for that; no rows where no light has an extent.
+    """
+
+    columns: CellColumns
+    part: np.ndarray
+    copies: np.ndarray
+
+    @classmethod
+    def of(cls, parts: list[PhotonRows], pixel: PixelSize, launcher: Launcher) -> MeasuredCells:
+        """Those of photons, told apart by the sides that they have here."""
+        columns = CellColumns()
+        for name in ("position", "normal", "dxdu", "dxdv"):
+            setattr(columns, name, launcher.array(stacked(parts, name), wp.vec3))
+        columns.images = images_of(parts, "bspline", launcher)
+        count = sum(map(len, parts))
+        part = launcher.empty(count, wp.float32)
+        extended = all(rows.has("image") for rows in parts)
+        copies = launcher.zeros(count if extended else 0, wp.int32)
+        launcher(measure_cells, count, [columns, pixel, part, copies], in_turn=True)
+        return cls(columns, part.numpy(), copies.numpy())
+
+
 def told_apart(
     maps: list[PhotonMap], pixel: PixelSize, launcher: Launcher
 ) -> tuple[list[PhotonRows], list[PhotonRows]]:
     """Photons whose footprints are B-splines, and those of cells, each with their part of the flux."""
     splines: list[PhotonRows] = []
-    cells: list[PhotonRows] = []
-    for photons in (some for some in maps if len(some)):
-        whole = photons.in_whole_cells
-        parts = _parts(whole if photons.finer == 1 else _halved(whole), pixel, launcher)
-        for taken, part, shaped in ((splines, 1.0 - parts, whole), (cells, parts, photons)):
-            if part.min() == 1.0:
-                taken.append(PhotonRows(shaped))
-            elif part.any():
-                index = np.flatnonzero(part > 0.0)
-                taken.append(PhotonRows(shaped, index, part[index]))
     # Parts of cells lie at edges, where no lattice fills the receiver: one widened cell each is enough.
-    whole = [part for part in cells if part.photons.finer == 1]
-    parts = [part for part in cells if part.photons.finer != 1]
-    return splines, [*spread_over_images(whole, pixel, launcher), *parts]
+    whole: list[PhotonRows] = []
+    parts: list[PhotonRows] = []
+    rows: list[np.ndarray] = []
+    maps = [photons for photons in maps if len(photons)]
+    if not maps:
+        return [], []
+    in_cells = [photons.in_whole_cells for photons in maps]
+    as_told = [
+        PhotonRows(cells if photons.finer == 1 else _halved(cells))
+        for photons, cells in zip(maps, in_cells, strict=True)
+    ]
+    measured = MeasuredCells.of(as_told, pixel, launcher)
+    start = 0
+    for photons, cells in zip(maps, in_cells, strict=True):
+        part = measured.part[start : start + len(photons)]
+        of_cells = whole if photons.finer == 1 else parts
+        for taken, share, shaped in ((splines, 1.0 - part, cells), (of_cells, part, photons)):
+            if share.min() == 1.0:
+                taken.append(PhotonRows(shaped))
+            elif share.any():
+                index = np.flatnonzero(share > 0.0)
+                taken.append(PhotonRows(shaped, index, share[index]))
+            else:
+                continue
+            if taken is whole:
+                rows.append(start + (np.arange(len(part)) if taken[-1].rows is None else taken[-1].rows))
+        start += len(photons)
+    if whole and len(measured.copies):
+        at = np.concatenate(rows).astype(np.int32)
+        whole = spread_over_images(whole, at, measured.copies[at], measured.columns, pixel, launcher)
+    return splines, [*whole, *parts]
 
 
 def _halved(photons: PhotonMap) -> PhotonMap:
     """Photons with half of their columns."""
     half = np.float32(0.5)
     return replace(photons, dxdu=half * photons.dxdu, dxdv=half * photons.dxdv)
-
-
-def _parts(photons: PhotonMap, pixel: PixelSize, launcher: Launcher) -> np.ndarray:
-    out = launcher.zeros(len(photons), wp.float32)
-    columns = (getattr(photons, name) for name in ("position", "normal", "dxdu", "dxdv"))
-    arrays = [launcher.array(column, wp.vec3) for column in columns]
-    inputs = [*arrays, images_of([PhotonRows(photons)], "bspline", launcher), pixel, out]
-    launcher(measure_cells, len(photons), inputs, in_turn=True)
-    return out.numpy()

@@ -25,8 +25,8 @@ import warp as wp
 
 from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.light_images import cell_in_light, images_of, is_widened, light_variance, principal_axes
-from tpdwarp.footprints.photon_rows import PhotonRows, stacked
+from tpdwarp.footprints.light_images import cell_in_light, is_widened, light_variance, principal_axes
+from tpdwarp.footprints.photon_rows import PhotonRows
 from tpdwarp.footprints.shaping import (
     LightImageArrays,
     LightOnPlane,
@@ -59,20 +59,11 @@ OF_CELL = wp.constant(1.0 / 12.0)
 # A cell of a smaller determinant, by the squares of its sides, is a line, of which there is no filter space. Chosen,
 # not derived.
 LINE = wp.constant(1.0e-4)
-# Places of unit variance along the axes along which there are copies; along both, a triangle.
-THIRDS = [(math.cos(turn), math.sin(turn)) for turn in (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)]
-_ASIDE = math.sqrt(2.0)
-_PLACES = (
-    [(0.0, 0.0)],
-    [(0.0, -1.0), (0.0, 1.0)],
-    [(-1.0, 0.0), (1.0, 0.0)],
-    [(_ASIDE * a, _ASIDE * b) for a, b in THIRDS],
-)
-# By twice whether there are copies along the first axis and once whether along the second: how many, and where.
-COPIES = np.array([len(places) for places in _PLACES])
-PLACES = np.zeros((len(_PLACES), COPIES.max(), 2), np.float32)
-for _kind, _of_kind in enumerate(_PLACES):
-    PLACES[_kind, : len(_of_kind)] = _of_kind
+# Corners of a triangle of unit variance.
+THIRD = wp.constant(2.0 * math.pi / 3.0)
+ASIDE = wp.constant(math.sqrt(2.0))
+# Columns that copies have of their own.
+SPREAD = ("position", "dxdu", "dxdv")
 
 
 @wp.struct
@@ -178,79 +169,111 @@ def lit_cell(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane) -> LitCell:
     return out
 
 
+@wp.func
+def copy_count(lit: LitCell) -> int:
+    """How many footprints stand for a cell: two with copies along one axis, three along both, as many of the other."""
+    count = int(1)
+    if wp.length_sq(lit.first) > 0.0:
+        count += 1
+    if wp.length_sq(lit.second) > 0.0:
+        count += 1
+    return wp.where(lit.share > 0.0, 2 * count, count)
+
+
+@wp.func
+def _place_of_copy(lit: LitCell, number: int) -> wp.vec2:
+    """How far aside a copy lies: those along one axis at −1 and 1 of it, those along both at the corners of a triangle,
+    so that they have unit variance."""
+    along_first = wp.length_sq(lit.first) > 0.0
+    along_second = wp.length_sq(lit.second) > 0.0
+    if along_first and along_second:
+        turn = THIRD * float(number)
+        return ASIDE * (wp.cos(turn) * lit.first + wp.sin(turn) * lit.second)
+    return (2.0 * float(number) - 1.0) * (lit.first + lit.second)
+
+
+@wp.struct
+class CellColumns:
+    """Photons whose cells are measured and spread, one row a photon, and the images of their lights."""
+
+    position: wp.array(dtype=wp.vec3)
+    normal: wp.array(dtype=wp.vec3)
+    dxdu: wp.array(dtype=wp.vec3)
+    dxdv: wp.array(dtype=wp.vec3)
+    images: LightImageArrays
+
+
 @wp.kernel(enable_backward=False)
 def spread_cells(
     base: int,
     in_turn: int,
     # In
-    position: wp.array(dtype=wp.vec3),
-    normal: wp.array(dtype=wp.vec3),
-    images: LightImageArrays,
+    rows: wp.array(dtype=wp.int32),
+    starts: wp.array(dtype=wp.int32),
+    cells: CellColumns,
     pixel: PixelSize,
-    # In and out
+    # Out
+    position: wp.array(dtype=wp.vec3),
     dxdu: wp.array(dtype=wp.vec3),
     dxdv: wp.array(dtype=wp.vec3),
-    # Out
-    first: wp.array(dtype=wp.vec3),
-    second: wp.array(dtype=wp.vec3),
-    other_u: wp.array(dtype=wp.vec3),
-    other_v: wp.array(dtype=wp.vec3),
     share: wp.array(dtype=wp.float32),
 ):
-    """The sides of cells, and how far copies of them lie aside along two axes, 0 where there is none along one; those
-    of the cells that ``share`` of the light is."""
-    start = base + wp.tid() * in_turn
-    for i in range(start, start + in_turn):
-        frame = tangent_frame(normal[i])
-        on_plane = pixel_on_plane(pixel, position[i], normal[i], frame)
-        j = narrowing_at(images, i) * cell_in_frame(frame, dxdu[i], dxdv[i])
-        lit = lit_cell(j, on_plane, light_on_plane(images, i, frame))
-        dxdu[i] = out_of_frame(frame, wp.vec2(lit.w[0, 0], lit.w[1, 0]))
-        dxdv[i] = out_of_frame(frame, wp.vec2(lit.w[0, 1], lit.w[1, 1]))
-        first[i] = out_of_frame(frame, lit.first)
-        second[i] = out_of_frame(frame, lit.second)
-        share[i] = lit.share
+    """The copies of some cells, from ``starts`` on, and which share of the light each of them is."""
+    first = base + wp.tid() * in_turn
+    for k in range(first, first + in_turn):
+        i = rows[k]
+        frame = tangent_frame(cells.normal[i])
+        on_plane = pixel_on_plane(pixel, cells.position[i], cells.normal[i], frame)
+        j = narrowing_at(cells.images, i) * cell_in_frame(frame, cells.dxdu[i], cells.dxdv[i])
+        lit = lit_cell(j, on_plane, light_on_plane(cells.images, i, frame))
+        count = copy_count(lit)
+        copies = int(count)
         if lit.share > 0.0:
-            other_u[i] = out_of_frame(frame, wp.vec2(lit.other[0, 0], lit.other[1, 0]))
-            other_v[i] = out_of_frame(frame, wp.vec2(lit.other[0, 1], lit.other[1, 1]))
+            copies = count / 2
+        for n in range(count):
+            w = lit.w
+            part = 1.0 - lit.share
+            if n >= copies:
+                w = lit.other
+                part = lit.share
+            at = starts[k] + n
+            position[at] = cells.position[i]
+            if copies > 1:
+                position[at] += out_of_frame(frame, _place_of_copy(lit, n % copies))
+            dxdu[at] = out_of_frame(frame, wp.vec2(w[0, 0], w[1, 0]))
+            dxdv[at] = out_of_frame(frame, wp.vec2(w[0, 1], w[1, 1]))
+            share[at] = part / float(copies)
 
 
-def spread_over_images(cells: list[PhotonRows], pixel: PixelSize, launcher: Launcher) -> list[PhotonRows]:
-    """Cells as what stands for them under the images of their lights, which these photons then have no more."""
-    if not cells or not all(part.has("image") for part in cells):
-        return cells
-    columns = [launcher.array(stacked(cells, name), wp.vec3) for name in ("position", "normal")]
-    sides = [launcher.array(stacked(cells, name, own=True), wp.vec3) for name in ("dxdu", "dxdv")]
-    count = sum(map(len, cells))
-    asides = [launcher.zeros(count, wp.vec3) for _ in range(2)]
-    others = [launcher.zeros(count, kind) for kind in (wp.vec3, wp.vec3, wp.float32)]
-    images = images_of(cells, "bspline", launcher)
-    launcher(spread_cells, count, [*columns, images, pixel, *sides, *asides, *others], in_turn=True)
-    position, dxdu, dxdv, first, second = (values.numpy() for values in (columns[0], *sides, *asides))
-    other_u, other_v, other = (values.numpy() for values in others)
+def spread_over_images(
+    cells: list[PhotonRows],
+    rows: np.ndarray,
+    copies: np.ndarray,
+    columns: CellColumns,
+    pixel: PixelSize,
+    launcher: Launcher,
+) -> list[PhotonRows]:
+    """Cells as what stands for them under the images of their lights, which these photons then have no more.
 
-    # ---- Copies, cell by cell: those of the cell, then those of the other
-    kind = 2 * first.any(axis=1).astype(np.int8) + second.any(axis=1)
-    copies = COPIES[kind]
-    rows = np.where(other > 0.0, 2 * copies, copies)
-    cell = np.repeat(np.arange(count), rows)
-    number = np.arange(len(cell)) - np.repeat(np.cumsum(rows) - rows, rows)
-    swap = number >= copies[cell]
-    place = PLACES[kind[cell], number - swap * copies[cell]]
-    share = np.where(swap, other[cell], 1.0 - other[cell]) / copies[cell].astype(np.float32)
-    changed = {
-        "position": position[cell] + place[:, :1] * first[cell] + place[:, 1:] * second[cell],
-        "dxdu": np.where(swap[:, None], other_u[cell], dxdu[cell]),
-        "dxdv": np.where(swap[:, None], other_v[cell], dxdv[cell]),
-        "image": np.full(len(cell), int(LightImage.NONE), np.int32),
-    }
+    Args:
+        rows: Where the photons of all ``cells`` stand in ``columns``, shape [n] int32.
+        copies: How many footprints stand for each of them, shape [n] int32.
+    """
+    ends = np.cumsum(copies, dtype=np.int32)
+    total = int(ends[-1]) if len(ends) else 0
+    out = [launcher.empty(total, kind) for kind in (wp.vec3, wp.vec3, wp.vec3, wp.float32)]
+    given = [launcher.array(values, wp.int32) for values in (rows, ends - copies)]
+    launcher(spread_cells, len(rows), [*given, columns, pixel, *out], in_turn=True)
+    position, dxdu, dxdv, share = (values.numpy() for values in out)
     found = []
-    start = 0
+    start = first = 0
     for part in cells:
-        low, high = np.searchsorted(cell, (start, start + len(part)))
-        rows = cell[low:high] - start
-        of_part = share[low:high] if part.part is None else share[low:high] * part.part[rows]
-        values = {name: column[low:high] for name, column in changed.items()}
-        found.append(PhotonRows(part.photons, rows if part.rows is None else part.rows[rows], of_part, values))
-        start += len(part)
+        last = int(ends[start + len(part) - 1])
+        of_part = copies[start : start + len(part)]
+        here = np.arange(len(part)) if part.rows is None else part.rows
+        of_light = share[first:last] if part.part is None else share[first:last] * np.repeat(part.part, of_part)
+        values = {name: column[first:last] for name, column in zip(SPREAD, (position, dxdu, dxdv), strict=True)}
+        values["image"] = np.full(last - first, int(LightImage.NONE), np.int32)
+        found.append(PhotonRows(part.photons, np.repeat(here, of_part), of_light, values))
+        start, first = start + len(part), last
     return found

@@ -311,6 +311,37 @@ class FluxOfPlaces:
 
 
 @wp.func
+def flux_of_directions(patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3) -> FluxOfPlaces:
+    """:func:`flux_of_places` of the directions of a sun: cosines, whose mean is that of its middle unless the horizon
+    cuts it."""
+    out = FluxOfPlaces()
+    facing = wp.dot(beam.w, n_g)
+    cosine = wp.abs(facing)
+    out.mean = 1.0
+    out.narrowing = wp.vec2(1.0, 1.0)
+    if cosine <= 0.0 or (patch.extent_shape == ROUND and patch.extent_radius <= 0.0):
+        return out
+    change = wp.vec2(wp.dot(columns.dwda, n_g), wp.dot(columns.dwdb, n_g)) / facing
+    k = VARIANCE_OF_INTERVAL
+    if columns.image == IMAGE_DISC:
+        k = VARIANCE_OF_DISC
+    out.middle = 1.0 - 2.0 * k
+    rims = wp.vec4(1.0 + change[0], 1.0 - change[0], 1.0 + change[1], 1.0 - change[1])
+    if wp.length_sq(change) > 1.0:
+        # Some of the rim lies below the horizon.
+        rims = wp.max(rims, wp.vec4(0.0, 0.0, 0.0, 0.0))
+        change = 0.5 * wp.vec2(rims[0] - rims[1], rims[2] - rims[3])
+        mean = out.middle + 0.5 * k * (rims[0] + rims[1] + rims[2] + rims[3])
+        change /= wp.max(mean, wp.length(change))
+        if patch.extent_shape == ROUND:
+            mean = round_irradiance(cosine, wp.max(1.0 / patch.extent_radius, 1.0)) / cosine
+        out.mean = wp.clamp(mean, 0.1, 2.0)
+    out.rims = 0.5 * k * rims
+    out.gain = change
+    return out
+
+
+@wp.func
 def flux_of_places(
     patch: Patch, beam: Beam, columns: LightColumns, n_g: wp.vec3, from_middle: wp.vec3
 ) -> FluxOfPlaces:
@@ -382,9 +413,8 @@ def flux_of_places(
 
 
 @wp.func
-def reflectance_at(at: Interface, w: wp.vec3) -> float:
+def reflectance_at(at: Interface, cos_i: float) -> float:
     """What an interface reflects of light of another direction than that it was made for."""
-    cos_i = wp.min(-wp.dot(w, at.n), 1.0)
     cos_t_squared = refracted_cosine_squared(cos_i, at.eta)
     if cos_i <= 0.0 or cos_t_squared <= 0.0:
         return 1.0
@@ -397,11 +427,17 @@ def mean_reflectance(at: Interface, w: wp.vec3, columns: LightColumns, places: F
     total = places.middle + places.rims[0] + places.rims[1] + places.rims[2] + places.rims[3]
     if total <= 0.0 or at.cos_t <= 0.0:
         return at.reflectance
+    # The columns are perpendicular to ω.
+    cos_i = -wp.dot(w, at.n)
+    a = -wp.dot(columns.dwda, at.n)
+    b = -wp.dot(columns.dwdb, at.n)
+    of_a = 1.0 / wp.sqrt(1.0 + wp.length_sq(columns.dwda))
+    of_b = 1.0 / wp.sqrt(1.0 + wp.length_sq(columns.dwdb))
     of_rims = wp.vec4(
-        reflectance_at(at, wp.normalize(w + columns.dwda)),
-        reflectance_at(at, wp.normalize(w - columns.dwda)),
-        reflectance_at(at, wp.normalize(w + columns.dwdb)),
-        reflectance_at(at, wp.normalize(w - columns.dwdb)),
+        reflectance_at(at, wp.min((cos_i + a) * of_a, 1.0)),
+        reflectance_at(at, wp.min((cos_i - a) * of_a, 1.0)),
+        reflectance_at(at, wp.min((cos_i + b) * of_b, 1.0)),
+        reflectance_at(at, wp.min((cos_i - b) * of_b, 1.0)),
     )
     return (places.middle * at.reflectance + wp.dot(places.rims, of_rims)) / total
 

@@ -40,6 +40,7 @@ from tpdwarp.photons.light_columns import (
     LightColumns,
     centroid_shift,
     columns_at,
+    flux_of_directions,
     flux_of_places,
     from_visible_side,
     mean_reflectance,
@@ -449,7 +450,10 @@ def tracing_kernel(variant: TracingVariant) -> wp.Kernel:
                                 off = patch.light_place[0] * columns.dwda + patch.light_place[1] * columns.dwdb
                                 beam.w = wp.normalize(beam.w + off)
                             elif patch.extent_shape >= 0:
-                                places = flux_of_places(patch, beam, columns, hit.n_g, from_middle)
+                                if patch.domain == 0:
+                                    places = flux_of_directions(patch, beam, columns, hit.n_g)
+                                else:
+                                    places = flux_of_places(patch, beam, columns, hit.n_g, from_middle)
                                 columns.gain = places.gain
                                 columns.dwda *= places.narrowing[0]
                                 columns.dwdb *= places.narrowing[1]
