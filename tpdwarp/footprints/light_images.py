@@ -159,6 +159,20 @@ def parallelogram_of(variance: wp.mat22) -> PixelOnPlane:
 
 
 @wp.func
+def sides_of(variance: wp.mat22) -> PixelOnPlane:
+    """Sides of a parallelogram that has a variance, whichever: one of them along the first axis."""
+    out = PixelOnPlane()
+    first = wp.sqrt(12.0 * variance[0, 0])
+    if first > 0.0:
+        along = 12.0 * variance[0, 1] / first
+        out.p = wp.vec2(first, along)
+        out.q = wp.vec2(0.0, wp.sqrt(wp.max(12.0 * variance[1, 1] - along * along, 0.0)))
+    else:
+        out.p = wp.vec2(0.0, wp.sqrt(12.0 * variance[1, 1]))
+    return out
+
+
+@wp.func
 def turned_as(j: wp.mat22) -> wp.mat22:
     """The turn in J, (J Jᵀ)^−½ J: a symmetric footprint times it is the one of that variance that is nearest to J.
 
@@ -222,7 +236,8 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
         wide = 2.0 * variance_root(0.25 * j * wp.transpose(j) + by_light)
         of_lobe = singular_values(wide[0, 0], wide[0, 1], wide[1, 0], wide[1, 1])
         return axes_of(of_lobe, wide[0, 0], wide[0, 1], wide[1, 0], wide[1, 1], pixel, distance)
-    both = parallelogram_of(by_light + by_pixel)
+    total = by_light + by_pixel
+    both = sides_of(total)
     lit = wp.trace(by_light) > wp.trace(by_pixel)
     limit = wp.where(lit, FINE, 1.0)
     if wp.length_sq(both.q) > 0.0:
@@ -239,11 +254,12 @@ def image_axes(j: wp.mat22, pixel: PixelOnPlane, light: LightOnPlane, distance: 
                 box.p = 2.0 * light.a
                 box.q = 2.0 * light.b
                 return pixel_axes(box, in_sides(box, 2.0 * variance_root(own + by_pixel)), distance)
-            return disc_axes(by_light, own + by_light + by_pixel, pixel, distance)
+            return disc_axes(by_light, own + total, pixel, distance)
         # ---- The image is a line, and the footprint none
-        rounder = wp.abs(singular.s2) * wp.length(both.p) > singular.s1 * wp.length(both.q)
+        of_both = principal_axes(total)
+        rounder = singular.s2 * singular.s2 * of_both.s1 > singular.s1 * singular.s1 * of_both.s2
         if wp.abs(sigma.s2) < limit and lit and rounder:
-            return disc_axes(by_light, own + by_light + by_pixel, pixel, distance)
+            return disc_axes(by_light, own + total, pixel, distance)
         # ---- A line
         if wp.abs(sigma.s2) < limit:
             if not lit:

@@ -35,7 +35,7 @@ from tpdwarp.compiler_flags import calls_inlined, own_module
 from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.footprints.cells import HALF, pixel_extent
 from tpdwarp.footprints.kernels import VARIANCE
-from tpdwarp.photons.light_columns import IMAGE_DISC, IMAGE_PARALLELOGRAM
+from tpdwarp.photons.light_columns import IMAGE_DISC, IMAGE_NONE, IMAGE_PARALLELOGRAM
 
 # Longest axis of a footprint: the size of the scene, in the tracer's units.
 LONGEST_AXIS = wp.constant(1.0)
@@ -216,7 +216,10 @@ def tangent_frame(n: wp.vec3) -> TangentFrame:
 @wp.func
 def within_scene(axis: wp.vec2) -> wp.vec2:
     """The axis of a light's image (beyond the paper), no longer than the scene: grazing light has endless ones."""
-    return axis * wp.min(1.0, LONGEST_AXIS / wp.max(wp.length(axis), 1.0e-30))
+    out = axis
+    if wp.length_sq(axis) > LONGEST_AXIS * LONGEST_AXIS:
+        out *= LONGEST_AXIS / wp.length(axis)
+    return out
 
 
 @wp.func
@@ -243,9 +246,10 @@ def cell_in_frame(frame: TangentFrame, dxdu: wp.vec3, dxdv: wp.vec3) -> wp.mat22
 def light_on_plane(images: LightImageArrays, photon: int, frame: TangentFrame) -> LightOnPlane:
     """The image of a photon's light in a tangent frame (beyond the paper)."""
     out = LightOnPlane()
-    out.a = within_scene(in_frame(frame, images.dxda[photon]))
-    out.b = within_scene(in_frame(frame, images.dxdb[photon]))
     out.image = images.image[photon]
+    if out.image != IMAGE_NONE:
+        out.a = within_scene(in_frame(frame, images.dxda[photon]))
+        out.b = within_scene(in_frame(frame, images.dxdb[photon]))
     return out
 
 
