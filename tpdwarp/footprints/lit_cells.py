@@ -273,7 +273,7 @@ def spread_over_images(
         here = np.arange(len(part)) if part.rows is None else part.rows
         of_light = share[first:last] if part.part is None else share[first:last] * np.repeat(part.part, of_part)
         values = {name: column[first:last] for name, column in zip(SPREAD, (position, dxdu, dxdv), strict=True)}
-        values["image"] = np.full(last - first, int(LightImage.NONE), np.int32)
+        values |= {"image": np.int32(LightImage.NONE), "dxda": np.float32(0.0), "dxdb": np.float32(0.0)}
         found.append(PhotonRows(part.photons, np.repeat(here, of_part), of_light, values))
         start, first = start + len(part), last
     return found

@@ -20,13 +20,13 @@ class PhotonRows:
         photons: The map.
         rows: Which, by index, shape [n]; None for all.
         part: The part of its flux that each of them has here, shape [n]; None for all of it.
-        changed: Columns in the place of those of the map, shape [n, ...] each.
+        changed: Columns in the place of those of the map, shape [n, ...] each, or one value for all of them.
     """
 
     photons: PhotonMap
     rows: np.ndarray | None = None
     part: np.ndarray | None = None
-    changed: Mapping[str, np.ndarray] = field(default_factory=dict)
+    changed: Mapping[str, np.ndarray | np.generic] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.photons) if self.rows is None else len(self.rows)
