@@ -152,6 +152,25 @@ def test_a_lamp_beside_rough_glass_is_split_as_beside_smooth_glass(roughness):
     assert parts >= 37
 
 
+def test_what_roughness_blurs_takes_fewer_parts():
+    """A rectangle over a ball: 217 parts of smooth glass, 19 of a roughness of .4, which err as little as 91 there."""
+    lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.1, 0.1, 2.0]))
+    light = replace(lamp, profile=EmissionProfile.COSINE, extent=Extent(ExtentShape.RECT, 0.0, SPANS))
+
+    def light_of(roughness, **changes):
+        camera = looking_down((-0.8, 0.8, -0.8, 0.8), height=0.1)
+        source = steady([floor(), glass_ball(0.6, roughness)], (light,), camera)
+        context = RenderContext(source, Settings(samples=1, threads=1, aovs=("irradiance",), **changes))
+        frame = render_frame(context, Shutter(0, 0, 0), 16, 16)
+        found = frame.channels["irradiance.R"].astype(np.float64)
+        return found, frame.energy.counts.get("parts of each light with extent", 1)
+
+    smooth, rough = (light_of(roughness, photons=1 << 16) for roughness in (0.0, 0.4))
+    assert rough[1] < 0.5 * smooth[1]
+    truth, _ = light_of(0.4, estimator="accumulation", accumulation_times=64, photons=1 << 13)
+    assert np.sqrt(np.mean((rough[0] - truth) ** 2) / np.mean(truth**2)) < 0.02
+
+
 def test_a_tube_above_wide_water_is_split_though_its_image_is_narrow():
     """Light of the water changes slowly beside that: seven parts blur it by little, and err far less than one."""
     lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.2, 0.1, 1.2]))
