@@ -51,6 +51,22 @@ def test_light_that_accelerates_and_grows_evenly_does_so_within_its_parts():
             np.testing.assert_allclose(photons.trajectory.gain, slope, rtol=0.1)
 
 
+def test_light_that_has_come_to_rest_does_not_go_back():
+    """As total reflection ends light rushes at first, and hardly moves soon after."""
+    rests = -0.3
+
+    def place(t, n):
+        return 1000.0 * np.minimum(t - rests, 0.0) + t + 0 * n
+
+    maps = parts([[6]] * 5, place, lambda t, n: 1.0 + 0 * (t + n))
+    first, second, *others = joined_in_time(maps)
+    # Half of D_tt x is what D_t x changes by from the middle of a part to its ends.
+    assert 0.5 * np.abs(first.trajectory.dxdtt[0, 0]) <= np.abs(first.dxdt[0, 0]) * (1 + 1e-5)
+    # The third part and the second go alike, the first goes a thousand times as fast.
+    assert np.abs(second.trajectory.dxdtt).max() < 0.01
+    assert max(np.abs(photons.trajectory.dxdtt).max() for photons in others) < 0.01
+
+
 def test_light_that_begins_or_ends_or_takes_another_path_has_nothing_to_go_on_from():
     ids = [[1], [1], [2], [2], []]
     maps = parts(ids, lambda t, n: t**2 + 0 * n, lambda t, n: 1.0 + t + 0 * n)

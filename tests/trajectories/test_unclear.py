@@ -57,12 +57,14 @@ def test_light_shines_from_when_it_is_uncovered_however_late(begins):
         assert found.mean() == pytest.approx(exact.mean(), rel=0.05)
 
 
-def test_no_scenes_are_loaded_for_hardly_any_light(tmp_path, monkeypatch):
-    """A coarse lattice over a turning torus has some cells of which nothing tells when their light ends."""
+@pytest.mark.parametrize("scene, photons", [("torus-turning-10", 1024), ("blob-turning", 4096)])
+def test_no_scenes_are_loaded_for_hardly_any_light(scene, photons, tmp_path, monkeypatch):
+    """A coarse lattice over a turning torus has some cells of which nothing tells when their light ends; over a blob
+    there are such on many paths, of which each has little light."""
     loads, load = [], PhotonTracer.load
     monkeypatch.setattr(PhotonTracer, "load", lambda *given, **options: loads.append(1) or load(*given, **options))
-    settings = Settings(photons=1024, samples=1, exposure=1.0, camera=CAMERA, image_width=32, aovs=("irradiance",))
-    stage = StageScene.open(str(write("torus-turning-10", tmp_path)), settings)
+    settings = Settings(photons=photons, samples=1, exposure=1.0, camera=CAMERA, image_width=32, aovs=("irradiance",))
+    stage = StageScene.open(str(write(scene, tmp_path)), settings)
     render_frame(RenderContext(stage, settings), stage.shutter(FRAME, settings), 32, 32)
-    # Keyframes and twice nine instants take 29; each part that is cut takes eight more, and nearly all hold such cells.
-    assert len(loads) < 60
+    # Keyframes and nine instants take 20; each part that is cut takes eight more, and nearly all hold such cells.
+    assert len(loads) < 40

@@ -181,12 +181,10 @@ def _along_keyframes(
     account.add(fitted)
     traced = [(photons, plan)]
     if changing:
-        shutter = seen.scene.shutter
-        for cells in finer_in_time(changing, resting):
-            if cells:
-                parts, more = traced_in_parts(tracer, keyframes, cells, shutter, weight, light, clock, **options)
-                account.add(more)
-                traced += [(part, cells.plan) for part in parts]
+        shutter, apart = seen.scene.shutter, [cells for cells in finer_in_time(changing, resting) if cells]
+        parts, more = traced_in_parts(tracer, keyframes, apart, shutter, weight, light, clock, **options)
+        account.add(more)
+        traced += [(part, cells.plan) for cells, of_cells in zip(apart, parts, strict=True) for part in of_cells]
         account.counts["cells traced again in time"] = len(changing)
         if changing.limited:
             account.counts["cells that ride too far apart to grow"] = changing.limited

@@ -22,7 +22,7 @@ import warp as wp
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.bspline import SUPPORT
 from tpdwarp.footprints.light_images import images_of, spline_over_image
-from tpdwarp.footprints.photon_rows import PhotonRows
+from tpdwarp.footprints.photon_rows import PhotonRows, stacked
 from tpdwarp.footprints.planes import Plane, on_any, planes_of
 from tpdwarp.footprints.shaping import (
     LightImageArrays,
@@ -131,40 +131,44 @@ def split_light(maps: list[PhotonMap], smoothing: float, pixel: PixelSize, launc
     """
     if not any((photons.share < FAINT).any() for photons in maps):
         return SplitLight(maps)
-    measured = [_measured(photons, smoothing, pixel, launcher) for photons in maps]
-    while_shining = [bright / photons.duration for photons, (bright, _) in zip(maps, measured, strict=True)]
+    bright, squares = _measured(maps, smoothing, pixel, launcher)
+    while_shining = [of_map / photons.duration for photons, of_map in zip(maps, bright, strict=True)]
     brightness = np.concatenate(while_shining)
     flux = np.concatenate([photons.flux.sum(axis=1, dtype=np.float64) for photons in maps])
     limit = FAINT * _exceeded_by_most(brightness, flux)
     out = SplitLight([])
     faint = [
-        (bright < limit) & (squares > 0.0) & ~photons.receiver_motion.any(axis=1)
-        for photons, bright, (_, squares) in zip(maps, while_shining, measured, strict=True)
+        (shining < limit) & (sides > 0.0) & ~photons.receiver_motion.any(axis=1)
+        for photons, shining, sides in zip(maps, while_shining, squares, strict=True)
     ]
     receiver, position, normal = (
         np.concatenate([getattr(photons, name)[rows] for photons, rows in zip(maps, faint, strict=True)])
         for name in ("receiver", "position", "normal")
     )
     out.planes = planes_of(receiver, position, normal)
-    for photons, chosen, (_, squares) in zip(maps, faint, measured, strict=True):
+    for photons, chosen, sides in zip(maps, faint, squares, strict=True):
         chosen &= on_any(out.planes, photons.receiver, photons.position, photons.normal)
         out.fine.append(photons if not chosen.any() else photons.rows(~chosen))
-        for side in np.unique(squares[chosen]):
-            rows = photons.rows(chosen & (squares == side))
+        for side in np.unique(sides[chosen]):
+            rows = photons.rows(chosen & (sides == side))
             # What is faint may go straight.
             out.coarse.setdefault(float(side), []).append(replace(rows, trajectory=None))
     return out
 
 
 def _measured(
-    photons: PhotonMap, smoothing: float, pixel: PixelSize, launcher: Launcher
-) -> tuple[np.ndarray, np.ndarray]:
-    out = [launcher.zeros(len(photons), wp.float32) for _ in range(2)]
+    maps: list[PhotonMap], smoothing: float, pixel: PixelSize, launcher: Launcher
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """What :func:`measure_light` finds for the photons of each map, measured at once: there may be many small ones."""
+    parts = [PhotonRows(photons) for photons in maps]
+    count = sum(map(len, parts))
+    out = [launcher.zeros(count, wp.float32) for _ in range(2)]
     columns = ("position", "normal", "dxdu", "dxdv", "dxdt", "flux")
-    given = [launcher.array(getattr(photons, name), wp.vec3) for name in columns]
-    images = images_of([PhotonRows(photons)], "bspline", launcher)
-    launcher(measure_light, len(photons), [*given, images, float(smoothing), pixel, *out])
-    return out[0].numpy(), out[1].numpy()
+    given = [launcher.array(stacked(parts, name), wp.vec3) for name in columns]
+    launcher(measure_light, count, [*given, images_of(parts, "bspline", launcher), float(smoothing), pixel, *out])
+    ends = np.cumsum([len(part) for part in parts])[:-1]
+    bright, squares = (np.split(values.numpy(), ends) for values in out)
+    return bright, squares
 
 
 def _exceeded_by_most(brightness: np.ndarray, flux: np.ndarray) -> float:

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.fit import LARGEST_GROWTH
 
 # Parts follow each other where one begins as the other ends, up to rounding [shutters].
@@ -28,6 +29,8 @@ SAME_TIME = 1e-6
 # The mean of a part is within half of what it has in the middle: what is far fainter than before and after follows no
 # parabola. Chosen, not derived.
 LARGEST_BULGE = 0.5
+# Of D_tt x to either side: where it is even it is twice as much as their mean at most (van Leer 1974).
+MOST_OF_A_SIDE = 2.0
 
 
 def joined_in_time(maps: Sequence[PhotonMap]) -> list[PhotonMap]:
@@ -62,6 +65,7 @@ def joined_in_time(maps: Sequence[PhotonMap]) -> list[PhotonMap]:
 
     speed = column("dxdt") / length[:, None]
     acceleration = change(speed) * length[:, None] ** 2
+    acceleration *= _kept(acceleration, speed, time, length, before, after)[:, None]
     power = column("flux").sum(axis=1, dtype=np.float64)[:, None] / length[:, None]
     least = np.finfo(np.float64).tiny
     gain = change(power) * length[:, None] / np.maximum(power, least)
@@ -81,3 +85,34 @@ def joined_in_time(maps: Sequence[PhotonMap]) -> list[PhotonMap]:
         trajectory = TrajectoryColumns(curve, still, still, still, growth)
         found.append(replace(photons, flux=photons.flux * over[:, None], trajectory=trajectory))
     return found
+
+
+def _kept(
+    acceleration: np.ndarray,
+    speed: np.ndarray,
+    time: np.ndarray,
+    length: np.ndarray,
+    before: np.ndarray,
+    after: np.ndarray,
+) -> np.ndarray:
+    """The part of D_tt x that is kept, shape [n]: no more than twice that to either side (van Leer's limiter), nor, of
+    what has one side only, than turns it back within its part.
+
+    Args:
+        acceleration: D_tt x over each part, shape [n, 3].
+        speed: v of the photons, shape [n, 3].
+        time, length: Of their parts, shape [n].
+        before, after: Which photons those before and after are, themselves where there are none.
+    """
+    own = np.arange(len(time))
+
+    def to(other: np.ndarray) -> np.ndarray:
+        """Length of D_tt x as told by one side; infinite where there is none."""
+        apart = np.abs(time[other] - time)
+        found = lengths(speed[other] - speed) * length**2
+        return np.divide(found, apart, out=np.full(len(time), np.inf), where=other != own)
+
+    most = MOST_OF_A_SIDE * np.minimum(to(before), to(after))
+    alone = (before == own) | (after == own)
+    most[alone] = np.minimum(most, 2.0 * lengths(speed) * length)[alone]
+    return np.minimum(most / np.maximum(lengths(acceleration), np.finfo(np.float32).tiny), 1.0)

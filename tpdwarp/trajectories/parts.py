@@ -7,7 +7,8 @@ Beyond the paper, whose photons shine for the whole shutter.
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -41,30 +42,31 @@ LAST_PART = INSTANTS * (1 + PARTS)
 def traced_in_parts(
     tracer: PhotonTracer,
     keyframes: ShutterKeyframes,
-    changing: RetracedCells,
+    changing: Sequence[RetracedCells],
     shutter: Shutter,
     weight: float,
     light: float,
     clock: Clock,
     **options: Any,
-) -> tuple[list[PhotonMap], EnergyAccount]:
-    """Photons of ``changing`` cells for each part of ``shutter``, and where their flux went.
+) -> tuple[list[list[PhotonMap]], EnergyAccount]:
+    """Photons of ``changing`` cells for each part of ``shutter``, by lattices, and where their flux went.
 
     Args:
         keyframes: Whose tags tell paths apart.
+        changing: Cells of some lattices, and finer ones of these; the scene of a part is loaded once for all.
         weight: Part of the exposure that the shutter is.
         light: Flux of all photons of the shutter; cells that rush are traced again where they have a part worth it.
         options: Of the tracer.
     """
-    account, maps = EnergyAccount(), []
-    plan = changing.plan
+    account = EnergyAccount()
     last: LoadedScene | None = None
 
-    def traced(
-        cells: RetracedCells, piece: Shutter, middle: float, share: float, number: int
-    ) -> tuple[PhotonMap, EnergyAccount]:
+    def load(piece: Shutter) -> None:
         nonlocal last
         last = tracer.load(piece, clock, instead_of=last, beside=keyframes.middle)
+
+    def traced(cells: RetracedCells, middle: float, share: float, number: int) -> tuple[PhotonMap, EnergyAccount]:
+        plan = cells.plan
         given = {"chosen": cells.at(middle, number), "aimed": False, "tags": keyframes.tags.of(last.scene), **options}
         photons, energy = tracer.trace(last, plan, clock, weight=weight * share, **given)
         with clock.stage("trace"):
@@ -77,35 +79,71 @@ def traced_in_parts(
     middles, shares = 0.5 * (edges[1:] + edges[:-1]) - 0.5, np.diff(edges)
     times = shutter.open + shutter.exposure * edges
     pieces = [Shutter(shutter.frame, float(a), float(b)) for a, b in itertools.pairwise(times)]
+    found = [_FoundInParts(cells) for cells in changing]
     for part, piece in enumerate(pieces):
-        photons, energy = traced(changing, piece, float(middles[part]), float(shares[part]), part)
-        account.add(energy)
-        maps.append(replace(photons, part=part + 1))
+        load(piece)
+        for each in found:
+            photons, energy = traced(each.cells, float(middles[part]), float(shares[part]), part)
+            account.add(energy)
+            each.maps.append(replace(photons, part=part + 1))
     with clock.stage("trace"):
-        existence = parts_of_existence(maps, changing)
-        unclear = unclear_cells(maps, existence, changing, weight, light)
-        extents = [found.extent for found in existence]
-    for part, (piece, cells) in enumerate(zip(pieces, unclear, strict=True)):
-        if not len(cells):
+        unclear = [each.unclear(weight, light) for each in found]
+    for part, (piece, of_each) in enumerate(zip(pieces, zip(*unclear, strict=True), strict=True)):
+        again = [(each, cells) for each, cells in zip(found, of_each, strict=True) if len(cells)]
+        if not again:
             continue
         middle, share = float(middles[part]), float(shares[part])
-        account.subtract(traced(cells, piece, middle, share, part)[1])
-        stays = ~cells.holds(maps[part])
-        maps[part], extents[part] = maps[part].rows(stays), extents[part][stays]
+        load(piece)
+        for each, cells in again:
+            account.subtract(traced(cells, middle, share, part)[1])
+            each.leave_out(part, cells)
         for number, smaller in enumerate(piece.segments(PARTS)):
             within = (number + 0.5) / PARTS - 0.5
-            photons, energy = traced(cells, smaller, middle + share * within, share / PARTS, number)
-            account.add(energy)
-            maps.append(replace(photons, part=INSTANTS + PARTS * part + number + 1))
-            extents.append(np.ones(len(photons)))
+            load(smaller)
+            for each, cells in again:
+                photons, energy = traced(cells, middle + share * within, share / PARTS, number)
+                account.add(energy)
+                each.maps.append(replace(photons, part=INSTANTS + PARTS * part + number + 1))
+                each.extents.append(np.ones(len(photons)))
     with clock.stage("trace"):
-        shining = [
-            replace(photons, flux=photons.flux * extent[:, None].astype(np.float32))
-            for photons, extent in zip(joined_in_time(maps), extents, strict=True)
-        ]
-    before, after = (sum(float(photons.flux.sum(dtype=np.float64)) for photons in each) for each in (maps, shining))
-    _count_gained(after - before, plan, account)
+        shining = [each.shining() for each in found]
+    for each, maps in zip(found, shining, strict=True):
+        before, after = (sum(float(p.flux.sum(dtype=np.float64)) for p in those) for those in (each.maps, maps))
+        _count_gained(after - before, each.cells.plan, account)
     return shining, account
+
+
+@dataclass
+class _FoundInParts:
+    """Photons of some cells part by part.
+
+    Attributes:
+        cells: The cells.
+        maps: Their photons in each part, then those of parts of parts.
+        extents: In how much of its part the path of each of them exists, shape [n] each.
+    """
+
+    cells: RetracedCells
+    maps: list[PhotonMap] = field(default_factory=list)
+    extents: list[np.ndarray] = field(default_factory=list)
+
+    def unclear(self, weight: float, light: float) -> list[RetracedCells]:
+        """Cells of each part that are to be traced again in parts of it, once all parts are."""
+        existence = parts_of_existence(self.maps, self.cells)
+        self.extents = [found.extent for found in existence]
+        return unclear_cells(self.maps, existence, self.cells, weight, light)
+
+    def leave_out(self, part: int, cells: RetracedCells) -> None:
+        """Leaves out the photons of some cells in a part."""
+        stays = ~cells.holds(self.maps[part])
+        self.maps[part], self.extents[part] = self.maps[part].rows(stays), self.extents[part][stays]
+
+    def shining(self) -> list[PhotonMap]:
+        """The photons with the flux of all of their parts."""
+        return [
+            replace(photons, flux=photons.flux * extent[:, None].astype(np.float32))
+            for photons, extent in zip(joined_in_time(self.maps), self.extents, strict=True)
+        ]
 
 
 def _grown(photons: PhotonMap, cells: RetracedCells, part: float, energy: EnergyAccount) -> PhotonMap:

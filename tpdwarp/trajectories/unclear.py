@@ -11,6 +11,8 @@ Beyond the paper, whose photons shine for the whole shutter.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tpdwarp.photons.photon_map import PhotonMap
@@ -77,7 +79,7 @@ def _go_on_along_paths(
         cells = changing.of_photons(found[here])
         if len(cells):
             going_on = [photons.rows(cells.holds(photons)) for photons in between[min(here, there)]]
-            if sum(map(_flux, going_on)) > least:
+            if _amount(going_on) > least:
                 found[there] += going_on
 
 
@@ -105,7 +107,7 @@ def _at_times_unknown(maps: list[PhotonMap], existence: list[Existence], least: 
 
 def _add_to_both(found: list[list[PhotonMap]], part: int, photons: list[PhotonMap], least: float) -> None:
     """Adds photons whose path begins or ends between a part and the next to both, if they carry more than ``least``."""
-    if sum(map(_flux, photons)) > least:
+    if _amount(photons) > least:
         found[part] += photons
         found[part + 1] += photons
 
@@ -125,12 +127,22 @@ def _beyond(here: PhotonMap, there: PhotonMap, asked: RetracedCells, weight: flo
         here.rows((here.share > LEAST_SHARE) & ~np.isin(name_here, name_there) & asked.holds(here)),
     ]
     # Half of the part lies beyond its instant.
-    flux = 0.5 * (weight * here.duration * _flux(alone[0]) + _flux(alone[1]))
-    return alone if flux > LEAST_LIGHT * light else []
+    amount = 0.5 * _amount(alone, (weight * here.duration, 1.0))
+    return alone if amount > LEAST_LIGHT * light else []
 
 
 def _flux(photons: PhotonMap) -> float:
     return float(photons.flux.sum(dtype=np.float64))
+
+
+def _amount(maps: Sequence[PhotonMap], weights: Sequence[float] = (1.0, 1.0)) -> float:
+    """How much light begins or ends, the photons of each map weighted.
+
+    Paths light different places: what they err by adds up by its squares, and so does their flux.
+    """
+    flux = [weight * photons.flux.sum(axis=1, dtype=np.float64) for weight, photons in zip(weights, maps, strict=True)]
+    _, path = np.unique(np.concatenate([photons.path for photons in maps]), return_inverse=True)
+    return float(np.linalg.norm(np.bincount(path, weights=np.concatenate(flux))))
 
 
 def _names(maps: list[PhotonMap]) -> list[np.ndarray]:

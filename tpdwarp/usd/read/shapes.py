@@ -17,7 +17,7 @@ from pxr import Usd, UsdGeom, Vt
 from tpdwarp.errors import InputError, WarnOnce
 from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.read.motion import touched
-from tpdwarp.usd.read.normals import area_vectors, smooth_normals, unit
+from tpdwarp.usd.read.normals import area_vectors, lengths, smooth_normals, unit
 from tpdwarp.usd.read.primvars import flattened, require_finite
 from tpdwarp.usd.read.samples import SampledArray, of_attribute
 from tpdwarp.usd.read.skinning import Deformation
@@ -254,8 +254,8 @@ class Shape:
             corners: Normal of each triangle corner, shape [m, 3].
             areas: Vector areas of the triangles, shape [m, 3].
         """
-        along = np.einsum("mk,mck->mc", areas, unit(normals)[corners])
-        sizes = np.repeat(np.linalg.norm(areas, axis=1), 3)
+        along = np.einsum("mk,mck->mc", areas, unit(normals).take(corners, axis=0))
+        sizes = np.repeat(lengths(areas), 3)
         summed, size = (
             np.bincount(corners.ravel(), weights=part.ravel(), minlength=len(normals)) for part in (along, sizes)
         )
