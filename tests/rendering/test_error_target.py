@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 
 import tpdwarp
 from tests.small_stage import write_stage
-from tests.view.scenes import wave_source
+from tests.view.scenes import Source, wave_source
 from tpdwarp.errors import InputError
 from tpdwarp.io.images import read_stored
 from tpdwarp.jobs.opening import open_scene, shutter_of, spread_shutters
@@ -20,6 +21,7 @@ from tpdwarp.rendering import error_target
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.error_target import Choice, chosen, enough_samples, numbers_of_segments, settled
 from tpdwarp.rendering.frame import render_frame
+from tpdwarp.rendering.pilot import Pilot
 from tpdwarp.scene.description import Shutter
 from tpdwarp.settings import Settings
 from usd_scenes.oracle import Wave, irradiance_average
@@ -50,6 +52,16 @@ class Made:
 
     def error(self, photons: int, segments: int) -> float:
         return math.hypot(self.space * photons**-self.slope, self.time * segments**-2)
+
+
+class Missing(Made):
+    """Pictures whose light is far off with few photons, and then errs at edges, by the width of cells."""
+
+    def __call__(self, photons: int, segments: int) -> np.ndarray:
+        picture = super().__call__(photons, segments)
+        if photons < 1000:
+            picture = 0.7 * picture + 2.0 * np.random.default_rng(photons + 1).standard_normal(picture.shape)
+        return picture
 
 
 class Dark:
@@ -88,6 +100,13 @@ def test_the_choice_errs_as_wanted_where_errors_follow_power_laws(wanted, slope,
     assert choice.error <= wanted
     # The pilot costs no more than a few frames would, of a few pixels, or than what it must see.
     assert made.most <= choice.segments * max(error_target.FEWEST_SEEN, 16 * choice.photons)
+
+
+@pytest.mark.parametrize("wanted", [0.2, 0.1, 0.05])
+def test_light_that_few_photons_miss_does_not_tell_how_errors_fall(wanted):
+    made = Missing(8.0, 0.5)
+    choice = chosen(made, wanted, DOUBLED)
+    assert 0.5 * wanted < made.error(choice.photons, choice.segments) < 1.5 * wanted
 
 
 def test_fewer_photons_in_several_segments_than_decide_are_not_looked_at():
@@ -133,6 +152,18 @@ def test_samples_are_raised_until_what_moves_past_pixels_adds_little(error, move
     found, by_samples = enough_samples(Seen(error, moves), Choice(4096, 1, wanted), wanted, 4)
     assert found == samples
     assert by_samples == pytest.approx(error * samples**-0.75 if moves else 0.0, rel=0.1)
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_the_view_moves_where_the_camera_sees_something_move_not_where_light_does(moves):
+    def at(shutter: Shutter):
+        scene = wave_source(FOLDED, columns=65).at(shutter)
+        camera = replace(scene.camera, position_motion=np.array([0.1 * moves * shutter.exposure, 0.0, 0.0]))
+        return replace(scene, camera=camera)
+
+    pilot = Pilot(Source(at), Settings(photons=64), [OPEN], 32, 4)
+    pilot(64, 1)
+    assert pilot.view_moves == moves
 
 
 def test_smaller_errors_cost_more():

@@ -49,9 +49,9 @@ class Pilot:
 
     @property
     def view_moves(self) -> bool:
-        """Whether anything that the camera sees moves across the image."""
-        scenes = (self._context.tracer.load(shutter, Clock()) for shutter in self._shutters)
-        return any(scene.requirements.view_motion for scene in scenes)
+        """Whether a camera ray of the pictures seen so far looks at a part of the shutter only, since things move."""
+        batches = (batch for seen in self._seen.values() for batch in seen.batches)
+        return any(batch.moves or batch.times is not None or batch.window != (0.0, 1.0) for batch in batches)
 
     def keep(self, frame: int) -> None:
         """From now on, pictures are of this one of the frames alone."""

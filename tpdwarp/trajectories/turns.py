@@ -2,10 +2,10 @@
 
 Light that a rigid body sends turns with it, and a photon goes along a curve of third order in time: where it turns far
 neither the curve nor what keyframes tell apart follows. Errors measured in each photon's own light do not show that, so
-that bodies that turn have at least a segment for each ``DEGREES_PER_SEGMENT``. So have lights that turn: what a panel
-or a cone sends in one direction follows no curve of third order either, and its mean is not that of the middle; and
-lamps that go around a body, as seen from it. Cells ride evenly: bodies that, seen from a lamp, go or grow unevenly have
-as many as keep them from sliding off.
+that bodies that turn have at least a segment for each ``DEGREES_PER_SEGMENT``. Lights that turn have one for each half
+of that: what a panel or a cone sends in one direction follows no curve of third order either, and its mean is not that
+of the middle; and so have lamps that go around a body, as seen from it. Cells ride evenly: bodies that, seen from a
+lamp, go or grow unevenly have as many as keep them from sliding off.
 
 Beyond the paper, which traces once a frame.
 """
@@ -28,10 +28,13 @@ from tpdwarp.scene.description import (
 )
 from tpdwarp.scene.device.shaping import is_shaped
 
-# Chosen, not derived: a mirror ring that spins by 20 degrees errs by .204 in one segment, .115 in two and .134 in four
-# (16 384 photons); a torus that turns by 45 by .164, .068 and .067; solids that turn by 10 or less by as much in one as
-# in two.
-DEGREES_PER_SEGMENT = 15.0
+# Chosen, not derived (16 384 photons): a mirror ring that turns over by 90 degrees errs by .075 in three segments, .084
+# in two and .122 in six, .426 in one; a tumbler that falls and turns by 35 by .023 in one and in two, .027 in three; a
+# torus that turns by 45 by .048 in one, .057 in two and .066 in four (``scripts/benchmarks/strangers.py`` and
+# ``solids.py`` beside it).
+DEGREES_PER_SEGMENT = 30.0
+# Of lights: a lamp that goes around a lens by 33 degrees errs by .29 in one segment, by .044 in three.
+DEGREES_PER_SEGMENT_OF_LIGHTS = 15.0
 # Bodies leave an even way and an even growth, as lamps see them, by no more than this part of their size. Chosen on a
 # lamp that rises from 1.0 to 2.0 above a lens of radius .25, whose focus errs by 1.37 (of the mean) in one segment,
 # .27 in two, .14 in three and in four (16 384 photons).
@@ -51,11 +54,11 @@ def segments_needed(scenes: Sequence[SceneAtShutter], part: float) -> float:
         scenes: The scene at consecutive times of the shutter, no more than half a turn apart.
         part: The part of the shutter between the first and the last of these.
     """
-    degrees = 0.0
+    of_bodies = degrees = 0.0
     for states in _bodies(scenes):
         if states[0].moves:
             turns = [turn_between(*pair) for pair in itertools.pairwise(states)]
-            degrees = max(degrees, math.degrees(sum(turns)))
+            of_bodies = max(of_bodies, math.degrees(sum(turns)))
     for light in scenes[0].lights:
         axes = [found.axes for scene in scenes for found in scene.lights if found.path == light.path]
         if len(axes) == len(scenes):
@@ -71,7 +74,8 @@ def segments_needed(scenes: Sequence[SceneAtShutter], part: float) -> float:
         # Nothing slides where neither has moved.
         if len(scenes) == 3 and (bodies_move or np.ptp(places, axis=0).any()):
             slide = max(slide, largest_slide(places, scenes))
-    return max(degrees / DEGREES_PER_SEGMENT, math.sqrt(slide / LARGEST_SLIDE)) / part
+    turns = max(of_bodies / DEGREES_PER_SEGMENT, degrees / DEGREES_PER_SEGMENT_OF_LIGHTS)
+    return max(turns, math.sqrt(slide / LARGEST_SLIDE)) / part
 
 
 def turn_of_light(light: LightAtShutter, before: np.ndarray, after: np.ndarray) -> float:
