@@ -31,7 +31,8 @@ Beyond the paper.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import fields, replace
 
 import numpy as np
 import warp as wp
@@ -146,10 +147,22 @@ def add_bends(
     bend[i] = bend[i] + along - wp.dot(normal[i], along) * normal[i]
 
 
-def with_bends(photons: PhotonMap, plan: EmissionPlan, launcher: Launcher) -> PhotonMap:
+def with_bends(
+    photons: PhotonMap, plan: EmissionPlan, launcher: Launcher, beside: Sequence[PhotonMap] = ()
+) -> PhotonMap:
     """The photons of a lattice with their columns over whole cells, their bends, which lie in the plane of their
     receivers, and their reaches.
+
+    Args:
+        photons: Of the lattices of ``plan``.
+        plan: The lattices.
+        launcher: Runs the kernels.
+        beside: Photons of other cells at the time of ``photons``, which are neighbours of these besides.
     """
+    beside = [others for others in beside if len(others)]
+    if beside and len(photons):
+        own = np.arange(len(photons))
+        return with_bends(together([photons, *beside]), plan, launcher).rows(own)
     count = len(photons)
     position, normal = (launcher.array(values, wp.vec3) for values in (photons.position, photons.normal))
     resting, bend = launcher.array(_at_rest(photons), wp.float32), launcher.zeros(count, wp.vec3)
@@ -163,6 +176,15 @@ def with_bends(photons: PhotonMap, plan: EmissionPlan, launcher: Launcher) -> Ph
         reach.append(widened.reach.numpy())
     reaches_over = np.stack(reach, axis=1)
     return replace(photons, cell_u=columns[0], cell_v=columns[1], bend=bend.numpy(), reach=reaches_over)
+
+
+def together(maps: Sequence[PhotonMap]) -> PhotonMap:
+    """The photons of several maps in one, with time and trajectories as the first has them."""
+    first = maps[0]
+    names = [f.name for f in fields(first) if isinstance(getattr(first, f.name), np.ndarray)]
+    columns = {name: [getattr(photons, name) for photons in maps] for name in names}
+    alike = {name: found for name, found in columns.items() if all(map(len, found))}
+    return replace(first, trajectory=None, **{name: np.concatenate(found) for name, found in alike.items()})
 
 
 def over_cells(column: np.ndarray, position: wp.array, beside: Beside, launcher: Launcher) -> Widened:

@@ -7,6 +7,7 @@ Beyond the paper, whose photons shine for the whole shutter.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -45,6 +46,7 @@ def traced_in_parts(
     shutter: Shutter,
     weight: float,
     light: float,
+    bend: Callable[[PhotonMap, Sequence[PhotonMap]], PhotonMap],
     clock: Clock,
     **options: Any,
 ) -> tuple[list[PhotonMap], EnergyAccount]:
@@ -54,6 +56,7 @@ def traced_in_parts(
         keyframes: Whose tags tell paths apart.
         weight: Part of the exposure that the shutter is.
         light: Flux of all photons of the shutter; cells that rush are traced again where they have a part worth it.
+        bend: Gives photons what their neighbours know, which may be others of the same part.
         options: Of the tracer.
     """
     account, maps = EnergyAccount(), []
@@ -86,16 +89,20 @@ def traced_in_parts(
         unclear = unclear_cells(maps, existence, changing, weight, light)
         extents = [found.extent for found in existence]
     for part, (piece, cells) in enumerate(zip(pieces, unclear, strict=True)):
+        maps[part] = bend(maps[part], ())
         if not len(cells):
             continue
         middle, share = float(middles[part]), float(shares[part])
         account.subtract(traced(cells, piece, middle, share, part)[1])
         stays = ~cells.holds(maps[part])
         maps[part], extents[part] = maps[part].rows(stays), extents[part][stays]
+        stay = maps[part]
         for number, smaller in enumerate(piece.segments(PARTS)):
             within = (number + 0.5) / PARTS - 0.5
             photons, energy = traced(cells, smaller, middle + share * within, share / PARTS, number)
             account.add(energy)
+            there = replace(stay, position=stay.position + np.float32((number + 0.5) / PARTS - 0.5) * stay.dxdt)
+            photons = bend(photons, (there,))
             maps.append(replace(photons, part=INSTANTS + PARTS * part + number + 1))
             extents.append(np.ones(len(photons)))
     with clock.stage("trace"):
