@@ -4,7 +4,8 @@ Normals are straight within a triangle, so that D_u x and D_v x are those of the
 jump from one to the next. A cell that is as large as a triangle or larger has light from several, and long cells have
 it from dozens: what the one says of it is chance. The way from the neighbour before to the neighbour after counts all
 triangles in between. So half of that way takes the place of a column where its two parts are nearly alike, as they are
-where light is smooth over some cells; where light changes from cell to cell, at folds and creases, the column stands.
+where light is smooth over some cells, or differ evenly: half of the way misses a sixth of the third derivative, which
+the neighbours of both show. Where light changes from cell to cell, at folds and creases, the column stands.
 
 A footprint stands for a cell, and for what a B-spline reaches over besides, as if D_u x and D_v x were the same all
 over it. With D_uu x = ∂_u D_u x they are not: light from the place (a, b) of the lattice lands
@@ -46,9 +47,10 @@ from tpdwarp.trajectories.neighbours import Pairs, neighbours
 # Neighbours are of one smooth sheet where the way between them is the mean of their columns, up to this part of the
 # longer one: at a fold it is, across the edge of a facet it is not. Chosen, not derived.
 LARGEST_MISFIT = wp.constant(0.5)
-# Columns are taken from neighbours where the ways to these two differ by up to this part of the column, and the less
-# so up to twice of it. Chosen on the moving solids of ``scripts/benchmarks/solids.py`` with 16 384 photons: those err
-# by up to 1.1 times as much where all columns are taken so, and with this by .96 to 1.01 times as much as with none.
+# Columns are taken from neighbours where the ways to these two, or the turns of these ways from cell to cell, differ by
+# up to this part of the column, and the less so up to twice of it. Chosen on the moving solids of
+# ``scripts/benchmarks/solids.py`` with 16 384 photons: those err by up to 1.1 times as much where all columns are taken
+# so, and with this by .96 to 1.01 times as much as with none.
 LARGEST_TURN = wp.constant(0.3)
 
 
@@ -93,7 +95,13 @@ def widen_columns(
     part = float(0.0)
     limit = LARGEST_TURN * wp.length(own)
     if ahead >= 0 and behind >= 0 and limit > 0.0:
-        part = wp.clamp(2.0 - wp.length(after - before) / limit, 0.0, 1.0)
+        turn = wp.length(after - before)
+        ahead2 = beside.ahead[ahead]
+        behind2 = beside.behind[behind]
+        if ahead2 >= 0 and behind2 >= 0:
+            further = position[ahead2] - position[ahead] + position[behind] - position[behind2]
+            turn = wp.min(turn, 0.5 * wp.length(further - before - after))
+        part = wp.clamp(2.0 - turn / limit, 0.0, 1.0)
     own = own + part * (0.5 * (before + after) - own)
     farthest = wp.max(wp.length(before), wp.length(after))
     length = wp.length(own)
