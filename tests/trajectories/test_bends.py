@@ -72,6 +72,19 @@ def test_light_that_lies_elsewhere_bends_nothing():
     np.testing.assert_array_equal(with_bends(found, plan, ONE_THREAD).bend, 0)
 
 
+def test_photons_of_other_maps_are_neighbours_too():
+    """Of light of which a part is traced otherwise, the rest knows what it knows of all of it."""
+    context = RenderContext(wave_source(Wave()), Settings.of(SETTINGS, photons=1024))
+    plan = context.tracer.plan(1024)
+    found, _ = context.tracer.trace(context.tracer.load(OPEN), plan, Clock())
+    inside = np.abs(on_water(found)) < 1.0
+    whole, alone = with_bends(found, plan, ONE_THREAD).rows(inside), with_bends(found.rows(inside), plan, ONE_THREAD)
+    beside = with_bends(found.rows(inside), plan, ONE_THREAD, [found.rows(~inside)])
+    for name in ("ids", "cell_u", "cell_v", "bend", "reach"):
+        np.testing.assert_array_equal(getattr(beside, name), getattr(whole, name))
+    assert np.any(alone.cell_u != whole.cell_u) and np.any(alone.bend != whole.bend)
+
+
 # Vertices along each side of water on which triangles lie across the waves.
 COLUMNS = 257
 

@@ -33,10 +33,13 @@ from tpdwarp.settings import Settings
 from tpdwarp.trajectories.brightening import follow_lights
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
+from tpdwarp.usd.read.stage import StageScene
 from tpdwarp.view.camera import pixel_size
 from usd_scenes.oracle import Wave, irradiance_average
 from usd_scenes.oracle.caustic_1d import landing
 from usd_scenes.oracle.closed_forms import fresnel_reflectance
+from usd_scenes.solids import write
+from usd_scenes.stage import CAMERA, FRAME
 
 FOLDED = Wave(wavelength=0.65, speed=0.65 / 8)
 
@@ -283,3 +286,17 @@ def test_light_of_a_lamp_that_nears_flat_water_is_its_mean_over_the_shutter(lamp
     assert root_mean_square(found - exact) < 0.025 / segments * root_mean_square(exact)
     energy = frame.energy
     assert energy.sent == pytest.approx(energy.deposited + energy.escaped + energy.absorbed + energy.lost_total)
+
+
+@pytest.mark.parametrize("photons", [16384, 49152])
+def test_light_at_rest_beside_an_edge_that_passes_stays_at_rest(tmp_path, photons):
+    """Keyframes tell where light is by the cells around, of which a board covers some as the shutter closes."""
+    settings = Settings.of(SETTINGS, photons=photons, camera=CAMERA)
+    stage = StageScene.open(str(write("board-over-water", tmp_path)), settings)
+    found, _ = fitted_photons(stage, stage.shutter(FRAME, settings), photons=photons, camera=CAMERA)
+    # What water reflects lands on the board from below, which moves.
+    found = found.rows(np.abs(found.normal[:, 2] - 1.0) < 1e-6)
+    assert len(found) > photons // 3
+    np.testing.assert_array_equal(found.dxdt, 0.0)
+    for column in (found.trajectory.dxdtt, found.trajectory.dxdttt):
+        assert (np.linalg.norm(column, axis=1) <= 1e-3 * found.size).all()

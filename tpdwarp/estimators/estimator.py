@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -108,14 +108,23 @@ def light_of(
 
 
 def bent(
-    photons: PhotonMap, plan: EmissionPlan, tracer: PhotonTracer, pixel: PixelSize | None, clock: Clock
+    photons: PhotonMap,
+    plan: EmissionPlan,
+    tracer: PhotonTracer,
+    pixel: PixelSize | None,
+    clock: Clock,
+    beside: Sequence[PhotonMap] = (),
 ) -> PhotonMap:
-    """The photons with what their neighbours know, where they have footprints and these are a lattice's own cells."""
+    """The photons with what their neighbours know, where they have footprints and these are a lattice's own cells.
+
+    Args:
+        beside: Neighbours among other photons (:func:`tpdwarp.trajectories.bends.with_bends`).
+    """
     settings = tracer.settings
     if pixel is None or settings.emission != "lattice" or settings.kernel != "bspline" or settings.smoothing != 1.0:
         return photons
     with clock.stage("footprints"):
-        return with_bends(photons, plan, tracer.launcher)
+        return with_bends(photons, plan, tracer.launcher, beside)
 
 
 def reshaped(part: Part, pixel: PixelSize, tracer: PhotonTracer, clock: Clock) -> IrradianceField | None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -80,15 +81,15 @@ def _traced(
         if opening:
             photons, account = tracer.trace(emits, plan, clock, weight=duration, **options)
             # Footprints stand at mid shutter and sweep to both sides: the same path, seen from its middle.
-            traced = [(replace(photons, position=photons.position + 0.5 * photons.dxdt), plan)]
+            photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)
+            traced = [(bent(photons, plan, tracer, pixel, clock), plan)]
         elif settings.path == "curved" and settings.kernel == "bspline" and moves:
-            traced, account = _along_keyframes(tracer, plan, seen, duration, options, clock)
+            traced, account = _along_keyframes(tracer, plan, seen, duration, options, pixel, clock)
         else:
-            traced, account = _whole(tracer, plan, seen, duration, options, clock)
-        bends = [(bent(photons, lattices, tracer, pixel, clock), lattices) for photons, lattices in traced]
+            traced, account = _whole(tracer, plan, seen, duration, options, pixel, clock)
         traced = [
             part
-            for photons, lattices in bends
+            for photons, lattices in traced
             for part in ([photons] if lattices is plan else in_coarse_cells(photons, lattices, plan))
         ]
         if plan.strip is not None:
@@ -120,28 +121,43 @@ def _beside_strip(
 
 
 def _whole(
-    tracer: PhotonTracer, plan: EmissionPlan, seen: LoadedScene, weight: float, options: dict[str, Any], clock: Clock
+    tracer: PhotonTracer,
+    plan: EmissionPlan,
+    seen: LoadedScene,
+    weight: float,
+    options: dict[str, Any],
+    pixel: PixelSize | None,
+    clock: Clock,
 ) -> tuple[list[Traced], EnergyAccount]:
     """Photons that shine for the whole segment as they are at its middle; arguments as of :func:`_along_keyframes`."""
     options = {"weight": weight, **options}
     if seen.requirements.photon_motion or not _has_finer_edges(tracer.settings):
         photons, account = tracer.trace(seen, plan, clock, **options)
-        return [(photons, plan)], account
+        return [(bent(photons, plan, tracer, pixel, clock), plan)], account
     with clock.stage("plan"):
         options["tags"] = PathTags(seen.scene, plan.photons).of(seen.scene)
     photons, account = tracer.trace(seen, plan, clock, **options)
     with clock.stage("trace"):
         _, resting = edge_cells(photons, plan, seen)
         edges = resting_edges(photons, plan, resting)
+    # What is traced again is beside the rest all the same.
+    photons = bent(photons, plan, tracer, pixel, clock)
     if edges is None:
         return [(photons, plan)], account
     finer, more = _finer_edges(edges, tracer, seen, options, clock)
     account.add(more)
+    finer = bent(*finer, tracer, pixel, clock), finer[1]
     return [(photons.rows(~edges.holds(photons)), plan), finer], account
 
 
 def _along_keyframes(
-    tracer: PhotonTracer, plan: EmissionPlan, seen: LoadedScene, weight: float, options: dict[str, Any], clock: Clock
+    tracer: PhotonTracer,
+    plan: EmissionPlan,
+    seen: LoadedScene,
+    weight: float,
+    options: dict[str, Any],
+    pixel: PixelSize | None,
+    clock: Clock,
 ) -> tuple[list[Traced], EnergyAccount]:
     """Photons that go along trajectories, and those of cells whose light begins or ends within the segment.
 
@@ -166,23 +182,28 @@ def _along_keyframes(
         changing = changing_cells(keyframes, photons, plan, states, clock, moving)
         edges = resting_edges(photons, plan, resting, changing)
     finer = None
-    stays = np.ones(len(photons), bool)
     if edges:
         finer, more = _finer_edges(edges, tracer, seen, tagged, clock)
         account.add(more)
-        stays &= ~edges.holds(photons)
+        stays = ~edges.holds(photons)
+        photons, states = photons.rows(stays), tuple(state.rows(stays) for state in states)
+    # What is traced again is beside the rest all the same.
+    photons = bent(photons, plan, tracer, pixel, clock)
+    stays = np.ones(len(photons), bool)
     if changing:
         _, replaced = tracer.trace(seen, plan, clock, chosen=changing.at_middle(), **tagged)
         account.subtract(replaced)
         stays &= ~changing.holds(photons)
     if not stays.all():
         photons, states = photons.rows(stays), tuple(state.rows(stays) for state in states)
+    stay = photons
     photons, fitted = fit_trajectories(photons, plan, keyframes, clock, states)
     account.add(fitted)
     traced = [(photons, plan)]
     if changing:
         shutter, apart = seen.scene.shutter, [cells for cells in finer_in_time(changing, resting) if cells]
-        parts, more = traced_in_parts(tracer, keyframes, apart, shutter, weight, light, clock, **options)
+        bend = partial(_bent_beside, stay, plan, tracer, pixel, clock)
+        parts, more = traced_in_parts(tracer, keyframes, apart, shutter, weight, light, bend, clock, **options)
         account.add(more)
         traced += [(part, cells.plan) for cells, of_cells in zip(apart, parts, strict=True) for part in of_cells]
         account.counts["cells traced again in time"] = len(changing)
@@ -191,8 +212,26 @@ def _along_keyframes(
     if finer:
         photons, fitted = fit_trajectories(*finer, keyframes, clock)
         account.add(fitted)
-        traced.append((photons, finer[1]))
+        traced.append((bent(photons, finer[1], tracer, pixel, clock), finer[1]))
     return traced, account
+
+
+def _bent_beside(
+    stay: PhotonMap,
+    plan: EmissionPlan,
+    tracer: PhotonTracer,
+    pixel: PixelSize | None,
+    clock: Clock,
+    cells: RetracedCells,
+    photons: PhotonMap,
+    others: Sequence[PhotonMap] = (),
+) -> PhotonMap:
+    """Photons of ``cells`` in a part of the shutter with what their neighbours know: each other, ``others`` of that
+    part, and those that ``stay`` as they are at its middle, on the lattices of ``plan``."""
+    if cells.plan is not plan:
+        return bent(photons, cells.plan, tracer, pixel, clock, others)
+    there = replace(stay, position=stay.position + np.float32(photons.time) * stay.dxdt)
+    return bent(photons, plan, tracer, pixel, clock, [*others, there])
 
 
 def _finer_edges(

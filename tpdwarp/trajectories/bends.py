@@ -4,7 +4,8 @@ Normals are straight within a triangle, so that D_u x and D_v x are those of the
 jump from one to the next. A cell that is as large as a triangle or larger has light from several, and long cells have
 it from dozens: what the one says of it is chance. The way from the neighbour before to the neighbour after counts all
 triangles in between. So half of that way takes the place of a column where its two parts are nearly alike, as they are
-where light is smooth over some cells; where light changes from cell to cell, at folds and creases, the column stands.
+where light is smooth over some cells, or differ evenly: half of the way misses a sixth of the third derivative, which
+the neighbours of both show. Where light changes from cell to cell, at folds and creases, the column stands.
 
 A footprint stands for a cell, and for what a B-spline reaches over besides, as if D_u x and D_v x were the same all
 over it. With D_uu x = ∂_u D_u x they are not: light from the place (a, b) of the lattice lands
@@ -31,7 +32,8 @@ Beyond the paper.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import fields, replace
 
 import numpy as np
 import warp as wp
@@ -45,9 +47,10 @@ from tpdwarp.trajectories.neighbours import Pairs, neighbours
 # Neighbours are of one smooth sheet where the way between them is the mean of their columns, up to this part of the
 # longer one: at a fold it is, across the edge of a facet it is not. Chosen, not derived.
 LARGEST_MISFIT = wp.constant(0.5)
-# Columns are taken from neighbours where the ways to these two differ by up to this part of the column, and the less
-# so up to twice of it. Chosen on the moving solids of ``scripts/benchmarks/solids.py`` with 16 384 photons: those err
-# by up to 1.1 times as much where all columns are taken so, and with this by .96 to 1.01 times as much as with none.
+# Columns are taken from neighbours where the ways to these two, or the turns of these ways from cell to cell, differ by
+# up to this part of the column, and the less so up to twice of it. Chosen on the moving solids of
+# ``scripts/benchmarks/solids.py`` with 16 384 photons: those err by up to 1.1 times as much where all columns are taken
+# so, and with this by .96 to 1.01 times as much as with none.
 LARGEST_TURN = wp.constant(0.3)
 
 
@@ -92,7 +95,13 @@ def widen_columns(
     part = float(0.0)
     limit = LARGEST_TURN * wp.length(own)
     if ahead >= 0 and behind >= 0 and limit > 0.0:
-        part = wp.clamp(2.0 - wp.length(after - before) / limit, 0.0, 1.0)
+        turn = wp.length(after - before)
+        ahead2 = beside.ahead[ahead]
+        behind2 = beside.behind[behind]
+        if ahead2 >= 0 and behind2 >= 0:
+            further = position[ahead2] - position[ahead] + position[behind] - position[behind2]
+            turn = wp.min(turn, 0.5 * wp.length(further - before - after))
+        part = wp.clamp(2.0 - turn / limit, 0.0, 1.0)
     own = own + part * (0.5 * (before + after) - own)
     farthest = wp.max(wp.length(before), wp.length(after))
     length = wp.length(own)
@@ -146,10 +155,22 @@ def add_bends(
     bend[i] = bend[i] + along - wp.dot(normal[i], along) * normal[i]
 
 
-def with_bends(photons: PhotonMap, plan: EmissionPlan, launcher: Launcher) -> PhotonMap:
+def with_bends(
+    photons: PhotonMap, plan: EmissionPlan, launcher: Launcher, beside: Sequence[PhotonMap] = ()
+) -> PhotonMap:
     """The photons of a lattice with their columns over whole cells, their bends, which lie in the plane of their
     receivers, and their reaches.
+
+    Args:
+        photons: Of the lattices of ``plan``.
+        plan: The lattices.
+        launcher: Runs the kernels.
+        beside: Photons of other cells at the time of ``photons``, which are neighbours of these besides.
     """
+    beside = [others for others in beside if len(others)]
+    if beside and len(photons):
+        own = np.arange(len(photons))
+        return with_bends(together([photons, *beside]), plan, launcher).rows(own)
     count = len(photons)
     position, normal = (launcher.array(values, wp.vec3) for values in (photons.position, photons.normal))
     resting, bend = launcher.array(_at_rest(photons), wp.float32), launcher.zeros(count, wp.vec3)
@@ -163,6 +184,15 @@ def with_bends(photons: PhotonMap, plan: EmissionPlan, launcher: Launcher) -> Ph
         reach.append(widened.reach.numpy())
     reaches_over = np.stack(reach, axis=1)
     return replace(photons, cell_u=columns[0], cell_v=columns[1], bend=bend.numpy(), reach=reaches_over)
+
+
+def together(maps: Sequence[PhotonMap]) -> PhotonMap:
+    """The photons of several maps in one, with time and trajectories as the first has them."""
+    first = maps[0]
+    names = [f.name for f in fields(first) if isinstance(getattr(first, f.name), np.ndarray)]
+    columns = {name: [getattr(photons, name) for photons in maps] for name in names}
+    alike = {name: found for name, found in columns.items() if all(map(len, found))}
+    return replace(first, trajectory=None, **{name: np.concatenate(found) for name, found in alike.items()})
 
 
 def over_cells(column: np.ndarray, position: wp.array, beside: Beside, launcher: Launcher) -> Widened:

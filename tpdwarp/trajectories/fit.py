@@ -178,7 +178,9 @@ def _acceleration_and_jerk(
     back, ahead = before.position - middle.position, after.position - middle.position
     by_place = (ahead + back) / END**2, 3.0 * (ahead - back - 2.0 * END * middle.dxdt) / END**3
     by_velocity = (after.dxdt - before.dxdt) / (2.0 * END), (before.dxdt + after.dxdt - 2.0 * middle.dxdt) / END**2
-    place_is_known = (np.maximum(before.drift, after.drift) < LARGEST_DRIFT)[:, None]
+    # Between three of four cells light lies elsewhere than between all four: it would seem to move.
+    alike = before.seen_as(middle) & after.seen_as(middle)
+    place_is_known = (alike & (np.maximum(before.drift, after.drift) < LARGEST_DRIFT))[:, None]
     second, third = (
         np.where(follows[:, None], np.where(place_is_known, place, velocity), 0.0).astype(np.float32)
         for place, velocity in zip(by_place, by_velocity, strict=True)

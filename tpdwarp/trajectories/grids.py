@@ -63,7 +63,11 @@ class Riders:
 @wp.struct
 class StateArrays:
     """What was found, one row a photon; ``drift`` is how far it has moved over the light, in cells of the grid,
-    ``rough`` the second differences of ln Φ there."""
+    ``rough`` the second differences of ln Φ there.
+
+    ``corners`` has a bit for each of the four cells around it that took its path, and ``beyond`` is how many cells it
+    lies outside of them along u and v.
+    """
 
     dxdt: wp.array(dtype=wp.vec3d)
     position: wp.array(dtype=wp.vec3d)
@@ -72,6 +76,8 @@ class StateArrays:
     rough: wp.array(dtype=wp.float64)
     drift: wp.array(dtype=wp.float64)
     valid: wp.array(dtype=wp.int32)
+    corners: wp.array(dtype=wp.int32)
+    beyond: wp.array(dtype=wp.vec2d)
 
 
 @wp.struct
@@ -144,7 +150,9 @@ def interpolate(
 
         # ---- Outside the outermost photons, by up to a cell, it is as on the line that they make
         beyond = wp.max(wp.max(-place), wp.max(place - last))
-        place = wp.max(wp.min(place, last), wp.vec2d())
+        inside = wp.max(wp.min(place, last), wp.vec2d())
+        out.beyond[i] = place - inside
+        place = inside
         u = wp.min(int(wp.floor(place[0])), wp.max(grid.size[0] - 2, 0))
         v = wp.min(int(wp.floor(place[1])), wp.max(grid.size[1] - 2, 0))
         x = place[0] - wp.float64(u)
@@ -155,6 +163,7 @@ def interpolate(
         c = corner_at(cells, grid, u, v + 1, path)
         d = corner_at(cells, grid, u + 1, v + 1, path)
         count = a.valid + b.valid + c.valid + d.valid
+        out.corners[i] = a.valid + 2 * b.valid + 4 * c.valid + 8 * d.valid
         if beyond < wp.float64(1.0) and count >= FEWEST_CORNERS:
             p = on_plane_of(a, b, c, d)
             q = on_plane_of(b, a, d, c)

@@ -50,6 +50,8 @@ LARGEST_DISAGREEMENT = 0.25
 # Cells of the keyframes that a photon may ride over for these to say where its light is, not only how fast it moves.
 # Chosen, not derived: interpolation between other cells errs by more.
 LARGEST_DRIFT = 0.1
+# Rounding of a place among cells.
+SAME_PLACE = 1e-6
 # Lattices that a plan may have: the rest of a key, of 64 bits, is a path's mask of 31 bits and its wavelength.
 MOST_LATTICES = 1 << 24
 
@@ -82,6 +84,8 @@ class KeyframeState:
         log_flux: Logarithm of the flux of the keyframes' photons there, shape [n].
         growth: How fast cells that ride grow then, over the whole shutter and by their size then, shape [n].
         rough: Second differences of that logarithm from one of the keyframes' cells to the next, shape [n].
+        corners: Which of the four of the keyframes' cells around each photon say so, as bits, shape [n].
+        beyond: How many cells outside of these it lies along u and v, shape [n, 2].
     """
 
     dxdt: np.ndarray
@@ -91,6 +95,13 @@ class KeyframeState:
     log_flux: np.ndarray
     growth: np.ndarray
     rough: np.ndarray
+    corners: np.ndarray
+    beyond: np.ndarray
+
+    def seen_as(self, other: KeyframeState) -> np.ndarray:
+        """Of which photons both say what they do by the same cells around, shape [n]."""
+        apart = np.abs(self.beyond - other.beyond).max(axis=1)
+        return (self.corners == other.corners) & (apart < SAME_PLACE)
 
     def rows(self, chosen: np.ndarray) -> KeyframeState:
         """The same of some of the photons."""
@@ -195,6 +206,7 @@ class ShutterKeyframes:
             ):
                 state.dxdt[rows], state.position[rows] = end.dxdt / rate, end.position
                 state.valid[rows] = True
+                state.corners[rows], state.beyond[rows] = 0, 0.0
                 flux = end.flux.max(axis=1) / np.float32(weight)
                 state.log_flux[rows] = np.log(np.maximum(flux, np.finfo(np.float32).tiny))
                 # What is not known of them is how their growth changes.
@@ -317,7 +329,7 @@ class _KeyframeGrids:
             launcher(interpolate, len(which), [*self._grids, riders, which, float(part), out], in_turn=True)
         valid = out.valid.numpy() > 0
         columns = [out.position.numpy(), valid, out.drift.numpy(), out.log_flux.numpy()]
-        columns += [self._rate * out.growth.numpy(), out.rough.numpy()]
+        columns += [self._rate * out.growth.numpy(), out.rough.numpy(), out.corners.numpy(), out.beyond.numpy()]
         return KeyframeState(self._rate * out.dxdt.numpy(), *columns)
 
     def _riders(self, photons: PhotonMap, plan: EmissionPlan, rows: np.ndarray, numbers: np.ndarray) -> Riders:

@@ -7,7 +7,7 @@ Beyond the paper, whose photons shine for the whole shutter.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -46,6 +46,7 @@ def traced_in_parts(
     shutter: Shutter,
     weight: float,
     light: float,
+    bend: Callable[[RetracedCells, PhotonMap, Sequence[PhotonMap]], PhotonMap],
     clock: Clock,
     **options: Any,
 ) -> tuple[list[list[PhotonMap]], EnergyAccount]:
@@ -56,6 +57,7 @@ def traced_in_parts(
         changing: Cells of some lattices, and finer ones of these; the scene of a part is loaded once for all.
         weight: Part of the exposure that the shutter is.
         light: Flux of all photons of the shutter; cells that rush are traced again where they have a part worth it.
+        bend: Gives photons of some cells what their neighbours know, which may be others of the same part.
         options: Of the tracer.
     """
     account = EnergyAccount()
@@ -89,6 +91,8 @@ def traced_in_parts(
     with clock.stage("trace"):
         unclear = [each.unclear(weight, light) for each in found]
     for part, (piece, of_each) in enumerate(zip(pieces, zip(*unclear, strict=True), strict=True)):
+        for each in found:
+            each.maps[part] = bend(each.cells, each.maps[part], ())
         again = [(each, cells) for each, cells in zip(found, of_each, strict=True) if len(cells)]
         if not again:
             continue
@@ -103,6 +107,9 @@ def traced_in_parts(
             for each, cells in again:
                 photons, energy = traced(cells, middle + share * within, share / PARTS, number)
                 account.add(energy)
+                stay = each.maps[part]
+                there = replace(stay, position=stay.position + np.float32(within) * stay.dxdt)
+                photons = bend(each.cells, photons, (there,))
                 each.maps.append(replace(photons, part=INSTANTS + PARTS * part + number + 1))
                 each.extents.append(np.ones(len(photons)))
     with clock.stage("trace"):
