@@ -23,8 +23,8 @@ from tpdwarp.workers import Chunks, Workers
 
 CHUNKS_PER_THREAD = 16
 SMALLEST_CHUNK = 512
-# Threads a block on a GPU: Warp's default.
-GPU_BLOCK = 256
+# Threads a block on a GPU: few, so that launches of some thousand paths reach all multiprocessors.
+GPU_BLOCK = 64
 
 wp.config.log_level = wp.LOG_WARNING
 wp.config.enable_backward = False
