@@ -29,6 +29,9 @@ from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.parts import traced_in_parts
 from tpdwarp.trajectories.retraced import RetracedCells, cell_of
 
+# So many cells around one its columns, and those of its neighbours, are told by.
+NEIGHBOURS_ASKED = 3
+
 Traced = tuple[PhotonMap, EmissionPlan]
 
 
@@ -196,7 +199,7 @@ def _along_keyframes(
         stays &= ~changing.holds(photons)
     if not stays.all():
         photons, states = photons.rows(stays), tuple(state.rows(stays) for state in states)
-    stay = photons
+    stay = photons.rows(changing.beside(photons, NEIGHBOURS_ASKED)) if changing else None
     photons, fitted = fit_trajectories(photons, plan, keyframes, clock, states)
     account.add(fitted)
     traced = [(photons, plan)]

@@ -101,6 +101,19 @@ class RetracedCells:
                 held[rows] = _among(theirs, mine.cell)
         return held
 
+    def beside(self, photons: PhotonMap, by: int) -> np.ndarray:
+        """Which of the photons lie in these cells or up to ``by`` cells beside them, shape [n]."""
+        near = np.zeros(len(photons), bool)
+        of_lattices = CellsOfLattices(photons, self.plan)
+        for number, mine in self.cells.items():
+            window = Window.around(mine.cell, margin=by)
+            chosen = window.grid(dtype=bool)
+            chosen[window.at(mine.cell)] = True
+            chosen = grown(chosen, by)
+            rows, theirs = of_lattices.of(number)
+            near[rows] = window.holds(theirs) & chosen[window.at(theirs)]
+        return near
+
     def growth_of(self, photons: PhotonMap) -> np.ndarray:
         """∇S of the cell that each of the photons stands for, shape [n, 2, 2]; zero of others."""
         return self._of_cells(photons, self.growth, (2, 2), np.float64)
