@@ -192,14 +192,12 @@ def _along_keyframes(
         photons, states = photons.rows(stays), tuple(state.rows(stays) for state in states)
     # What is traced again is beside the rest all the same.
     photons = bent(photons, plan, tracer, pixel, clock)
-    stays = np.ones(len(photons), bool)
     if changing:
         _, replaced = tracer.trace(seen, plan, clock, chosen=changing.at_middle(), **tagged)
         account.subtract(replaced)
-        stays &= ~changing.holds(photons)
-    if not stays.all():
+        stays = ~changing.holds(photons)
         photons, states = photons.rows(stays), tuple(state.rows(stays) for state in states)
-    stay = photons.rows(changing.beside(photons, NEIGHBOURS_ASKED)) if changing else None
+    stay = photons.rows(changing.holds(photons, NEIGHBOURS_ASKED)) if changing else None
     photons, fitted = fit_trajectories(photons, plan, keyframes, clock, states)
     account.add(fitted)
     traced = [(photons, plan)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -160,6 +161,17 @@ class PhotonMap:
         trajectory = None if self.trajectory is None else self.trajectory.rows(index)
         taken = {name: getattr(self, name).take(index, axis=0) for name in columns}
         return replace(self, trajectory=trajectory, **taken)
+
+
+def together(maps: Sequence[PhotonMap]) -> PhotonMap:
+    """The photons of several maps in one, with the columns that all of them have; all else is as in the first."""
+    first = maps[0]
+    found = {}
+    for name in (f.name for f in fields(first) if isinstance(getattr(first, f.name), np.ndarray)):
+        columns = [getattr(photons, name) for photons in maps]
+        known = all(len(column) == len(photons) for column, photons in zip(columns, maps, strict=True))
+        found[name] = joined(columns) if known else columns[0][:0]
+    return replace(first, trajectory=None, **found)
 
 
 def row_index(chosen: np.ndarray) -> np.ndarray:

@@ -33,14 +33,14 @@ Beyond the paper.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.photons.lattices import EmissionPlan
-from tpdwarp.photons.photon_map import PhotonMap
+from tpdwarp.photons.photon_map import PhotonMap, together
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.neighbours import Pairs, neighbours
 
@@ -184,15 +184,6 @@ def with_bends(
         reach.append(widened.reach.numpy())
     reaches_over = np.stack(reach, axis=1)
     return replace(photons, cell_u=columns[0], cell_v=columns[1], bend=bend.numpy(), reach=reaches_over)
-
-
-def together(maps: Sequence[PhotonMap]) -> PhotonMap:
-    """The photons of several maps in one, with time and trajectories as the first has them."""
-    first = maps[0]
-    names = [f.name for f in fields(first) if isinstance(getattr(first, f.name), np.ndarray)]
-    columns = {name: [getattr(photons, name) for photons in maps] for name in names}
-    alike = {name: found for name, found in columns.items() if all(map(len, found))}
-    return replace(first, trajectory=None, **{name: np.concatenate(found) for name, found in alike.items()})
 
 
 def over_cells(column: np.ndarray, position: wp.array, beside: Beside, launcher: Launcher) -> Widened:

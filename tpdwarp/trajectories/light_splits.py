@@ -38,7 +38,7 @@ from tpdwarp.clock import Clock
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.light_columns import LightImage
 from tpdwarp.photons.path_tags import PathTags
-from tpdwarp.photons.photon_map import PhotonMap, joined
+from tpdwarp.photons.photon_map import PhotonMap, together
 from tpdwarp.photons.tracer import LightSplits, PhotonTracer
 from tpdwarp.photons.vectors import areas, lengths
 from tpdwarp.scene.cut_lights import cut_lights
@@ -221,7 +221,7 @@ def _errors(tracer: PhotonTracer, loaded: LoadedScene, counts: np.ndarray, clock
     changed = np.append(changed, np.full(alone, 1.0 / len(RIM)))
     uneven = np.append(uneven, np.full(alone, np.inf))
     blurred = np.append(blurred, np.zeros(alone))
-    middle = _together([middle, *from_rim_alone])
+    middle = together([middle, *from_rim_alone])
     image = _image_areas(middle)
     length = _length(middle, image + blurred, plan)
     cell = areas(middle.dxdu, middle.dxdv).astype(np.float64)
@@ -264,12 +264,6 @@ def _unevenness(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
         slope = differences(level[:, None], pairs)[:, 0]
         total += np.where(has_three(len(photons), pairs), np.abs(second_differences(level, pairs) + slope**2), np.inf)
     return total
-
-
-def _together(maps: list[PhotonMap]) -> PhotonMap:
-    """Photons of several maps, with the columns that errors are made of."""
-    columns = ("ids", "position", "flux", "image", "dxda", "dxdb", "dxdu", "dxdv")
-    return replace(maps[0], **{name: joined([getattr(photons, name) for photons in maps]) for name in columns})
 
 
 def _squares(photons: PhotonMap, side: float) -> np.ndarray:

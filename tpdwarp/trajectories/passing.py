@@ -100,10 +100,9 @@ def parts_of_existence(maps: Sequence[PhotonMap], changing: RetracedCells) -> li
         known, there = window.grid(dtype=bool), np.zeros((len(maps), *window.size), bool)
         known[window.at(cells.cell[window.holds(cells.cell)])] = True
         places = [window.at(cell) for cell in there_cells]
-        for part, (u, v) in enumerate(places):
-            there[part, u, v] = True
         power = np.zeros(there.shape)
         for part, (u, v) in enumerate(places):
+            there[part, u, v] = True
             power[part, u, v] = calm[part][rows[part]] / lengths[part]
         extent, unknown = _extents(there, known, power, lengths)
         for part, (u, v) in enumerate(places):

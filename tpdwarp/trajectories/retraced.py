@@ -91,28 +91,15 @@ class RetracedCells:
     def __len__(self) -> int:
         return sum(map(len, self.cells.values()))
 
-    def holds(self, photons: PhotonMap) -> np.ndarray:
-        """Which of the photons stand for one of these cells, shape [n]."""
+    def holds(self, photons: PhotonMap, by: int = 0) -> np.ndarray:
+        """Which of the photons stand for one of these cells, or for one up to ``by`` cells beside them, shape [n]."""
         held = np.zeros(len(photons), bool)
         of_lattices = CellsOfLattices(photons, self.plan)
         for number, mine in self.cells.items():
             rows, theirs = of_lattices.of(number)
             if len(rows):
-                held[rows] = _among(theirs, mine.cell)
+                held[rows] = _among(theirs, mine.cell, by)
         return held
-
-    def beside(self, photons: PhotonMap, by: int) -> np.ndarray:
-        """Which of the photons lie in these cells or up to ``by`` cells beside them, shape [n]."""
-        near = np.zeros(len(photons), bool)
-        of_lattices = CellsOfLattices(photons, self.plan)
-        for number, mine in self.cells.items():
-            window = Window.around(mine.cell, margin=by)
-            chosen = window.grid(dtype=bool)
-            chosen[window.at(mine.cell)] = True
-            chosen = grown(chosen, by)
-            rows, theirs = of_lattices.of(number)
-            near[rows] = window.holds(theirs) & chosen[window.at(theirs)]
-        return near
 
     def growth_of(self, photons: PhotonMap) -> np.ndarray:
         """∇S of the cell that each of the photons stands for, shape [n, 2, 2]; zero of others."""
@@ -209,12 +196,13 @@ class CellsAtEnds:
     photons: tuple[PhotonMap, PhotonMap]
 
 
-def _among(cells: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Which of the cells [n, 2] of a lattice are among the ``chosen`` ones of it [m, 2], of which there is one."""
-    window = Window.around(chosen)
+def _among(cells: np.ndarray, chosen: np.ndarray, by: int = 0) -> np.ndarray:
+    """Which of the cells [n, 2] of a lattice are among the ``chosen`` ones of it [m, 2], of which there is one, or lie
+    up to ``by`` cells beside them."""
+    window = Window.around(chosen, margin=by)
     taken = window.grid(dtype=bool)
     taken[window.at(chosen)] = True
-    return window.holds(cells) & taken[window.at(cells)]
+    return window.holds(cells) & grown(taken, by)[window.at(cells)]
 
 
 def place_in_cell(cell: np.ndarray, number: int) -> np.ndarray:

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.usd.read.topology import Topology
-
-
-def lengths(vectors: np.ndarray) -> np.ndarray:
-    """Lengths of vectors [n, 3], shape [n], in a fifth of the time of NumPy's norm, which sums rows of three."""
-    x, y, z = vectors.T
-    return np.sqrt(x * x + y * y + z * z)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

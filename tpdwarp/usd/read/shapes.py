@@ -15,9 +15,10 @@ import numpy as np
 from pxr import Usd, UsdGeom, Vt
 
 from tpdwarp.errors import InputError, WarnOnce
+from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import Shutter
 from tpdwarp.usd.read.motion import touched
-from tpdwarp.usd.read.normals import area_vectors, lengths, smooth_normals, unit
+from tpdwarp.usd.read.normals import area_vectors, smooth_normals, unit
 from tpdwarp.usd.read.primvars import flattened, require_finite
 from tpdwarp.usd.read.samples import SampledArray, of_attribute
 from tpdwarp.usd.read.skinning import Deformation
