@@ -51,6 +51,10 @@ LARGEST_CHANGE = 0.1
 # So is that which moves by less than so many lengths of its footprint within a part. Chosen on a prism at the end of
 # total reflection, whose light grows as the root of the time: with one it errs by .027, with a half by .026.
 LONGEST_WAY = 0.5
+# Cells that those around are looked up of at once, so that these stay in the cache.
+LOOKED_UP = 1 << 12
+_APART = np.arange(-REACH, REACH + 1) ** 2
+_WEIGHTS = np.exp(-0.5 * (_APART[:, None] + _APART) / BLUR**2).ravel()
 _DEVIATIONS = np.linspace(-MOST_DEVIATIONS, MOST_DEVIATIONS, 129)
 _NORMAL = np.array([0.5 * math.erfc(-s / math.sqrt(2.0)) for s in _DEVIATIONS])
 
@@ -127,7 +131,7 @@ def _finer_share(
         wanted: The n cells, shape [u, v].
         d, beyond: Their distances in whole cells, shape [n].
     """
-    inside, outside = _from_edge(there, tells, wanted), -_from_edge(there_then, tells, wanted)
+    inside, outside = _from_edges((there, there_then), tells, wanted) * np.array([[1.0], [-1.0]])
     way = inside + outside
     # The nearest cell on the other side lies half a cell beyond the edge.
     apart = np.maximum(np.abs(inside - d + 0.5), np.abs(outside - beyond + 0.5))
@@ -135,21 +139,33 @@ def _finer_share(
     return np.where(straight, np.clip(inside / np.where(straight, way, 1.0), 0.0, 1.0), np.nan)
 
 
-def _from_edge(there: np.ndarray, tells: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """How many cells those ``wanted`` lie within an edge, negative beyond it, NaN where that is not known; shape [n].
+def _from_edges(there: Sequence[np.ndarray], tells: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """How many cells those ``wanted`` lie within an edge, negative beyond it, NaN where that is not known; shape [k, n].
 
     Each cell around shows at one place of it whether the path is there: by normal weights a straight edge at the
     distance s leaves the part Φ(s/σ) of them, whatever its direction.
+
+    Args:
+        there: Where the path is there, k times [u, v].
+        tells, wanted: As of :func:`_finer_share`.
     """
-    share, whole, all_weights = np.zeros(np.sum(wanted)), np.zeros(np.sum(wanted)), 0.0
-    padded_there, padded = (np.pad(grid, REACH) for grid in (there & tells, tells))
+    # The path and what tells of it as bits of one grid, so that cells around are looked up once.
+    bits = tells.astype(np.uint8)
+    for number, grid in enumerate(there):
+        bits |= (grid & tells).astype(np.uint8) << np.uint8(number + 1)
+    bits = np.pad(bits, REACH)
+    offsets = (np.arange(2 * REACH + 1)[:, None] * bits.shape[1] + np.arange(2 * REACH + 1)).ravel()
     u, v = np.nonzero(wanted)
-    for du, dv in np.ndindex(2 * REACH + 1, 2 * REACH + 1):
-        weight = math.exp(-0.5 * ((du - REACH) ** 2 + (dv - REACH) ** 2) / BLUR**2)
-        all_weights += weight
-        share += weight * padded_there[u + du, v + dv]
-        whole += weight * padded[u + du, v + dv]
-    lit = np.divide(share, whole, out=np.full(len(u), np.nan), where=whole > LEAST_KNOWN * all_weights)
+    first = u * bits.shape[1] + v
+    lit = np.empty((len(there), len(u)))
+    for begin in range(0, len(u), LOOKED_UP):
+        rows = slice(begin, begin + LOOKED_UP)
+        around = bits.ravel().take(first[rows, None] + offsets)
+        whole = (around & np.uint8(1)) @ _WEIGHTS
+        enough = whole > LEAST_KNOWN * _WEIGHTS.sum()
+        for number in range(len(there)):
+            share = (around >> np.uint8(number + 1) & np.uint8(1)) @ _WEIGHTS
+            lit[number, rows] = np.divide(share, whole, out=np.full(len(whole), np.nan), where=enough)
     deviations = np.interp(lit, _NORMAL, _DEVIATIONS, left=np.nan, right=np.nan)
     # Places are spread evenly over their cells.
     return math.sqrt(BLUR**2 + 1.0 / 12.0) * deviations
