@@ -140,7 +140,7 @@ def _finer_share(
 
 
 def _from_edges(there: Sequence[np.ndarray], tells: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """How many cells those ``wanted`` lie within an edge, negative beyond it, NaN where that is not known; shape [k, n].
+    """How many cells those ``wanted`` lie within an edge, negative beyond it, NaN where that is unknown; shape [k, n].
 
     Each cell around shows at one place of it whether the path is there: by normal weights a straight edge at the
     distance s leaves the part Φ(s/σ) of them, whatever its direction.

@@ -6,6 +6,7 @@ import pytest
 from tests.usd.stages import SmallStage
 from tpdwarp.device import Launcher
 from tpdwarp.scene.description import Shutter
+from tpdwarp.scene.device import geometry
 from tpdwarp.scene.device.loading import SceneLoader
 
 
@@ -42,16 +43,22 @@ def test_faces_that_change_are_packed_anew(moving):
     assert not np.array_equal(first.faces.triangles.numpy(), second.faces.triangles.numpy())
 
 
+CORNERS = (np.arange(19)[:, None] * 20 + np.arange(19)).ravel()
+QUADS = np.stack([CORNERS, CORNERS + 20, CORNERS + 21, CORNERS + 1], axis=1)
+GRID = {"counts": (4,) * len(QUADS), "indices": QUADS.ravel().tolist()}
+
+
+def grid_at_three_times() -> dict[float, np.ndarray]:
+    """Points of a sheet that is raised, and then thrown together."""
+    u, v = np.meshgrid(np.arange(20.0), np.arange(20.0), indexing="ij")
+    points = np.stack([u, v, 0 * u], axis=-1).reshape(-1, 3)
+    return {1: points, 2: points + np.array([0, 0, 1]), 3: np.random.default_rng(0).permutation(points)}
+
+
 def test_a_large_tree_is_kept_from_frame_to_frame_until_its_boxes_have_grown(tmp_path, monkeypatch):
     monkeypatch.setattr("tpdwarp.scene.device.geometry.SHARED_FROM", 1)
     small = SmallStage(tmp_path)
-    u, v = np.meshgrid(np.arange(20.0), np.arange(20.0), indexing="ij")
-    points = np.stack([u, v, 0 * u], axis=-1).reshape(-1, 3)
-    corner = (np.arange(19)[:, None] * 20 + np.arange(19)).ravel()
-    faces_ = np.stack([corner, corner + 20, corner + 21, corner + 1], axis=1)
-    mixed = np.random.default_rng(0).permutation(points)
-    times = {1: points, 2: points + np.array([0, 0, 1]), 3: mixed}
-    small.moving("/Mesh", times, counts=(4,) * len(faces_), indices=faces_.ravel().tolist())
+    small.moving("/Mesh", grid_at_three_times(), **GRID)
     loader = SceneLoader(small.open(), Launcher("cpu", 1))
     first, second, third = (loader.load(Shutter.still(frame)).geometry for frame in (1, 2, 3))
     assert second.trees is first.trees
@@ -74,3 +81,19 @@ def test_points_of_what_stays_the_same_are_those_that_were_packed(moving, monkey
     assert sorted(packed) == [4, 4]
     np.testing.assert_array_equal(second.geometry.vertices[4:], first.geometry.vertices[4:])
     assert not np.array_equal(second.geometry.vertices[:4], first.geometry.vertices[:4])
+
+
+def test_a_small_tree_is_made_like_that_of_the_scene_before_until_its_boxes_would_be_large(tmp_path, monkeypatch):
+    built = []
+    trees_of = geometry._trees
+    monkeypatch.setattr(geometry, "_trees", lambda *given: (built.append(1), trees_of(*given))[1])
+    small = SmallStage(tmp_path)
+    small.moving("/Mesh", grid_at_three_times(), **GRID)
+    loader = SceneLoader(small.open(), Launcher("cpu", 1))
+    first = loader.load(Shutter.still(1))
+    second = loader.load(Shutter.still(2), beside=first)
+    assert len(built) == 1 and second.geometry.trees is not first.geometry.trees
+    # Both stay good.
+    assert first.geometry.surfaces.points.numpy()[:, 2].max() < second.geometry.surfaces.points.numpy()[:, 2].min()
+    third = loader.load(Shutter.still(3))
+    assert len(built) == 2 and third.geometry.trees.grown == 1.0

@@ -252,3 +252,25 @@ def test_boxes_that_grow_are_told_of(in_parts: tuple[np.ndarray, np.ndarray, np.
     assert tree.grown > 2.0
     tree.move(launcher.array(points.astype(np.float32), wp.vec3))
     assert tree.grown == pytest.approx(1.0)
+
+
+def test_trees_beside_each_other_answer_where_each_stands(in_parts: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    points, triangles, ends = in_parts
+    launcher = Launcher("cpu", 1)
+    tree = tree_of(points, triangles, launcher, ends)
+    moved = points + np.array([0.3, -0.2, 0.1])
+    other = tree.beside(launcher.array(moved.astype(np.float32), wp.vec3))
+    assert other.grown == pytest.approx(1.0, abs=1e-5)
+    anew = tree_of(moved, triangles, launcher, ends)
+    for seed, one in enumerate((tree, other, tree)):
+        wide, warps = answers(one, *rays(seed), launcher)
+        np.testing.assert_array_equal(wide[:, 1], warps[:, 1])
+    np.testing.assert_array_equal(answers(other, *rays(3), launcher)[0], answers(anew, *rays(3), launcher)[0])
+    # What moves on from there leaves the first where it was, too.
+    other.move(launcher.array(points[::-1].astype(np.float32), wp.vec3))
+    wide, warps = answers(other, *rays(5), launcher)
+    np.testing.assert_array_equal(wide[:, 1], warps[:, 1])
+    wide, warps = answers(tree, *rays(6), launcher)
+    np.testing.assert_array_equal(wide[:, 1], warps[:, 1])
+    scattered = np.random.default_rng(4).permutation(points).astype(np.float32)
+    assert tree.beside(launcher.array(scattered, wp.vec3)).grown > 2.0

@@ -102,7 +102,8 @@ class Geometry:
         of = self.packed
         if self._moved is None:
             # Built where the shutter is open half way, so that it does not matter which time is looked at first.
-            self._moved = self.trees if self.shared else _trees(of.points, self.faces, launcher)
+            self._moved = self.trees if self.shared else self.trees.beside(of.points)
+            self._moved = self._moved or _trees(of.points, self.faces, launcher)
         surfaces = replace_time(of, time)
         if self._there is None:
             self._there = launcher.array(of.points.numpy().copy(), wp.vec3)
@@ -150,17 +151,23 @@ def _fit(trees: WideTree, points: wp.array) -> None:
         trees.move(points)
 
 
-def _fitted(before: Geometry | None, points: wp.array, faces: Faces) -> WideTree | None:
-    """The BVH of another scene fitted to ``points``; None where that has other triangles."""
-    if before is None:
-        return None
-    theirs = before.faces
-    if faces is not theirs and not (
-        np.array_equal(theirs.ends, faces.ends) and np.array_equal(theirs.triangles.numpy(), faces.triangles.numpy())
-    ):
-        return None
-    _fit(before.trees, points)
-    return before.trees
+def _has(known: Geometry, faces: Faces) -> bool:
+    """Whether a scene has triangles of the same vertices as ``faces``."""
+    if faces is known.faces:
+        return True
+    theirs = known.faces
+    return np.array_equal(theirs.ends, faces.ends) and np.array_equal(theirs.triangles.numpy(), faces.triangles.numpy())
+
+
+def _fitted(trees: WideTree, points: wp.array) -> WideTree:
+    """A BVH that has moved to ``points``."""
+    _fit(trees, points)
+    return trees
+
+
+def _not_grown(trees: WideTree | None) -> WideTree | None:
+    """A BVH unless rays would enter far more of its boxes than as it was built."""
+    return trees if trees is not None and trees.grown <= MOST_GROWN else None
 
 
 # Beyond the box of solids so far there is no medium, in the tracer's units: more than by what solids in contact are
@@ -169,8 +176,7 @@ MEDIA_MARGIN = 1e-4
 # A BVH is built anew where boxes have grown to more than so many times what they were, for rays then enter as many more
 # of them. Chosen, not derived.
 MOST_GROWN = 1.2
-# From so many triangles on the scenes of a frame share a BVH. Chosen, not derived: to build one for fewer takes less
-# than 50 ms.
+# From so many triangles on the scenes of a frame share a BVH; of fewer each has boxes of its own. Chosen, not derived.
 SHARED_FROM = 100_000
 # A triangle without area, which no ray hits, for scenes that have none at all.
 NOTHING = MeshAtShutter("", np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
@@ -207,11 +213,13 @@ def geometry_of(
     boxes = normalization.points(np.concatenate([mesh.boxes for mesh in meshes]).reshape(-1, 3)).reshape(-1, 2, 3)
     extent = np.abs(boxes).max(axis=(0, 1)).astype(float)
     device_points = launcher.array(vertices, wp.vec3)
-    tree_of = known if instead_of is not None or (known is not None and known.shared) else None
-    fitted = _fitted(tree_of, device_points, faces)
-    if fitted is None and trees is not None and faces is like and len(faces.triangles) >= SHARED_FROM:
-        _fit(trees, device_points)
-        fitted = trees if trees.grown <= MOST_GROWN else None
+    fitted = None
+    if known is not None and _has(known, faces):
+        moves_on = instead_of is not None or known.shared
+        fitted = _fitted(known.trees, device_points) if moves_on else _not_grown(known.trees.beside(device_points))
+    if fitted is None and trees is not None and faces is like:
+        large = len(faces.triangles) >= SHARED_FROM
+        fitted = _not_grown(_fitted(trees, device_points) if large else trees.beside(device_points))
     trees = fitted or _trees(device_points, faces, launcher)
     nesting = nesting_of(scene)
     media = np.full(faces.object_count, -1, np.int32)

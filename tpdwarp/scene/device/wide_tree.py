@@ -9,7 +9,8 @@ part of the meshes move, only what stands above them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -221,6 +222,28 @@ class _Above:
     grown: float = 1.0
 
 
+@dataclass(eq=False)
+class _SharedMesh:
+    """Warp's mesh of trees beside each other, which stands where the one of them does that asked for it last.
+
+    ``boxes`` are those of that tree: it has this itself, and a circle would keep both.
+    """
+
+    mesh: wp.Mesh
+    boxes: wp.array | None
+
+    def left_by(self, tree: RayTree) -> None:
+        """Says that a tree has moved."""
+        if self.boxes is tree.boxes:
+            self.boxes = None
+
+    def at(self, points: wp.array, tree: RayTree) -> wp.Mesh:
+        """The mesh at the points of a tree."""
+        if self.boxes is not tree.boxes:
+            self.mesh.points, self.boxes = points, tree.boxes
+        return self.mesh
+
+
 class WideTree:
     """The tree of a mesh.
 
@@ -237,17 +260,16 @@ class WideTree:
 
     def __init__(self, mesh: wp.Mesh, launcher: Launcher, ends: np.ndarray | None = None) -> None:
         self.points: wp.array = mesh.points
-        self._mesh, self._launcher = mesh, launcher
-        self._is_behind = False
+        self._launcher = launcher
         triangles = len(mesh.indices) // 3
         self._ends = np.array([[len(mesh.points), triangles]]) if ends is None else ends
         self._above: dict[tuple[int, ...], _Above] = {}
         self._slots = nothing = launcher.zeros(0, wp.int32)
-        self._areas = launcher.zeros(2, wp.float64)
         self.tree = RayTree()
         self.tree.mesh = mesh.id
         self.tree.boxes = self.tree.corners = launcher.zeros(0, wp.float32)
         self.tree.links = self.tree.faces = nothing
+        self._mesh = _SharedMesh(mesh, self.tree.boxes)
         if launcher.device.is_cuda:
             return
         # Room for the worst, of which memory is taken up only as it is written.
@@ -260,17 +282,37 @@ class WideTree:
             return
         self._slots = slots[:blocks]
         self.tree.links, self.tree.faces = links[: WIDTH * nodes], faces[: WIDTH * blocks]
-        self.tree.boxes = launcher.zeros(NODE_FLOATS * nodes, wp.float32)
-        self.tree.corners = launcher.empty(BLOCK_FLOATS * blocks, wp.float32)
+        self._make_room()
+        self._mesh.boxes = self.tree.boxes
         self._follow(())
+
+    def _make_room(self) -> None:
+        self._areas = self._launcher.zeros(2, wp.float64)
+        self.tree.boxes = self._launcher.zeros(NODE_FLOATS // WIDTH * len(self.tree.links), wp.float32)
+        self.tree.corners = self._launcher.empty(BLOCK_FLOATS * len(self._slots), wp.float32)
+
+    def beside(self, points: wp.array) -> WideTree | None:
+        """A tree of the same triangles that stands elsewhere, made for a tenth of what building one takes.
+
+        Warp's mesh is one for both, and stands where it was asked for last. None where there is no tree but that.
+
+        Args:
+            points: Where, shape [n] of vec3; they become its own.
+        """
+        if not len(self.tree.links):
+            return None
+        other = copy(self)
+        other.points, other.tree = points, RayTree()
+        other.tree.mesh, other.tree.links, other.tree.faces = self.tree.mesh, self.tree.links, self.tree.faces
+        other._above = {(): replace(self._above[()])}
+        other._make_room()
+        other._follow(())
+        return other
 
     @property
     def mesh(self) -> wp.Mesh:
         """Warp's mesh, whose own tree follows where it is asked for."""
-        if self._is_behind:
-            self._mesh.points = self.points
-            self._is_behind = False
-        return self._mesh
+        return self._mesh.at(self.points, self.tree)
 
     @property
     def grown(self) -> float:
@@ -288,11 +330,12 @@ class WideTree:
             moved: The parts of it that may stand elsewhere; None where that is not known.
         """
         if not len(self.tree.links):
-            self._mesh.points = self.points = points
+            self._mesh.mesh.points = self.points = points
             return
         if moved is None:
             moved = self._changed(points)
-        self.points, self._is_behind = points, True
+        self.points = points
+        self._mesh.left_by(self.tree)
         if moved:
             self._follow(moved)
 
@@ -310,7 +353,7 @@ class WideTree:
         """Has blocks and nodes above some parts follow their points; above all, for no parts or most of them."""
         tree, above = self.tree, self._above_of(moved)
         blocks = len(above.blocks) or len(self._slots)
-        given = [above.blocks, self.points, self._mesh.indices, tree.faces, self._slots, tree.corners, tree.boxes]
+        given = [above.blocks, self.points, self._mesh.mesh.indices, tree.faces, self._slots, tree.corners, tree.boxes]
         self._launcher(copy_blocks, blocks, given, LEAST_COPIED)
         self._launcher(follow_all_blocks, 1, [above.nodes, tree.links, tree.boxes, self._areas])
         before, after = map(float, self._areas.numpy())
