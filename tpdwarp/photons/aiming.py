@@ -16,7 +16,8 @@ Bounds = tuple[float, float, float, float]
 
 def specular_triangles(mesh: MeshAtShutter) -> np.ndarray:
     """Vertex indices [k, 3] of the triangles that reflect or refract."""
-    return mesh.triangles[specular_faces(mesh)]
+    faces = specular_faces(mesh)
+    return mesh.triangles if faces.all() else mesh.triangles[faces]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +42,10 @@ class Specular:
                 found = specular_triangles(mesh)
                 used = np.zeros(len(mesh.points), bool)
                 used[found] = True
-                points.append(normalization.points(mesh.points)[used])
-                triangles.append(count + (np.cumsum(used) - 1)[found])
+                all_used = used.all()
+                there = normalization.points(mesh.points)
+                points.append(there if all_used else there[used])
+                triangles.append(count + (found if all_used else (np.cumsum(used) - 1)[found]))
                 count += len(points[-1])
         return cls(np.concatenate(points).astype(np.float64), np.concatenate(triangles))
 

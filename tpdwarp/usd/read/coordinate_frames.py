@@ -65,7 +65,10 @@ def frame_over(
 
     shutter, span = _window(prim, shutter, transforms, animation, warnings)
     with np.errstate(over="ignore", invalid="ignore"):
-        (position, axes), motions = over_shutter(state, shutter, span, transforms.cubic)
+        if transforms.span(prim) is None:
+            (position, axes), motions = state(shutter.middle), None
+        else:
+            (position, axes), motions = over_shutter(state, shutter, span, transforms.cubic)
     if not all(np.isfinite(values).all() for values in (position, axes, *(motions or ()))):
         raise InputError(
             f"its transform leaves the range of numbers within the shutter of frame {shutter.frame:g} (correct it)",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tpdwarp.photons.vectors import lengths
+from tpdwarp.photons.vectors import cross, lengths
 from tpdwarp.usd.read.topology import Topology
 
 
@@ -45,8 +45,7 @@ def transform_normals(normals: np.ndarray, matrices: np.ndarray) -> np.ndarray:
     They are multiplied by the inverse transpose, and what was in front stays there. The cofactors stand in for the
     inverse, so that a matrix which flattens things still has normals.
     """
-    a, b, c = (matrices[:, row, :3] for row in range(3))
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-    mirrored = np.einsum("nk,nk->n", a, cofactors[:, 0]) < 0
+    cofactors = cross(matrices[:, [1, 2, 0], :3], matrices[:, [2, 0, 1], :3])
+    mirrored = np.einsum("nk,nk->n", matrices[:, 0, :3], cofactors[:, 0]) < 0
     cofactors[mirrored] *= -1.0
     return unit((normals @ cofactors).reshape(-1, 3))

@@ -108,5 +108,6 @@ class Outliers:
     def _of(self, mesh: MeshAtShutter) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest corner of a mesh, shapes [3] and [3]."""
         if mesh not in self._bounds:
-            self._bounds[mesh] = mesh.points.min(axis=0), mesh.points.max(axis=0)
+            boxes = mesh.boxes
+            self._bounds[mesh] = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
         return self._bounds[mesh]
