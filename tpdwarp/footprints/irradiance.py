@@ -38,8 +38,9 @@ def rows_of(queries: QueryArrays, rows: np.ndarray, launcher: Launcher) -> Query
     for name in ("position", "normal", "motion", "shading_normal"):
         array = getattr(queries, name)
         given = array is not None and array.shape[0] > 0
-        setattr(out, name, launcher.array(array.numpy()[rows], wp.vec3) if given else launcher.zeros(0, wp.vec3))
-    out.receiver = launcher.array(queries.receiver.numpy()[rows], wp.int32)
+        some = launcher.array(launcher.rows_of(array, rows), wp.vec3) if given else launcher.zeros(0, wp.vec3)
+        setattr(out, name, some)
+    out.receiver = launcher.array(launcher.rows_of(queries.receiver, rows), wp.int32)
     return out
 
 
