@@ -60,6 +60,7 @@ from tpdwarp.trajectories.retraced import (
     typical_area,
 )
 from tpdwarp.trajectories.rifts import LARGEST_DRIFT_APART, gradients, rift_cells
+from tpdwarp.trajectories.swept import swept_cells
 
 # Flux of nothing, to divide by.
 _TINY = np.finfo(np.float64).tiny
@@ -109,7 +110,7 @@ def changing_cells(
         besides: Cells [n, 2] of each lattice that are traced again in any case: those at edges that move.
         finest: Area below which footprints are not told apart: wide ones count beside these as beside a pixel.
     """
-    suspects = _suspects(keyframes, plan, clock, finest)
+    suspects, swept = _suspects(keyframes, plan, clock, finest)
     with clock.stage("trace"):
         turned_over: dict[int, np.ndarray] = {}
         if not is_a_sheet_alone(keyframes):
@@ -129,7 +130,7 @@ def changing_cells(
     with clock.stage("trace"):
         unfollowed = _unfollowed(states, photons, plan, typical)
         chosen = dict(besides or {})
-        for found in (unfollowed, turned_over):
+        for found in (unfollowed, turned_over, swept):
             for number, cells in found.items():
                 chosen[number] = distinct_rows(np.concatenate([cells, chosen.get(number, cells)]))
         change_in = _Change([ends[0], photons, ends[1]], plan, typical) if suspects else None
@@ -251,9 +252,9 @@ def _field(found: CellsOfLattices, lattice: Lattice, number: int, given: ChosenC
 
 def _suspects(
     keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock, finest: float
-) -> dict[int, ChosenCells]:
-    """The cells of ``plan`` around keyframes' cells that change, with their shift as offset; arguments as of
-    :func:`changing_cells`."""
+) -> tuple[dict[int, ChosenCells], dict[int, np.ndarray]]:
+    """The cells of ``plan`` around keyframes' cells that change, with their shift as offset, and those [n, 2] that
+    change between the instants at which these are asked; arguments as of :func:`changing_cells`."""
     sparse = keyframes.plan
     maps = _at_keyframes(keyframes)
     if not is_a_sheet_alone(keyframes):
@@ -279,14 +280,33 @@ def _suspects(
             maps[part] = keyframes.traced(part, sparse, chosen=riding(riders, sparse, part), aimed=False)
     with clock.stage("trace"):
         found: dict[int, ChosenCells] = {}
+        swept: dict[int, np.ndarray] = {}
         in_order = [maps[part] for part in sorted(maps)]
-        change = _Change(in_order, sparse, max(finest, *map(typical_area, in_order)))
+        typical = max(finest, *map(typical_area, in_order))
+        change = _Change(in_order, sparse, typical)
+        at_keyframes = [
+            (CellsOfLattices(_over_shutter(maps[part], part), sparse), matters(maps[part], typical, LEAST_SHARE))
+            for part in (-END, 0.0, END)
+        ]
         for number, window in windows.items():
+            lattices = plan.lattices[number], sparse.lattices[number]
+            # Halfway to the next keyframe.
+            passed = [swept_cells(*at_keyframe, number, window, 0.5 * END) for at_keyframe in at_keyframes]
+            passed = np.any(passed, axis=0)
+            if passed.any():
+                swept[number] = _finer(*lattices, window, passed, shifts[number]).cell
             changing = change.within(number, window)
             if changing.any():
-                lattices = plan.lattices[number], sparse.lattices[number]
                 found[number] = _finer(*lattices, window, changing, shifts[number])
-    return found
+    return found, swept
+
+
+def _over_shutter(photons: PhotonMap, part: float) -> PhotonMap:
+    """Photons of a keyframe with D_t x over the whole shutter."""
+    if part == 0.0:
+        return photons
+    rate = np.float32(1.0 / KEYFRAME_DURATION)
+    return replace(photons, dxdt=rate * photons.dxdt, receiver_motion=rate * photons.receiver_motion)
 
 
 def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: Window | None) -> np.ndarray:
