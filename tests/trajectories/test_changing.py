@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,10 +25,14 @@ from tpdwarp.trajectories.edges import FINER, FIRST_PART, edge_cells
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.parts import INSTANTS
 from tpdwarp.trajectories.retraced import PARTS, place_in_cell
+from tpdwarp.usd.read.stage import StageScene
 from usd_scenes.oracle import Wave
 from usd_scenes.oracle.closed_forms import fresnel_reflectance, lit_edge_profile, snell
 from usd_scenes.shapes import ring
+from usd_scenes.stage import CAMERA, FRAME
+from usd_scenes.strangers import PIXELS, write
 
+CONVERGED = Path(__file__).resolve().parents[2] / "scripts" / "benchmarks" / "converged"
 RETRACED = "cells traced again in time"
 SETTINGS = Settings(photons=4096, segments=1, samples=1, aovs=("irradiance",))
 GLIDE = 0.6
@@ -313,3 +318,27 @@ def test_light_that_a_roof_hides_at_mid_shutter_is_there_when_it_is_not():
     inside = np.abs(np.abs(x) - half) > 2.0 / columns
     assert found.mean() == pytest.approx(exact.mean(), rel=0.01)
     assert np.abs(found - exact)[inside].max() < 0.06 * passed
+
+
+def of_stranger(name: str, folder: Path, photons: int = 16384) -> tuple[np.ndarray, np.ndarray]:
+    """Irradiance of a scene of ``usd_scenes/strangers.py`` in one segment, and its truth of many instants."""
+    with np.load(CONVERGED / f"{name}.npz") as kept:
+        truth = kept["light"].astype(np.float64)
+    settings = Settings.of(SETTINGS, photons=photons, samples=4, camera=CAMERA, image_width=PIXELS)
+    context = RenderContext(StageScene.open(write(name, folder), settings), settings)
+    found = render_frame(context, Shutter(FRAME, FRAME, FRAME + 1), PIXELS, PIXELS).channels["irradiance.R"]
+    return found, truth
+
+
+def test_wide_light_beside_a_focus_finer_than_pixels_passes_slats_when_it_does(tmp_path):
+    """Beside such a focus wide light counted for nothing, and shone on slats and floor as at mid shutter for all of it:
+    .980 of the light of many instants."""
+    found, truth = of_stranger("lens-over-louvres", tmp_path)
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.013)
+    assert np.sqrt(np.mean((found - truth) ** 2)) < 0.067 * truth.mean()
+
+
+def test_light_that_passes_pickets_between_two_keyframes_shines_on_them(tmp_path):
+    """It crosses a picket in a sixth of the shutter, beside which it falls at all keyframes: .109 of the mean."""
+    found, truth = of_stranger("rod-over-a-fence", tmp_path)
+    assert np.sqrt(np.mean((found - truth) ** 2)) < 0.05 * truth.mean()

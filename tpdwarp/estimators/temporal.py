@@ -11,6 +11,7 @@ import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, bent, light_of
+from tpdwarp.footprints.pixel_areas import typical_pixel_area
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.emission import ChosenCells, Patch
 from tpdwarp.photons.energy import COARSE_PARTS, STARVED, EnergyAccount
@@ -182,7 +183,8 @@ def _along_keyframes(
     if tracer.settings.emission == "lattice":
         with clock.stage("trace"):
             moving, resting = edge_cells(photons, plan, seen, tell_apart=_has_finer_edges(tracer.settings))
-        changing = changing_cells(keyframes, photons, plan, states, clock, moving)
+        finest = typical_pixel_area(photons, pixel)
+        changing = changing_cells(keyframes, photons, plan, states, clock, moving, finest)
         edges = resting_edges(photons, plan, resting, changing)
     finer = None
     if edges:

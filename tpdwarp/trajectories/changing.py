@@ -22,7 +22,7 @@ Beyond the paper, whose photons shine for the whole shutter.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,6 +60,7 @@ from tpdwarp.trajectories.retraced import (
     typical_area,
 )
 from tpdwarp.trajectories.rifts import LARGEST_DRIFT_APART, gradients, rift_cells
+from tpdwarp.trajectories.swept import swept_cells
 
 # Flux of nothing, to divide by.
 _TINY = np.finfo(np.float64).tiny
@@ -96,6 +97,7 @@ def changing_cells(
     states: Sequence[KeyframeState],
     clock: Clock,
     besides: dict[int, np.ndarray] | None = None,
+    finest: float = 0.0,
 ) -> RetracedCells | None:
     """The cells that their photons of mid shutter do not stand for; None where none matter.
 
@@ -106,11 +108,12 @@ def changing_cells(
         states: What keyframes say of them, in the order of time.
         clock: Where the time goes.
         besides: Cells [n, 2] of each lattice that are traced again in any case: those at edges that move.
+        finest: Area below which footprints are not told apart: wide ones count beside these as beside a pixel.
     """
-    suspects = _suspects(keyframes, plan, clock)
+    suspects, swept = _suspects(keyframes, plan, clock, finest)
     with clock.stage("trace"):
         turned_over: dict[int, np.ndarray] = {}
-        if not _is_a_sheet_alone(keyframes, _at_keyframes(keyframes).values()):
+        if not is_a_sheet_alone(keyframes):
             photons, turned_over = resting_where_turned_over(photons, plan)
         here = CellsOfLattices(photons, plan)
         suspects = {
@@ -123,11 +126,11 @@ def changing_cells(
             keyframes.traced(part, plan, chosen=riding(suspects, plan, part), aimed=False) for part in (OPENS, CLOSES)
         ]
     with clock.stage("trace"):
-        typical = max(map(typical_area, [photons, *ends]))
+        typical = max(finest, *map(typical_area, [photons, *ends]))
     with clock.stage("trace"):
         unfollowed = _unfollowed(states, photons, plan, typical)
         chosen = dict(besides or {})
-        for found in (unfollowed, turned_over):
+        for found in (unfollowed, turned_over, swept):
             for number, cells in found.items():
                 chosen[number] = distinct_rows(np.concatenate([cells, chosen.get(number, cells)]))
         change_in = _Change([ends[0], photons, ends[1]], plan, typical) if suspects else None
@@ -247,11 +250,14 @@ def _field(found: CellsOfLattices, lattice: Lattice, number: int, given: ChosenC
     return _Field(window, np.where(torn[..., None], smooth, shifts), cells[lattice.holds(cells)])
 
 
-def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> dict[int, ChosenCells]:
-    """The cells of ``plan`` around keyframes' cells that change, with their shift as offset."""
+def _suspects(
+    keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock, finest: float
+) -> tuple[dict[int, ChosenCells], dict[int, np.ndarray]]:
+    """The cells of ``plan`` around keyframes' cells that change, with their shift as offset, and those [n, 2] that
+    change between the instants at which these are asked; arguments as of :func:`changing_cells`."""
     sparse = keyframes.plan
     maps = _at_keyframes(keyframes)
-    if not _is_a_sheet_alone(keyframes, maps.values()):
+    if not is_a_sheet_alone(keyframes):
         maps[0.0] = resting_where_turned_over(maps[0.0], sparse)[0]
         maps |= {part: keyframes.traced(part, sparse) for part in (OPENS, CLOSES)}
     with clock.stage("trace"):
@@ -274,14 +280,33 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
             maps[part] = keyframes.traced(part, sparse, chosen=riding(riders, sparse, part), aimed=False)
     with clock.stage("trace"):
         found: dict[int, ChosenCells] = {}
+        swept: dict[int, np.ndarray] = {}
         in_order = [maps[part] for part in sorted(maps)]
-        change = _Change(in_order, sparse, max(map(typical_area, in_order)))
+        typical = max(finest, *map(typical_area, in_order))
+        change = _Change(in_order, sparse, typical)
+        at_keyframes = [
+            (CellsOfLattices(_over_shutter(maps[part], part), sparse), matters(maps[part], typical, LEAST_SHARE))
+            for part in (-END, 0.0, END)
+        ]
         for number, window in windows.items():
+            lattices = plan.lattices[number], sparse.lattices[number]
+            # Halfway to the next keyframe.
+            passed = [swept_cells(*at_keyframe, number, window, 0.5 * END) for at_keyframe in at_keyframes]
+            passed = np.any(passed, axis=0)
+            if passed.any():
+                swept[number] = _finer(*lattices, window, passed, shifts[number]).cell
             changing = change.within(number, window)
             if changing.any():
-                lattices = plan.lattices[number], sparse.lattices[number]
                 found[number] = _finer(*lattices, window, changing, shifts[number])
-    return found
+    return found, swept
+
+
+def _over_shutter(photons: PhotonMap, part: float) -> PhotonMap:
+    """Photons of a keyframe with D_t x over the whole shutter."""
+    if part == 0.0:
+        return photons
+    rate = np.float32(1.0 / KEYFRAME_DURATION)
+    return replace(photons, dxdt=rate * photons.dxdt, receiver_motion=rate * photons.receiver_motion)
 
 
 def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: Window | None) -> np.ndarray:
@@ -303,15 +328,15 @@ def _at_keyframes(keyframes: ShutterKeyframes) -> dict[float, PhotonMap]:
     return {part: keyframes.photons(part) for part in (-END, 0.0, END)}
 
 
-def _is_a_sheet_alone(keyframes: ShutterKeyframes, maps: Iterable[PhotonMap]) -> bool:
-    """Whether nothing moves but one refracting surface, whose light takes one path at all times of ``maps``.
+def is_a_sheet_alone(keyframes: ShutterKeyframes) -> bool:
+    """Whether nothing moves but one refracting surface, whose light takes one path at all keyframes.
 
     Then it is taken to do so in between and at the ends, too.
     """
     needs, meshes = keyframes.middle.requirements, keyframes.middle.scene.meshes
     if needs.reflection or needs.moving_lights or len(needs.moving_meshes) != 1:
         return False
-    paths = {tuple(np.unique(photons.path)) for photons in maps}
+    paths = {tuple(np.unique(photons.path)) for photons in _at_keyframes(keyframes).values()}
     (path,) = needs.moving_meshes
     return any(mesh.path == path and mesh.specular for mesh in meshes) and len(paths) == 1 and len(paths.pop()) == 1
 

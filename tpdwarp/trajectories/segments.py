@@ -49,6 +49,7 @@ from tpdwarp.trajectories.changing import (
     LARGEST_MISS,
     LARGEST_SAGITTA,
     LEAST_DISAGREEMENT,
+    is_a_sheet_alone,
     resting_where_turned_over,
     shifts_over,
 )
@@ -71,7 +72,7 @@ from tpdwarp.trajectories.retraced import (
     matters,
     typical_area,
 )
-from tpdwarp.trajectories.rifts import widths_of_rifts
+from tpdwarp.trajectories.rifts import rift_cells, widths_of_rifts
 from tpdwarp.trajectories.turns import segments_needed
 
 # Photons of the trace from which the number of segments is chosen. Chosen, not derived.
@@ -99,6 +100,8 @@ PASSING_BORDER = 0.03125
 # drift apart, too.) Two glass balls of radius .35 that cross each other by 1.0 err by .25 in one segment, .115 in two,
 # .026 in three and .032 in six (16 k photons).
 WIDEST_RIFT = 0.4
+# Segments up to which it is asked whether cells ride apart. Chosen, not derived.
+MOST_TORN = 8
 # Parts into which longer shutters are cut to be looked at.
 MOST_PARTS = 8
 # Beyond this quantile D_tt x belongs to light that appears and vanishes at edges, which no trajectory follows. Chosen,
@@ -168,6 +171,8 @@ class SegmentErrors:
         passing: In time, for light that begins or ends within the shutter or changes its flux.
         sagitta, miss: What straight ways, and curved ones, are off at the ends of the shutter, in footprints; zero of
             what is not traced again in parts of the shutter for it.
+        torn: The most segments in which their cells are traced again in parts, as they ride apart from those beside
+            them; 0 of those that never do.
     """
 
     weight: np.ndarray
@@ -179,6 +184,7 @@ class SegmentErrors:
     passing: np.ndarray
     sagitta: np.ndarray
     miss: np.ndarray
+    torn: np.ndarray
 
     @classmethod
     def joined(cls, parts: Collection[SegmentErrors]) -> SegmentErrors:
@@ -192,10 +198,8 @@ class SegmentErrors:
         inside = np.array([[most_breaks_inside(breaks, k)] for k in segments])
         at_breaks = BREAK_ERROR * (inside > 0) / np.maximum(inside, 1) ** 2 * self.straight / count**2
         curved = np.where(follows, np.maximum(self.curved / count**4, at_breaks), self.straight / count**2)
-        # Parts are straight and PARTS times as short, but what light does between them is told by a few cells: chosen,
-        # not derived, on a blob (65 k photons: .079 in one segment, .069 in two) and a torus that turns by 45 degrees
-        # (4 k photons: .068 and .093).
-        curved = np.where(self._traced_in_parts(count), self.straight / count**2 / PARTS, curved)
+        # Parts are PARTS times as short, and their D_tt x is known from those before and after: D_ttt x is left.
+        curved = np.where(self._traced_in_parts(count), self.straight / count**2 / PARTS**3, curved)
         in_time = curved + self.passing / count
         in_space = count * self.blur + np.sqrt(count) * self.border
         return (self.weight * (in_time + in_space)).sum(axis=1)
@@ -204,13 +208,13 @@ class SegmentErrors:
         """Which photons' cells are traced again, since no curve leads where their light goes, for numbers of segments
         [k, 1]; shape [k, n]. Footprints grow by the root of these."""
         apart, sagitta = self.disagreement / count**2, self.sagitta / count**2.5
-        lost = (apart > LARGEST_DISAGREEMENT) & (sagitta > LARGEST_SAGITTA)
+        lost = (count <= self.torn) | (apart > LARGEST_DISAGREEMENT) & (sagitta > LARGEST_SAGITTA)
         return lost | (apart > LEAST_DISAGREEMENT) & (np.minimum(self.miss / count**4.5, sagitta) > LARGEST_MISS)
 
     def over(self, parts: int) -> SegmentErrors:
         """The errors over a shutter of ``parts`` times the length, through which motion goes on alike."""
         longer = {"straight": self.straight * parts**2, "curved": self.curved * parts**4}
-        longer["passing"] = self.passing * parts
+        longer |= {"passing": self.passing * parts, "torn": self.torn * parts}
         if parts > 1:
             # Keyframes of the whole shutter may not see what swings to and fro between them.
             longer |= {"sagitta": 0.0 * self.sagitta, "miss": 0.0 * self.miss}
@@ -316,7 +320,10 @@ def _errors_over(
     known = photons.rows(rows)
     share = plan.photons / settings.photons
     passing = float(photons.flux[begins].sum() / photons.flux.sum())
-    return _errors(known, before.rows(rows), after.rows(rows), plan, share, curves, passing), rifts
+    torn = np.zeros(len(photons))
+    if curves and settings.emission == "lattice":
+        torn = _torn(photons, plan, is_a_sheet_alone(keyframes))
+    return _errors(known, before.rows(rows), after.rows(rows), plan, share, curves, passing, torn[rows]), rifts
 
 
 def _over_shutter(photons: PhotonMap) -> PhotonMap:
@@ -343,6 +350,34 @@ def _widest_rift(maps: Sequence[PhotonMap], plan: EmissionPlan) -> float:
     return widest
 
 
+def _torn(photons: PhotonMap, plan: EmissionPlan, alone: bool) -> np.ndarray:
+    """The most segments in which the cell of each photon is traced again, since it rests or lies around a rift, [n].
+
+    Args:
+        alone: Whether they are of one sheet, whose cells never rest.
+    """
+    torn = np.zeros(len(photons))
+    for count in range(1, MOST_TORN + 1):
+        riding, resting = replace(photons, shift=photons.shift / np.float32(count)), {}
+        if not alone:
+            riding, resting = resting_where_turned_over(riding, plan)
+        found = CellsOfLattices(riding, plan)
+        for number in found.numbers():
+            rows, cells = found.of(number)
+            window = Window.around(cells)
+            shifts = shifts_over(found, number, window)
+            around, field = rift_cells(shifts)
+            if number in resting:
+                around[window.at(resting[number])] = True
+            if around.any():
+                torn[rows[around[window.at(cells)]]] = count
+            elif shifts.any() and not field.any():
+                torn[rows] = count
+        if not np.any(torn == count):
+            break
+    return torn
+
+
 def _errors(
     photons: PhotonMap,
     before: KeyframeState,
@@ -351,6 +386,7 @@ def _errors(
     share: float,
     curves: bool,
     passing: float,
+    torn: np.ndarray,
 ) -> SegmentErrors:
     """Errors of photons of mid shutter, of which keyframes know the states ``before`` and ``after`` it.
 
@@ -359,6 +395,7 @@ def _errors(
         share: Cell area of the full number of photons by that of the pilot's.
         curves: Whether trajectories curve.
         passing: Part of the light that begins or ends within the shutter.
+        torn: As in :class:`SegmentErrors`.
     """
     flux = photons.flux.sum(axis=1).astype(np.float64)
     areas = np.linalg.norm(np.cross(photons.dxdu, photons.dxdv), axis=1)
@@ -372,7 +409,7 @@ def _errors(
     widths = [np.linalg.norm(column, axis=1) for column in (photons.dxdu, photons.dxdv)]
     typical = [math.sqrt(share) * float(np.median(width)) for width in widths]
     if not max(typical) > 0:
-        return SegmentErrors(weight, *[0.0 * flux] * 2, apart, *[0.0 * flux] * 5)
+        return SegmentErrors(weight, *[0.0 * flux] * 2, apart, *[0.0 * flux] * 5, torn)
     sagitta = miss = np.zeros(len(photons))
     if curves:
         footprint = np.maximum(math.sqrt(share) * photons.size, np.finfo(float).tiny)
@@ -411,7 +448,7 @@ def _errors(
         # trajectories keep theirs, which tells where light has moved on by the time.
         growth = growth_of(photons, beside)
         error += 0.25 * np.abs(growth) * np.minimum(1.0, change * first)
-    return SegmentErrors(weight, *in_time, apart, blur**2 / 8.0, border, error, sagitta, miss)
+    return SegmentErrors(weight, *in_time, apart, blur**2 / 8.0, border, error, sagitta, miss, torn)
 
 
 def _alone(photons: PhotonMap, plan: EmissionPlan, beside: Collection[Pairs]) -> np.ndarray:
