@@ -41,11 +41,14 @@ CONVERGED = Path(__file__).resolve().parent / "converged"
 FEWER, PHOTONS, MORE, PIXELS, SAMPLES = 1 << 14, 1 << 16, 1 << 18, 64, 4
 # Plain photons of a truth of solids, so many that it errs by less than a quarter of what was asked for.
 TRUTH_PHOTONS = {"cardioid": 1 << 28, "torus-turning-10": 1 << 26, "ball-in-the-sun": 1 << 23, "ball-gliding": 1 << 26}
-# Points into which a light is split to compare costs: their number, and photons of each.
-POINT_PLACES = (4, 16, 64, 256)
-POINT_PHOTONS = (1 << 10, 1 << 12, 1 << 14, 1 << 16)
+# Numbers of photons that frames are tried with, of points into which a light is split, and of photons of each.
+LADDER = tuple(1 << power for power in range(8, 19))
+POINT_PLACES = tuple(1 << power for power in range(1, 9))
+POINT_PHOTONS = tuple(1 << power for power in range(9, 17))
 # No more of a frame's time is spent on points: what was asked for is 20 times.
-MOST_RATIO = 80.0
+MOST_RATIO = 40.0
+# Frames of which the quickest counts, where they take less than a second.
+TRIES = 3
 # Turns of a light with extent and one without, whose ratios have a median.
 TURNS = 7
 COMMON = {"threads": 1, "image_width": PIXELS, "samples": SAMPLES, "aovs": ("irradiance",)}
@@ -187,8 +190,11 @@ def run(only: Sequence[str] = (), cost: bool = True) -> list[dict[str, object]]:
         A row a case: ``case``, ``relative_rmse`` as chosen, with a quarter of the photons (``fewer``) and with four
         times as many (``more``), with one part a light in ``unsplit``, ``truth_error``, ``limit``, ``splits`` (as
         chosen), ``one_point`` (the error of as many photons from the middle of the light alone), ``cpu_ratio`` (by a
-        frame of the same light without extent) and ``points_ratio`` (CPU time of points with the same error, by that of
-        the frame; at least, where no number of points tried was as good; NaN where one point is as good).
+        frame of the same light without extent), and ``points``: for the error that was asked for and for that of the
+        frame, ``wanted``, ``ours`` and ``theirs`` (least CPU seconds of the light, and of points, with that error,
+        whatever numbers of photons and points take least), ``places`` (how many points that are; 1 for one in the
+        middle of the light) and ``ratio`` (at least, where no points that were tried were as good: ``theirs`` is
+        infinite then).
     """
     if unknown := [name for name in only if name not in CASES]:
         raise SystemExit(f"there is no row {unknown[0]!r}; there are {', '.join(CASES)}")
@@ -196,16 +202,15 @@ def run(only: Sequence[str] = (), cost: bool = True) -> list[dict[str, object]]:
     photons = [f"{count // 1024} k" for count in (FEWER, PHOTONS, MORE)]
     columns = (*photons, "unsplit", "1 point", "limit", "truth")
     print(f"  {'case':22s} " + " ".join(f"{name:>7s}" for name in columns), end=" ")
-    print(f"{'splits':>6s} {'CPU s':>6s} {'by point':>8s} {'of points':>9s}")
+    print(f"{'splits':>6s} {'CPU s':>6s} {'by point':>8s}  points of the same error: times the CPU time")
     for name in only or CASES:
         row = _measured(name, CASES[name], cost)
         rows.append(row)
-        at_least = ">" if row["points_at_least"] else " "
         print(
             f"  {name:22s} {row['fewer']:7.4f} {row['relative_rmse']:7.4f} {row['more']:7.4f} {row['unsplit']:7.4f} "
             f"{row['one_point']:7.4f} {row['limit']:7.2f} "
-            f"{row['truth_error']:7.4f} {row['splits']:6d} {row['cpu_seconds']:6.2f} {row['cpu_ratio']:8.2f} "
-            f"{at_least}{row['points_ratio']:8.1f}",
+            f"{row['truth_error']:7.4f} {row['splits']:6d} {row['cpu_seconds']:6.2f} {row['cpu_ratio']:8.2f}  "
+            + "; ".join(map(_said, row["points"])),
             flush=True,
         )
     return rows
@@ -311,34 +316,69 @@ def _measured(name: str, case: Case, cost: bool) -> dict[str, object]:
     ratios = [one / other for one, other in zip(seconds["extent"], seconds["bare"], strict=True)]
     of_frame = median(seconds["extent"])
     row |= {"cpu_seconds": of_frame, "cpu_ratio": median(ratios)}
-    best, worst = math.nan, math.nan
-    # Where one point is as good, an extent saves nothing, and a ratio would say what many points cost.
-    if cost and row["one_point"] > row["relative_rmse"]:
-        best, worst = _seconds_of_points(stage, case, error, row["relative_rmse"], MOST_RATIO * of_frame)
-    row["points_at_least"] = math.isinf(best)
-    row["points_ratio"] = (worst if math.isinf(best) else best) / of_frame
+    errors = (case.limit, row["relative_rmse"])
+    row["points"] = _points_beside(stage, bare, case, error, errors) if cost else []
     return row
 
 
-def _seconds_of_points(
-    stage: tpdwarp.Scene, case: Case, error: Callable[[np.ndarray], float], wanted: float, most: float
-) -> tuple[float, float]:
-    """The least CPU time of points that err by no more than ``wanted``, of all that are tried, and the most tried.
+def _points_beside(
+    stage: tpdwarp.Scene, bare: tpdwarp.Scene, case: Case, error: Callable[[np.ndarray], float], errors: Sequence[float]
+) -> list[dict[str, float]]:
+    """What points take beside a light with extent, both at their cheapest for each of some errors."""
+    known: dict[tuple[int, int], tuple[float, float]] = {}
 
-    For each number of places, photons are doubled until that is reached, or takes longer than the best, or ``most``.
-    """
-    best, worst = math.inf, 0.0
-    for count in POINT_PLACES:
-        for photons in POINT_PHOTONS:
-            start = time.process_time()
-            found = _irradiance(stage, case, places=count, photons=photons)
-            spent = time.process_time() - start
+    def tried(places: int, photons: int) -> tuple[float, float]:
+        """CPU seconds and error of a frame: of the light (0 places), its middle (1), or points at places on it."""
+        if (places, photons) not in known:
+            spent: list[float] = []
+            while len(spent) < TRIES and sum(spent) < TRIES:
+                start = time.process_time()
+                found = _irradiance(bare if places == 1 else stage, case, places if places > 1 else 0, photons)
+                spent.append(time.process_time() - start)
+            known[places, photons] = min(spent), error(found)
+        return known[places, photons]
+
+    # What is compiled or chosen for the first frame.
+    for places in (0, 1, 2):
+        _irradiance(bare if places == 1 else stage, case, places if places > 1 else 0, LADDER[0])
+    rows = []
+    for wanted in errors:
+        ours, worst = _least_seconds(lambda photons: tried(0, photons), LADDER, wanted, math.inf)
+        best, places = math.inf, 1
+        for count in (1, *POINT_PLACES):
+            ladder = LADDER if count == 1 else POINT_PHOTONS
+            most = min(best, MOST_RATIO * ours)
+            found, spent = _least_seconds(lambda photons, n=count: tried(n, photons), ladder, wanted, most)
             worst = max(worst, spent)
-            if error(found) <= wanted:
-                best = min(best, spent)
-            if spent >= min(best, most):
-                break
-    return best, worst
+            if found < best:
+                best, places = found, count
+        ratio = (worst if math.isinf(best) else best) / ours
+        rows.append({"wanted": wanted, "ours": ours, "theirs": best, "places": places, "ratio": ratio})
+    return rows
+
+
+def _least_seconds(
+    tried: Callable[[int], tuple[float, float]], ladder: Sequence[int], wanted: float, most: float
+) -> tuple[float, float]:
+    """The CPU time with which light errs by ``wanted``, and the longest tried: between two numbers of photons by the
+    logarithms of both, infinite where no number that takes less than ``most`` is so good."""
+    before: tuple[float, float] | None = None
+    for photons in ladder:
+        seconds, found = tried(photons)
+        if found <= wanted:
+            if before is None or before[1] <= found:
+                return seconds, seconds
+            part = math.log(before[1] / wanted) / math.log(before[1] / found)
+            return before[0] * (seconds / before[0]) ** part, seconds
+        if seconds >= most:
+            break
+        before = seconds, found
+    return math.inf, seconds
+
+
+def _said(points: dict[str, float]) -> str:
+    at_least = ">" if math.isinf(points["theirs"]) else ""
+    return f"{points['wanted']:.4f}: {at_least}{points['ratio']:.1f} ({points['places']} in {points['theirs']:.2f} s)"
 
 
 def _stages(case: Case) -> tuple[Usd.Stage, Usd.Stage]:

@@ -19,12 +19,13 @@ from tpdwarp.scene.description import EmissionProfile, Extent, ExtentShape, Ligh
 # A sphere that is stretched by no more than this part stays one.
 UNEVEN_SPHERE = 1e-3
 # A cylinder that is stretched by no more than this part stays one: it looks as wide as that within two thirds of this,
-# and its faces within 3 %. They are many lights, which take many times as long as one.
+# and its faces within .7 %. They are many lights, which take many times as long as one.
 UNEVEN_TUBE = 0.08
 # A cylinder whose ends lean by more than this part of its width does not. Chosen, not derived.
 ASKEW = 0.02
-# Faces around a tube, which they leave as wide within 1 − cos 15°, 3 %. Chosen, not derived.
-AROUND = 12
+# Faces around a tube: a prism of an odd number is as wide from all sides as one of twice as many, an edge of it
+# standing opposite a face, within 1 − cos(π/26), .7 %. Chosen, not derived.
+AROUND = 13
 # What is flattened is still so thick, by its width: which side of it is which stays known. Chosen, not derived.
 THINNEST = 1.0e-4
 # Normals of a sphere, and of the side of a cylinder along x, with their shares of the area: of what has an edge where
