@@ -49,6 +49,7 @@ from tpdwarp.trajectories.retraced import (
     LEAST_SHARE,
     CellsAtEnds,
     CellsOfLattices,
+    EmittedCells,
     RetracedCells,
     Window,
     emitted_cells,
@@ -253,7 +254,7 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
     maps = _at_keyframes(keyframes)
     if not _is_a_sheet_alone(keyframes, maps.values()):
         maps[0.0] = resting_where_turned_over(maps[0.0], sparse)[0]
-        maps |= {part: keyframes.traced(part, sparse) for part in (OPENS, CLOSES)}
+        maps |= {part: keyframes.photons(part) for part in (OPENS, CLOSES)}
     with clock.stage("trace"):
         riders: dict[int, ChosenCells] = {}
         windows: dict[int, Window] = {}
@@ -284,7 +285,7 @@ def _suspects(keyframes: ShutterKeyframes, plan: EmissionPlan, clock: Clock) -> 
     return found
 
 
-def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: Window | None) -> np.ndarray:
+def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: EmittedCells | None) -> np.ndarray:
     """The cells of a lattice whose photons were found at a part of the shutter, and where these ride at its middle,
     shape [n, 2]: what a roof hides then may be lit as the shutter opens or closes.
 

@@ -258,14 +258,36 @@ def riding(cells: dict[int, ChosenCells], plan: EmissionPlan, part: float) -> Ca
     return chosen
 
 
-def emitted_cells(plan: EmissionPlan, scene: SceneAtShutter) -> dict[int, Window]:
-    """The cells of each lattice that are emitted in a scene."""
-    return {
-        plan.number_of(lattice): Window(
-            np.array([patch.first_u, patch.first_v]), np.array([patch.count_u, patch.count_v])
-        )
-        for lattice, patch in plan.patches(scene)
-    }
+@dataclass(frozen=True, eq=False)
+class EmittedCells:
+    """The cells of a lattice that are emitted in a scene.
+
+    Attributes:
+        plan: Its plan.
+        number: Its number there.
+        window: Where those of all portions of the light lie.
+    """
+
+    plan: EmissionPlan
+    number: int
+    window: Window
+
+    def holds(self, cells: np.ndarray) -> np.ndarray:
+        """Which of the cells [n, 2] they are, shape [n]."""
+        inside = self.window.holds(cells)
+        if self.plan.portion is None:
+            return inside
+        return inside & self.plan.portion.holds(np.full(len(cells), self.number), cells)
+
+
+def emitted_cells(plan: EmissionPlan, scene: SceneAtShutter) -> dict[int, EmittedCells]:
+    """The cells of each lattice that are emitted in a scene, by its number."""
+    found = {}
+    for lattice, patch in plan.patches(scene, whole=True):
+        window = Window(np.array([patch.first_u, patch.first_v]), np.array([patch.count_u, patch.count_v]))
+        number = plan.number_of(lattice)
+        found[number] = EmittedCells(plan, number, window)
+    return found
 
 
 def numbers_of(maps: Sequence[CellsOfLattices]) -> list[int]:
