@@ -33,7 +33,7 @@ from tpdwarp.trajectories.retraced import CellsOfLattices, Window, grown
 FIRST_PHOTONS = 100
 # Light is parted where so much of it at most lies in the picture. Chosen, not derived: else cells would be hardly
 # narrower.
-MOST_SEEN = 0.5
+MOST_SEEN = 0.55
 # Cells that are told apart: one for so many photons, within these limits. Chosen, not derived: where a third of the
 # light is seen, those that are not take a twelfth of the photons.
 PHOTONS_PER_COARSE_CELL = 8
@@ -41,9 +41,9 @@ FEWEST_COARSE_CELLS = 256
 MOST_COARSE_CELLS = 1 << 14
 # How many times as many cells there are at least where light is looked at, and how far one is cut along either side at
 # most. Chosen, not derived.
-LEAST_GAIN = 1.25
-# A frame that shows more of the light than those looked at before takes so many times the photons asked for at most; its
-# cells are less fine then, and their photons' ids do not last. Chosen, not derived.
+LEAST_GAIN = 1.5
+# Where a frame shows more of the light than those looked at before, it takes up to so many times the photons asked for.
+# Beyond, cells are less fine, and their photons' ids do not last. Chosen, not derived.
 MOST_MORE = 1.25
 MOST_FINER = 64
 # How many times as many parts a cell is cut into along one side as along the other at most. Chosen, not derived: the
