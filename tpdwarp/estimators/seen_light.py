@@ -10,7 +10,7 @@ Beyond the paper.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol
@@ -25,9 +25,11 @@ from tpdwarp.photons.portions import Marks, Portion
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.trajectories.keyframes import END, KeyframeScenes, ShutterKeyframes
+from tpdwarp.trajectories.changing import shifts_over
+from tpdwarp.trajectories.keyframes import END, KeyframeScenes, ShutterKeyframes, shift_over_shutter
 from tpdwarp.trajectories.neighbours import neighbours, second_differences
 from tpdwarp.trajectories.retraced import CellsOfLattices, Window, grown
+from tpdwarp.trajectories.rifts import widths_of_rifts
 
 # Photons that show whether much of the light lies out of the picture at all: where it does not, that is all it takes.
 FIRST_PHOTONS = 100
@@ -110,16 +112,16 @@ class SeenLight:
                 tags = PathTags(seen.scene, plan.photons)
             given = coarse, seen, ends.opening, ends.closing, tags, clock, ends.lights_change, weight
             keyframes = ShutterKeyframes(tracer, *given)
-            maps = [keyframes.photons(part) for part in TIMES]
+            maps = {part: keyframes.photons(part) for part in TIMES}
         else:
-            maps = [tracer.trace(seen, coarse, clock)[0]]
+            maps = {0.0: tracer.trace(seen, coarse, clock)[0]}
         sight = self._sight_of(scenes, clock)
         with clock.stage("plan"):
             looked = _looked_at(coarse, seen, maps, partial(sight.sees, reach=REACH))
             finer = planned
             if looked.photons(planned) > MOST_MORE * plan.photons:
-                finer = looked.finest(plan.photons, maps[0], coarse)
-            if not looked.is_part or not _gains(finer, coarse, plan):
+                finer = looked.finest(plan.photons, maps[0.0], coarse)
+            if not looked.is_part or not _gains(looked, finer, coarse, plan) or _rides_apart(maps[0.0], coarse, looked):
                 return None
             fine = replace(coarse.finer(*finer), portion=Portion(looked.marks, True, looked.share, finer))
             rest = replace(coarse, portion=Portion(looked.marks, False, 1.0 - looked.share))
@@ -151,24 +153,26 @@ class SeenLight:
             seen = tracer.load(shutter, clock)
             sight = self._sight_of([seen], clock)
             few = tracer.plan(FIRST_PHOTONS, clock, shared=False).foreseeing(seen.scene)
-            if _looked_at(few, seen, [tracer.trace(seen, few, clock)[0]], sight.frames).is_most:
+            if _looked_at(few, seen, {0.0: tracer.trace(seen, few, clock)[0]}, sight.frames).is_most:
                 return None
             coarse = self._coarse(plan, seen, clock)
             photons, _ = tracer.trace(seen, coarse, clock)
-            looked = _looked_at(coarse, seen, [photons], partial(sight.sees, reach=REACH))
+            looked = _looked_at(coarse, seen, {0.0: photons}, partial(sight.sees, reach=REACH))
             if looked.is_most:
                 return None
             if looked.is_part:
                 finer = looked.finest(plan.photons, photons, coarse)
-                if not _gains(finer, coarse, plan):
+                if not _gains(looked, finer, coarse, plan):
                     return None
                 finest = min(finest or finer, finer, key=math.prod)
         return finest
 
 
-def _gains(finer: tuple[int, int], coarse: EmissionPlan, plan: EmissionPlan) -> bool:
-    """Whether there are enough more cells than ``plan`` has, cut like that out of ``coarse`` ones."""
-    return math.prod(finer) * coarse.photons >= LEAST_GAIN * plan.photons
+def _gains(looked: _Looked, finer: tuple[int, int], coarse: EmissionPlan, plan: EmissionPlan) -> bool:
+    """Whether cells that are cut like that out of ``coarse`` ones are enough more than those of ``plan``, with no more
+    photons in all."""
+    enough = math.prod(finer) * coarse.photons >= LEAST_GAIN * plan.photons
+    return enough and looked.photons(finer) <= MOST_MORE * plan.photons
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,22 +219,35 @@ class _Looked:
 def _looked_at(
     plan: EmissionPlan,
     seen: LoadedScene,
-    maps: Sequence[PhotonMap],
+    maps: Mapping[float, PhotonMap],
     chooses: Callable[[PhotonMap], np.ndarray],
 ) -> _Looked:
     """Cells of ``plan`` of which any photon in any of ``maps`` is chosen.
 
-    Where a light needs lattices of this shutter alone, there are none.
+    Cells ride on what their light meets first: those that are seen at some time are told by where they are in the
+    middle of the shutter, and on the way there. Where a light needs lattices of this shutter alone, there are none.
+
+    Args:
+        maps: Photons by when in the shutter (−½ … ½) they were traced.
+        chooses: Which of them count.
     """
     patches = [(plan.number_of(lattice), patch) for lattice, patch in plan.patches(seen.scene)]
     if any(number < 0 for number, _ in patches):
         return _Looked({}, 0, 0)
+    emitted = {number: Window.of_patch(patch) for number, patch in patches}
     chosen: dict[int, list[np.ndarray]] = {}
-    for photons in maps:
+    for part, photons in maps.items():
         found = CellsOfLattices(photons, plan, chooses(photons))
         for number in found.numbers():
-            chosen.setdefault(number, []).append(found.of(number)[1])
-    lit = [CellsOfLattices(photons, plan) for photons in maps]
+            rows, cells = found.of(number)
+            chosen.setdefault(number, []).append(cells)
+            if part != 0.0 and number in emitted:
+                way = part * shift_over_shutter(photons.shift[rows], part)
+                for share in (0.5, 1.0):
+                    there = np.rint(cells - share * way)
+                    # Where light grazes, shifts grow without bound.
+                    chosen[number].append(there[emitted[number].holds(there)].astype(np.int64))
+    lit = [CellsOfLattices(photons, plan) for photons in maps.values()]
     marks = {}
     for number, parts in chosen.items():
         window = Window.around(np.concatenate(parts), margin=1)
@@ -244,6 +261,18 @@ def _looked_at(
     within = {number: Portion(marks, True, 1.0).cells_of(number, patch) for number, patch in patches}
     count = sum(map(len, within.values()))
     return _Looked(marks, count, sum(patch.count_u * patch.count_v for _, patch in patches) - count)
+
+
+def _rides_apart(photons: PhotonMap, plan: EmissionPlan, looked: _Looked) -> bool:
+    """Whether cells that are looked at ride so far apart (:mod:`tpdwarp.trajectories.rifts`) that others beside these
+    have to be known."""
+    found = CellsOfLattices(photons, plan)
+    for number, marks in looked.marks.items():
+        size = np.array(marks.marked.shape)
+        widths = widths_of_rifts(shifts_over(found, number, Window(marks.first, size)))
+        if np.any(widths > 0.0) and 2.0 * np.ceil(widths.max()) + 1.0 > size.min():
+            return True
+    return False
 
 
 def _blur(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:

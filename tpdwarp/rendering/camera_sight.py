@@ -104,6 +104,8 @@ class CameraSight:
         with self._clock.stage("plan"):
             launcher = self._loader.launcher
             half = np.float32(reach) * (np.abs(photons.dxdu) + np.abs(photons.dxdv)) + 0.5 * np.abs(photons.dxdt)
+            if len(photons.dxda):
+                half = half + np.abs(photons.dxda) + np.abs(photons.dxdb)
             met = launcher.zeros(len(photons), wp.bool)
             ends = [launcher.array(photons.position + sign * half, wp.vec3) for sign in (-1.0, 1.0)]
             launcher(meet, len(photons), [self._boxes.id, *ends, met])

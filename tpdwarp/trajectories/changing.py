@@ -35,13 +35,12 @@ from tpdwarp.photons.row_numbers import distinct_rows, row_numbers
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.keyframes import (
     END,
-    INSTANT,
-    KEYFRAME_DURATION,
     LARGEST_DISAGREEMENT,
     LARGEST_DRIFT,
     KeyframeState,
     ShutterKeyframes,
     disagreement,
+    shift_over_shutter,
 )
 from tpdwarp.trajectories.neighbours import differences, neighbours
 from tpdwarp.trajectories.retraced import (
@@ -294,7 +293,7 @@ def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: Emitte
     rows, cells = found.of(number)
     if part == 0.0 or emitted is None:
         return cells
-    shift = found.photons.shift[rows] / (KEYFRAME_DURATION if abs(part) == END else INSTANT)
+    shift = shift_over_shutter(found.photons.shift[rows], part)
     there = np.rint(cells - part * shift.astype(np.float64))
     return np.concatenate([cells, there[emitted.holds(there)].astype(np.int64)])
 

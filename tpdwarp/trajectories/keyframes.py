@@ -58,6 +58,11 @@ SAME_PLACE = 1e-6
 MOST_LATTICES = 1 << 24
 
 
+def shift_over_shutter(shift: np.ndarray, part: float) -> np.ndarray:
+    """Shifts over the whole shutter of photons that were traced at ``part`` of it (:meth:`ShutterKeyframes.traced`)."""
+    return shift if part == 0.0 else shift / (KEYFRAME_DURATION if abs(part) == END else INSTANT)
+
+
 def keyframe_shutters(shutter: Shutter) -> tuple[Shutter, Shutter, Shutter]:
     """The shutters of keyframes at the opening, middle and closing of ``shutter``."""
     return short_shutters(shutter, KEYFRAME_DURATION)

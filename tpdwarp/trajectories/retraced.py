@@ -51,6 +51,11 @@ class Window:
         first, last = cells.min(axis=0) - margin, cells.max(axis=0) + margin
         return cls(first, last - first + 1)
 
+    @classmethod
+    def of_patch(cls, patch: Patch) -> Window:
+        """The cells of a patch."""
+        return cls(np.array([patch.first_u, patch.first_v]), np.array([patch.count_u, patch.count_v]))
+
     def grid(self, *width: int, dtype: type = np.float64) -> np.ndarray:
         """Zeros for its cells."""
         return np.zeros((*self.size, *width), dtype)
@@ -284,9 +289,8 @@ def emitted_cells(plan: EmissionPlan, scene: SceneAtShutter) -> dict[int, Emitte
     """The cells of each lattice that are emitted in a scene, by its number."""
     found = {}
     for lattice, patch in plan.patches(scene, whole=True):
-        window = Window(np.array([patch.first_u, patch.first_v]), np.array([patch.count_u, patch.count_v]))
         number = plan.number_of(lattice)
-        found[number] = EmittedCells(plan, number, window)
+        found[number] = EmittedCells(plan, number, Window.of_patch(patch))
     return found
 
 
