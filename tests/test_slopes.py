@@ -11,6 +11,7 @@ from tests.estimators.frames import irradiance, rendered
 from tests.view.scenes import wave_source
 from tpdwarp.photons import lattices
 from tpdwarp.photons.lattice_shape import OWN_AXES
+from tpdwarp.rendering.context import RenderContext
 from tpdwarp.scene.description import Shutter
 from usd_scenes.oracle import Wave, irradiance_average
 
@@ -31,6 +32,13 @@ def error(exposure: float, **settings) -> float:
 def slope(steps: Sequence[float], errors: Sequence[float]) -> float:
     """Exponent of the power law through the errors."""
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+@pytest.fixture(autouse=True)
+def even_cells(monkeypatch):
+    """All cells alike, wherever the camera looks: so the number of photons tells how fine they are, and none is finer
+    than the mesh."""
+    monkeypatch.setattr(RenderContext, "_seen_light", lambda *_: None)
 
 
 @pytest.fixture

@@ -55,6 +55,7 @@ class Part:
         scenes: The scenes that the camera looks at, one a segment of ``shutter``.
         shutter: The part of the exposure.
         weight: Its share in the exposure.
+        lattices: Those of each of ``maps``, where they are not of ``plan``.
     """
 
     maps: list[PhotonMap]
@@ -64,6 +65,7 @@ class Part:
     scenes: list[LoadedScene]
     shutter: Shutter
     weight: float = 1.0
+    lattices: Sequence[EmissionPlan] = ()
 
 
 class Estimator(Protocol):

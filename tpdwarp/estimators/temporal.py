@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, bent, light_of
+from tpdwarp.estimators.seen_light import PortionPlan, SeenLight
 from tpdwarp.footprints.pixel_areas import typical_pixel_area
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.emission import ChosenCells, Patch
@@ -37,7 +38,14 @@ Traced = tuple[PhotonMap, EmissionPlan]
 
 
 class Temporal:
-    """The paper's estimator, at mid shutter or as it opens, with the photons shared between the segments."""
+    """The paper's estimator, at mid shutter or as it opens, with the photons shared between the segments.
+
+    Args:
+        seen_light: What is looked at of the light; None where light is wanted wherever it falls.
+    """
+
+    def __init__(self, seen_light: SeenLight | None = None) -> None:
+        self._seen_light = seen_light
 
     def parts(
         self, tracer: PhotonTracer, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize | None, clock: Clock
@@ -55,56 +63,122 @@ class Temporal:
             counts[STARVED] = plan.starved_lights
         moves = any(seen.requirements.photon_motion for seen in scenes)
         weight = 1.0
-        for emitted in plan.in_strips([seen.scene for seen in scenes], -(-settings.photons // PHOTONS_OF_STRIP)):
+        strips = -(-settings.photons // PHOTONS_OF_STRIP)
+        for number, emitted in enumerate(plan.in_strips([seen.scene for seen in scenes], strips)):
             energy = EnergyAccount(counts=counts)
-            maps = _traced(tracer, emitted, scenes, pixel, energy, clock)
+            portions = partial(self._portions, tracer, plan, scenes, clock, number, strips)
+            traced = _traced(tracer, emitted, portions, scenes, pixel, energy, clock)
+            maps = [photons for photons, _ in traced]
             light = light_of(maps, energy, moves, tracer, pixel, clock)
-            yield Part(maps, energy, light, emitted, scenes, shutter, weight)
+            yield Part(maps, energy, light, emitted, scenes, shutter, weight, [lattices for _, lattices in traced])
             # What the camera sees besides is in the first part; the next makes room for its photons.
             weight, counts = 0.0, {}
-            del maps, light
+            del maps, light, traced
+
+    def _portions(
+        self,
+        tracer: PhotonTracer,
+        plan: EmissionPlan,
+        scenes: list[LoadedScene],
+        clock: Clock,
+        strip: int,
+        strips: int,
+        seen: LoadedScene,
+    ) -> list[PortionPlan] | None:
+        """Lattices of what is looked at in one segment of a shutter, and of the rest of the light; None where there is
+        no reason to tell them apart.
+
+        Args:
+            plan: All of the light.
+            scenes: Those of all segments.
+            strip: Number of the strip of ``strips`` that is traced.
+            seen: The scene of the segment.
+        """
+        if self._seen_light is None or not _has_finer_edges(tracer.settings):
+            return None
+        found = self._seen_light.portions(plan, seen, 1.0 / len(scenes), scenes, clock)
+        if found is None:
+            return None
+        return [(portion.in_strips([seen.scene], strips)[strip], keyframes) for portion, keyframes in found]
 
 
 def _traced(
     tracer: PhotonTracer,
     plan: EmissionPlan,
+    portions_of: Callable[[LoadedScene], list[PortionPlan] | None],
     scenes: list[LoadedScene],
     pixel: PixelSize | None,
     energy: EnergyAccount,
     clock: Clock,
-) -> list[PhotonMap]:
-    """The photons of ``plan`` in all segments of a shutter; where their flux went is added to ``energy``."""
+) -> list[Traced]:
+    """The photons of ``plan`` in all segments of a shutter, with their lattices; where their flux went is added to
+    ``energy``.
+
+    Args:
+        portions_of: Gives other lattices for the photons of a segment, of that scene.
+    """
     settings, count = tracer.settings, len(scenes)
-    maps: list[PhotonMap] = []
+    traced: list[Traced] = []
     for number, seen in enumerate(scenes):
-        moves = seen.requirements.photon_motion
-        opening = settings.trace_at == "open" and moves
         time, duration = (number + 0.5) / count - 0.5, 1.0 / count
         options = {"seed": settings.seed + number}
-        emits = tracer.loader.load_opening(seen.scene.shutter, clock) if opening else seen
-        if opening:
-            photons, account = tracer.trace(emits, plan, clock, weight=duration, **options)
-            # Footprints stand at mid shutter and sweep to both sides: the same path, seen from its middle.
-            photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)
-            traced = [(bent(photons, plan, tracer, pixel, clock), plan)]
-        elif settings.path == "curved" and settings.kernel == "bspline" and moves:
-            traced, account = _along_keyframes(tracer, plan, seen, duration, options, pixel, clock)
-        else:
-            traced, account = _whole(tracer, plan, seen, duration, options, pixel, clock)
-        traced = [
-            part
-            for photons, lattices in traced
-            for part in ([photons] if lattices is plan else in_coarse_cells(photons, lattices, plan))
-        ]
-        if plan.strip is not None:
-            traced = [_of_strip(photons, plan) for photons in traced]
-            account.subtract(_beside_strip(tracer, plan, emits, duration, options, clock))
-        maps += [
-            replace(photons, time=time + duration * photons.time, duration=duration * photons.duration)
-            for photons in traced
-        ]
-        energy.add(account)
-    return maps
+        for portion, keyframes in portions_of(seen) or [(plan, None)]:
+            found, account = _of_segment(tracer, portion, seen, duration, keyframes, options, pixel, clock)
+            traced += [
+                (replace(photons, time=time + duration * photons.time, duration=duration * photons.duration), portion)
+                for photons in found
+            ]
+            energy.add(account)
+    return traced
+
+
+def _of_segment(
+    tracer: PhotonTracer,
+    plan: EmissionPlan,
+    seen: LoadedScene,
+    weight: float,
+    keyframes: ShutterKeyframes | None,
+    options: dict[str, Any],
+    pixel: PixelSize | None,
+    clock: Clock,
+) -> tuple[list[PhotonMap], EnergyAccount]:
+    """The photons of ``plan`` in one segment of a shutter, and where their flux went; arguments as of
+    :func:`_along_keyframes`."""
+    settings = tracer.settings
+    moves = seen.requirements.photon_motion
+    emits = seen
+    if settings.trace_at == "open" and moves:
+        emits = tracer.loader.load_opening(seen.scene.shutter, clock)
+        photons, account = tracer.trace(emits, plan, clock, weight=weight, **options)
+        # Footprints stand at mid shutter and sweep to both sides: the same path, seen from its middle.
+        photons = replace(photons, position=photons.position + 0.5 * photons.dxdt)
+        traced = [(bent(photons, plan, tracer, pixel, clock), plan)]
+    elif settings.path == "curved" and settings.kernel == "bspline" and moves and not _is_unseen(plan):
+        traced, account = _along_keyframes(tracer, plan, seen, weight, keyframes, options, pixel, clock)
+    else:
+        traced, account = _whole(tracer, plan, seen, weight, options, pixel, clock)
+    maps = [
+        part
+        for photons, lattices in traced
+        for part in ([photons] if lattices is plan else in_coarse_cells(photons, lattices, plan))
+    ]
+    if plan.strip is not None:
+        maps = [_of_strip(photons, plan) for photons in maps]
+        account.subtract(_beside_strip(tracer, plan, emits, weight, options, clock))
+    if plan.portion is not None:
+        maps = [_of_portion(photons, plan) for photons in maps]
+    return maps, account
+
+
+def _is_unseen(plan: EmissionPlan) -> bool:
+    """Whether nobody looks at the light of a plan: it is counted, and no better than that."""
+    return plan.portion is not None and not plan.portion.seen
+
+
+def _of_portion(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
+    """Those of the photons whose cells are in the portion of ``plan``: others beside them were traced again, too."""
+    _, lattice, planned = plan.paths_of(photons.ids)
+    return photons.rows(plan.portion.holds(np.where(planned, lattice, -1), cell_of(photons)))
 
 
 def _of_strip(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
@@ -119,7 +193,10 @@ def _beside_strip(
     """Where the flux of cells went that count in other strips than that of ``plan``; arguments as of :func:`_whole`."""
 
     def beside(lattice: Lattice, patch: Patch) -> ChosenCells:
-        return plan.strip.cells_beside(plan.number_of(lattice), patch)
+        cells = plan.strip.cells_beside(plan.number_of(lattice), patch).cell
+        if plan.portion is None:
+            return ChosenCells(cells)
+        return ChosenCells(cells[plan.portion.holds(np.full(len(cells), plan.number_of(lattice)), cells)])
 
     return tracer.trace(seen, plan, clock, weight=weight, chosen=beside, **options)[1]
 
@@ -135,7 +212,7 @@ def _whole(
 ) -> tuple[list[Traced], EnergyAccount]:
     """Photons that shine for the whole segment as they are at its middle; arguments as of :func:`_along_keyframes`."""
     options = {"weight": weight, **options}
-    if seen.requirements.photon_motion or not _has_finer_edges(tracer.settings):
+    if seen.requirements.photon_motion or not _has_finer_edges(tracer.settings) or _is_unseen(plan):
         photons, account = tracer.trace(seen, plan, clock, **options)
         return [(bent(photons, plan, tracer, pixel, clock), plan)], account
     with clock.stage("plan"):
@@ -159,6 +236,7 @@ def _along_keyframes(
     plan: EmissionPlan,
     seen: LoadedScene,
     weight: float,
+    keyframes: ShutterKeyframes | None,
     options: dict[str, Any],
     pixel: PixelSize | None,
     clock: Clock,
@@ -168,13 +246,14 @@ def _along_keyframes(
     Args:
         seen: The scene of the segment.
         weight: Its part of the exposure.
+        keyframes: Of its photons, where they are known already.
         options: Of the tracer.
 
     Returns:
         Photons of mid segment, those of finer cells at edges, and those of each part of it that has its own, with their
         lattices; where their flux went.
     """
-    keyframes = ShutterKeyframes.over(tracer, plan, seen, clock, weight)
+    keyframes = keyframes or ShutterKeyframes.over(tracer, plan, seen, clock, weight)
     tagged = {"tags": keyframes.tags.of(seen.scene), "weight": weight, **options}
     photons, account = tracer.trace(seen, plan, clock, **tagged)
     states = keyframes.states(photons, plan)

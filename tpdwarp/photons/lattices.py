@@ -18,9 +18,10 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.photons.aiming import Bounds, Specular, area_of, bounds_of, cube_axes, spread_of
-from tpdwarp.photons.emission import Domain, Patch
+from tpdwarp.photons.emission import ChosenCells, Domain, Patch
 from tpdwarp.photons.energy import FEWEST_OF_SEVERAL
 from tpdwarp.photons.lattice_shape import OWN_AXES, LatticeShape, lattice_shape, turned
+from tpdwarp.photons.portions import Portion
 from tpdwarp.photons.strips import Strip, strips_of
 from tpdwarp.scene.coordinate_range import require_within_range
 from tpdwarp.scene.description import (
@@ -113,6 +114,7 @@ class EmissionPlan:
         gains: What the photons of some lights are brighter by, by the paths of their prims
             (:class:`tpdwarp.photons.tracer.LightSplits`).
         strip: The rows of cells that are emitted; None for all.
+        portion: Which of these are; None for all.
     """
 
     lattices: tuple[Lattice, ...]
@@ -123,6 +125,7 @@ class EmissionPlan:
     splits: int = 1
     gains: Mapping[str, float] = field(default_factory=dict, compare=False)
     strip: Strip | None = None
+    portion: Portion | None = None
     # What scenes that are still in use emit is found once: it is asked for by each that traces or looks for edges.
     _found: WeakKeyDictionary[SceneAtShutter, _Emitted] = field(
         default_factory=WeakKeyDictionary, init=False, repr=False, compare=False
@@ -153,23 +156,25 @@ class EmissionPlan:
         used = max((lattice.first_id + math.prod(lattice.wrap) for lattice in made), default=self.planned_ids)
         return replace(self, lattices=(*self.lattices, *made), planned_ids=used)
 
-    def finer(self, count: int) -> EmissionPlan:
-        """The same lattices with ``count`` × ``count`` cells in each of theirs."""
+    def finer(self, across: int, down: int) -> EmissionPlan:
+        """The same lattices with ``across`` × ``down`` cells in each of theirs, along u and along v."""
+        count = across * down
         lattices = [
             replace(
                 entry,
-                step=(entry.step[0] / count, entry.step[1] / count),
-                wrap=(entry.wrap[0] * count, entry.wrap[1] * count),
-                first_id=entry.first_id * count**2,
+                step=(entry.step[0] / across, entry.step[1] / down),
+                wrap=(entry.wrap[0] * across, entry.wrap[1] * down),
+                first_id=entry.first_id * count,
             )
             for entry in self.lattices
         ]
         return replace(
             self,
             lattices=tuple(lattices),
-            planned_ids=self.planned_ids * count**2,
-            photons=self.photons * count**2,
+            planned_ids=self.planned_ids * count,
+            photons=self.photons * count,
             strip=None,
+            portion=None,
         )
 
     def in_strips(self, scenes: Sequence[SceneAtShutter], count: int) -> list[EmissionPlan]:
@@ -182,7 +187,14 @@ class EmissionPlan:
     @property
     def photons_at_once(self) -> int:
         """Photons that are sent at once."""
-        return self.photons if self.strip is None else self.photons // self.strip.count
+        photons = self.photons if self.portion is None else round(self.portion.share * self.photons)
+        return photons if self.strip is None else photons // self.strip.count
+
+    def cells_of(self, lattice: Lattice, patch: Patch) -> ChosenCells:
+        """The cells of a patch of a lattice (:meth:`patches`) that are emitted."""
+        if self.portion is None:
+            return ChosenCells.of_patch(patch)
+        return self.portion.cells_of(self.number_of(lattice), patch)
 
     def number_of(self, lattice: Lattice) -> int:
         """Number of one of the lattices; −1 of one that was made for a frame alone."""
@@ -216,8 +228,12 @@ class EmissionPlan:
         """Ids in all: room is kept for lattices of lights that no still shows."""
         return self.planned_ids + 8 * self.photons + 64
 
-    def patches(self, scene: SceneAtShutter, *, aimed: bool = True) -> list[tuple[Lattice, Patch]]:
+    def patches(
+        self, scene: SceneAtShutter, *, aimed: bool = True, whole: bool = False
+    ) -> list[tuple[Lattice, Patch]]:
         """The cells of each lattice that this shutter emits, towards all specular meshes.
+
+        With ``whole`` they are those of all portions of the light.
 
         Without ``aimed`` each planned lattice is as the light stands, for cells that are known already: to aim many
         parts of a light takes longer than to trace a few cells of each.
@@ -236,9 +252,12 @@ class EmissionPlan:
             (lattice, _patch(lattice, self._as_seen(light), bounds, found.behind, found.magnitude, self.normalization))
             for lattice, light, bounds in found.parts
         ]
-        if self.strip is None or not aimed:
+        if not aimed:
             return pairs
-        return [(lattice, patch) for lattice, patch in pairs if self.strip.cut(self.number_of(lattice), patch)]
+        cuts = [self.strip, None if whole else self.portion]
+        for cut in filter(None, cuts):
+            pairs = [(lattice, patch) for lattice, patch in pairs if cut.cut(self.number_of(lattice), patch)]
+        return pairs
 
     def _as_seen(self, light: LightAtShutter) -> LightAtShutter:
         """A light or part of one with the power that its photons have."""

@@ -101,16 +101,15 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
         paths: Prim paths of the objects.
     """
     norm = maps[0][1].normalization
-    first_strip = maps[0][1].strip
-    ids = sum(plan.id_count for photons, plan in maps if photons.part == 0 and plan.strip == first_strip)
+    strip = _strip_of(maps[0][1])
+    ids = sum(plan.id_count for photons, plan in maps if photons.part == 0 and _strip_of(plan) == strip)
     first = own = 0
-    strip = first_strip
     lights: dict[str, int] = {}
     rows: dict[str, list[np.ndarray]] = {}
     for photons, plan in maps:
-        if plan.strip != strip:
-            # Each strip goes through all segments.
-            first, own, strip = 0, 0, plan.strip
+        if _strip_of(plan) != strip:
+            # Each strip goes through all segments and portions.
+            first, own, strip = 0, 0, _strip_of(plan)
         if photons.part == 0:
             first, own = first + own, plan.id_count
         mask, cell = np.divmod(photons.ids, plan.id_count)
@@ -136,3 +135,7 @@ def record_of(maps: list[tuple[PhotonMap, EmissionPlan]], paths: tuple[str, ...]
             rows.setdefault(name, []).append(value)
     columns = {name: joined(parts) for name, parts in rows.items()}
     return PhotonRecord(**columns, receiver_paths=paths, light_paths=tuple(lights))
+
+
+def _strip_of(plan: EmissionPlan) -> int:
+    return 0 if plan.strip is None else plan.strip.number

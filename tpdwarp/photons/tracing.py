@@ -661,7 +661,7 @@ def trace_photons(
     device_tags = launcher.array(np.zeros(0, np.int32) if tags is None else tags, wp.int32)
     bands = bands_of(geometry, nesting_of(scene), launcher) if needs.dispersive else [Band(0, geometry.surfaces)]
     for band in bands:
-        emitting = _Emitting.of(plan.patches(scene, aimed=aimed), chosen)
+        emitting = _Emitting.of(plan.patches(scene, aimed=aimed), chosen or (plan.portion and plan.cells_of))
         for patch in emitting.patches:
             patch.power = weight * band.tinted(patch.power)
             if place is not None:

@@ -9,10 +9,12 @@ from typing import Protocol
 
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
-from tpdwarp.estimators import ESTIMATORS
+from tpdwarp.estimators import estimator_of
 from tpdwarp.estimators.estimator import Part
+from tpdwarp.estimators.seen_light import SeenLight
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.tracer import PhotonTracer
+from tpdwarp.rendering.camera_sight import CameraSight
 from tpdwarp.rendering.light_groups import LightGroups
 from tpdwarp.rendering.shared_trace import SharedTrace
 from tpdwarp.scene.description import CameraAtShutter, MeshAtShutter, SceneSource, Shutter
@@ -51,6 +53,8 @@ class RenderContext:
         self.light_groups = LightGroups.of(settings.light_groups, source)
         self._view_source: ViewSource | None = None
         self._shared: SharedTrace | None = None
+        # Of the last size of images.
+        self._seen: dict[tuple[int, int], SeenLight] = {}
 
     def seen_by(self, source: ViewSource, settings: Settings, shared: SharedTrace) -> RenderContext:
         """The same animation through another camera, whose views take scenes and photons from ``shared``.
@@ -77,27 +81,38 @@ class RenderContext:
         return as_few_as_move(seen)
 
     def parts(
-        self, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize, clock: Clock
+        self, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize, clock: Clock, size: tuple[int, int]
     ) -> Iterator[tuple[Part, PixelSize | None]]:
         """The parts of the exposure that the estimator gives, for the ``scenes`` of its segments.
+
+        Args:
+            size: Of the image, in pixels; where several images look at the same photons, none of them decides where
+                these go.
 
         Yields:
             Each part, and the size of pixel that its light is still to be shaped for; None where it has been.
         """
-        estimator = ESTIMATORS[self.settings.estimator]()
+        alone = self._shared is None
+        estimator = estimator_of(self.settings, self._seen_light(size) if alone else None)
         traced = partial(estimator.parts, self.tracer, shutter, scenes, pixel, clock)
-        if self._shared is None:
+        if alone:
             # Nothing here holds on to a part while the next is traced.
             yield from map(lambda part: (part, None), traced())
             return
         for part, of_others in self._shared.parts(scenes, traced):
             yield part, pixel if of_others else None
 
+    def _seen_light(self, size: tuple[int, int]) -> SeenLight:
+        """What the camera sees of the light in an image of that size."""
+        if size not in self._seen:
+            self._seen = {size: SeenLight(self.tracer, partial(CameraSight, self.settings, self.loader, size))}
+        return self._seen[size]
+
     def with_settings(self, settings: Settings) -> RenderContext:
         """The same animation with other photons, segments or AOVs; stills are not read again."""
         other = copy(self)
         other.settings = settings
-        other.tracer = self.tracer.with_settings(settings)
+        other.tracer, other._seen = self.tracer.with_settings(settings), {}
         other.segmentation = Segmentation(other.tracer)
         other.light_groups = LightGroups.of(settings.light_groups, self.source)
         return other

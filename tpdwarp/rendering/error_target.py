@@ -70,6 +70,10 @@ LEAST_LIGHT = 0.1
 # number to the power −¾, and independently of each other: the change to four times as many is the error to 6 %.
 MORE_SAMPLES, MOST_SAMPLES = 4, 64
 FALL_BY_SAMPLES = MORE_SAMPLES**-0.75
+# Between two numbers of photons errors go by a power law, unless they fall by more than this from one to another. Then
+# up to so many pictures between them are looked at: few photons may be too few for finer cells where light is seen.
+STEEP = 4.0
+MOST_BETWEEN = 3
 # What camera samples may err by, as a part of what is wanted: together they stay within 1.05 of it, below the warning.
 LARGEST_BY_SAMPLES = 0.3
 # Keeps quotients and logarithms of errors finite.
@@ -246,9 +250,14 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
                 fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
                 if time.photons < min(fewest, 4 * photons) and 2.0 * time(fewest) > wanted:
                     # What few photons take for an error in time may go with more of them: more are looked at.
-                    error = _both(space, in_time(photons, segments, space.fall, finest=True))
-                    fewest = _fewest(error, wanted, FIRST_PHOTONS, most)
-                return Choice(fewest, segments, error(fewest))
+                    time = in_time(photons, segments, space.fall, finest=True)
+                    fewest = _fewest(_both(space, time), wanted, FIRST_PHOTONS, most)
+                for _ in range(MOST_BETWEEN):
+                    if not space.is_steep_at(fewest):
+                        break
+                    space = space.knowing(fewest, _change(at(fewest, segments), at(space.counts[-1], segments)))
+                    fewest = _fewest(_both(space, time), wanted, FIRST_PHOTONS, most)
+                return Choice(fewest, segments, _both(space, time)(fewest))
             if 4 * photons * segments >= MOST_PHOTONS:
                 return Choice(4 * photons, segments, error(4 * photons))
             if segments in following:
@@ -314,6 +323,18 @@ class _ErrorInSpace:
         last = latest * steps[-1] / (1.0 - latest**2)
         before = [math.hypot(_change(picture, pictures[-1]), last) for picture in pictures[:-2]]
         return cls(counts, (*before, last / latest, last), fall)
+
+    def is_steep_at(self, photons: float) -> bool:
+        """Whether little is known of so many photons: that errors fall by ``STEEP`` from fewer to more of them."""
+        number = int(np.searchsorted(self.counts, photons))
+        if number in (0, len(self.counts)) or photons in self.counts:
+            return False
+        return self.errors[number - 1] > STEEP * self.errors[number]
+
+    def knowing(self, photons: int, change: float) -> _ErrorInSpace:
+        """The same with the change from a picture with so many photons to that with the most."""
+        found = dict(zip(self.counts, self.errors, strict=True)) | {photons: math.hypot(change, self.errors[-1])}
+        return replace(self, counts=sorted(found), errors=[found[count] for count in sorted(found)])
 
     def __call__(self, photons: float) -> float:
         errors = np.maximum(self.errors, TINY)

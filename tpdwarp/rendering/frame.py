@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from tpdwarp.clock import Clock
-from tpdwarp.estimators import ESTIMATORS
+from tpdwarp.estimators import estimator_of
 from tpdwarp.estimators.estimator import Part
 from tpdwarp.footprints.irradiance import Lookup
 from tpdwarp.footprints.shaping import PixelSize
@@ -90,7 +90,7 @@ class FramePhotons:
         self.energy.add(part.energy)
         self._count += sum(map(len, part.maps))
         if self._kept:
-            self._maps += [(photons, part.plan) for photons in part.maps]
+            self._maps += zip(part.maps, part.lattices or [part.plan] * len(part.maps), strict=True)
 
     def landed(self, scenes: list[LoadedScene]) -> LandedPhotons:
         return LandedPhotons(self._maps, scenes[0].geometry.paths, self._count)
@@ -111,7 +111,7 @@ def trace_frame(context: RenderContext, shutter: Shutter, clock: Clock | None = 
     clock = clock or Clock()
     scenes = context.segmentation.load(shutter, clock)
     photons = FramePhotons()
-    for part in ESTIMATORS[context.settings.estimator]().parts(context.tracer, shutter, scenes, None, clock):
+    for part in estimator_of(context.settings).parts(context.tracer, shutter, scenes, None, clock):
         photons.add(part)
     shown = _traced_paths(context, scenes, paths, clock) if paths else None
     return Traced(photons.landed(scenes), photons.energy, clock.seconds, paths=shown)
@@ -177,7 +177,7 @@ def render_frame(
             seen_by = context.normalization, context.launcher, width, height, clock
             return CameraView(part.scenes, settings, *seen_by, *order)
 
-    for part, unshaped in context.parts(shutter, scenes, pixel, clock):
+    for part, unshaped in context.parts(shutter, scenes, pixel, clock, (width, height)):
         fields = context.light_groups.fields(part, unshaped, context.tracer, clock)
         part.energy.add(expose(film, fields, kept.look(part, partial(view_of, part)), part.weight, clock))
         photons.add(part)

@@ -10,7 +10,6 @@ import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
-from tpdwarp.estimators import ESTIMATORS
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import expose, middle_camera, pixel_of
 from tpdwarp.scene.description import SceneSource, Shutter
@@ -79,7 +78,7 @@ class Pilot:
         seen = self._seen[key]
         film = Film(len(self._pixels), 1, settings.samples, context.normalization, seen.scale, settings.aovs)
         pixel = pixel_of(context, scenes, *self._size)
-        for part in ESTIMATORS[settings.estimator]().parts(context.tracer, shutter, scenes, pixel, clock):
+        for part, _ in context.parts(shutter, scenes, pixel, clock, self._size):
             expose(film, {} if part.light is None else {"": part.light}, seen.batches, part.weight, clock)
         channels = film.channels()
         return np.stack([channels[f"caustic.{c}"][0] for c in "RGB"], axis=1).astype(np.float64)

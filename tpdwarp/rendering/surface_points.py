@@ -11,7 +11,7 @@ import warp as wp
 
 from tpdwarp.clock import Clock
 from tpdwarp.compiler_flags import own_module
-from tpdwarp.estimators import ESTIMATORS
+from tpdwarp.estimators import estimator_of
 from tpdwarp.estimators.estimator import IrradianceField, Part
 from tpdwarp.footprints.irradiance import Lookup, QueryArrays
 from tpdwarp.footprints.shaping import PixelSize
@@ -222,7 +222,7 @@ def irradiance_at(
     names = context.light_groups.names
     lights = [PointLight.none(len(group.points.triangles), names) for group in groups]
     orders = [_curve_order(context, middle, group.points) for group in groups]
-    estimator = ESTIMATORS[context.settings.estimator]()
+    estimator = estimator_of(context.settings)
     for part in estimator.parts(context.tracer, shutter, scenes, groups[0].pixel, clock):
         photons.add(part)
         fields, pixel = context.light_groups.fields(part, None, context.tracer, clock), groups[0].pixel

@@ -35,13 +35,12 @@ from tpdwarp.photons.row_numbers import distinct_rows, row_numbers
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.keyframes import (
     END,
-    INSTANT,
-    KEYFRAME_DURATION,
     LARGEST_DISAGREEMENT,
     LARGEST_DRIFT,
     KeyframeState,
     ShutterKeyframes,
     disagreement,
+    shift_over_shutter,
 )
 from tpdwarp.trajectories.neighbours import differences, neighbours
 from tpdwarp.trajectories.retraced import (
@@ -49,6 +48,7 @@ from tpdwarp.trajectories.retraced import (
     LEAST_SHARE,
     CellsAtEnds,
     CellsOfLattices,
+    EmittedCells,
     RetracedCells,
     Window,
     emitted_cells,
@@ -259,7 +259,7 @@ def _suspects(
     maps = _at_keyframes(keyframes)
     if not is_a_sheet_alone(keyframes):
         maps[0.0] = resting_where_turned_over(maps[0.0], sparse)[0]
-        maps |= {part: keyframes.traced(part, sparse) for part in (OPENS, CLOSES)}
+        maps |= {part: keyframes.photons(part) for part in (OPENS, CLOSES)}
     with clock.stage("trace"):
         riders: dict[int, ChosenCells] = {}
         windows: dict[int, Window] = {}
@@ -309,7 +309,7 @@ def _over_shutter(photons: PhotonMap, part: float) -> PhotonMap:
     return replace(photons, dxdt=rate * photons.dxdt, receiver_motion=rate * photons.receiver_motion)
 
 
-def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: Window | None) -> np.ndarray:
+def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: EmittedCells | None) -> np.ndarray:
     """The cells of a lattice whose photons were found at a part of the shutter, and where these ride at its middle,
     shape [n, 2]: what a roof hides then may be lit as the shutter opens or closes.
 
@@ -318,7 +318,7 @@ def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: Window
     rows, cells = found.of(number)
     if part == 0.0 or emitted is None:
         return cells
-    shift = found.photons.shift[rows] / (KEYFRAME_DURATION if abs(part) == END else INSTANT)
+    shift = shift_over_shutter(found.photons.shift[rows], part)
     there = np.rint(cells - part * shift.astype(np.float64))
     return np.concatenate([cells, there[emitted.holds(there)].astype(np.int64)])
 

@@ -33,6 +33,7 @@ from tpdwarp.trajectories.retraced import (
     LEAST_LIGHT,
     PARTS,
     CellsOfLattices,
+    EmittedCells,
     RetracedCells,
     Window,
     cell_of,
@@ -133,7 +134,7 @@ def finer_in_time(changing: RetracedCells, resting: Cells) -> tuple[RetracedCell
         for number, mine in both.cells.items()
     }
     growth = {number: np.repeat(rates, FINER**2, axis=0) for number, rates in both.growth.items()}
-    return others, RetracedCells(cells, plan.finer(FINER), growth)
+    return others, RetracedCells(cells, plan.finer(FINER, FINER), growth)
 
 
 def _finer_cells(cells: np.ndarray) -> np.ndarray:
@@ -150,7 +151,7 @@ def traced_finer(
     Args:
         options: Of the tracer.
     """
-    plan = edges.plan.finer(FINER)
+    plan = edges.plan.finer(FINER, FINER)
     cells = {number: _finer_cells(mine.cell) for number, mine in edges.cells.items()}
     placed = {number: ChosenCells(fine, place_in_finer_cell(fine)) for number, fine in cells.items()}
     photons, account = tracer.trace(loaded, plan, clock, chosen=riding(placed, plan, 1.0), **options)
@@ -183,7 +184,9 @@ def in_coarse_cells(photons: PhotonMap, fine: EmissionPlan, plan: EmissionPlan) 
         yield replace(coarse.rows(place == number), part=part, finer=FINER, place=within)
 
 
-def _beside_edges(photons: PhotonMap, plan: EmissionPlan, emitted: dict[int, Window], important: np.ndarray) -> Cells:
+def _beside_edges(
+    photons: PhotonMap, plan: EmissionPlan, emitted: dict[int, EmittedCells], important: np.ndarray
+) -> Cells:
     """Cells on both sides of edges beside which a photon that is ``important`` [n] has no neighbour on its path."""
     _, lattice, planned = plan.paths_of(photons.ids)
     important, cells = important & planned, cell_of(photons)
@@ -199,6 +202,6 @@ def _beside_edges(photons: PhotonMap, plan: EmissionPlan, emitted: dict[int, Win
                 there[:, axis] += step
                 inside = emitted[int(number)].holds(there)
                 found.setdefault(int(number), []).extend([here[inside], there[inside]])
-                last.setdefault(int(number), []).append(here[~inside])
+                last.setdefault(int(number), []).append(here[~emitted[int(number)].window.holds(there)])
     edges = {number: parts for number, parts in found.items() if any(map(len, parts))}
     return {number: distinct_rows(np.concatenate([*parts, *last[number]])) for number, parts in edges.items()}

@@ -50,10 +50,17 @@ LARGEST_DISAGREEMENT = 0.25
 # Cells of the keyframes that a photon may ride over for these to say where its light is, not only how fast it moves.
 # Chosen, not derived: interpolation between other cells errs by more.
 LARGEST_DRIFT = 0.1
+# How far beside a portion of the light keyframes are, in their cells: photons look them up among four, where they ride.
+BESIDE_PORTION = 2.0
 # Rounding of a place among cells.
 SAME_PLACE = 1e-6
 # Lattices that a plan may have: the rest of a key, of 64 bits, is a path's mask of 31 bits and its wavelength.
 MOST_LATTICES = 1 << 24
+
+
+def shift_over_shutter(shift: np.ndarray, part: float) -> np.ndarray:
+    """Shifts over the whole shutter of photons that were traced at ``part`` of it (:meth:`ShutterKeyframes.traced`)."""
+    return shift if part == 0.0 else shift / (KEYFRAME_DURATION if abs(part) == END else INSTANT)
 
 
 def keyframe_shutters(shutter: Shutter) -> tuple[Shutter, Shutter, Shutter]:
@@ -109,6 +116,28 @@ class KeyframeState:
         return KeyframeState(*(getattr(self, field.name).take(index, axis=0) for field in fields(self)))
 
 
+@dataclass(frozen=True, eq=False)
+class KeyframeScenes:
+    """The scenes as a shutter opens and closes, over ``KEYFRAME_DURATION`` of it, in the light of all of it.
+
+    Attributes:
+        opening, closing: The scenes.
+        lights_change: Whether lights change their power over the shutter.
+    """
+
+    opening: LoadedScene
+    closing: LoadedScene
+    lights_change: bool
+
+    @classmethod
+    def of(cls, tracer: PhotonTracer, loaded: LoadedScene, clock: Clock) -> KeyframeScenes:
+        """Those of the shutter of ``loaded``."""
+        ends = keyframe_shutters(loaded.scene.shutter)[::2]
+        opening, closing = (tracer.load(end, clock, beside=loaded) for end in ends)
+        (opening, closing), changes = steadily_lit(tracer, [opening, closing], [-END, END], loaded.scene.lights)
+        return cls(opening, closing, changes)
+
+
 class ShutterKeyframes:
     """Keyframes at either end of a shutter, and in its middle once they are wanted.
 
@@ -141,6 +170,7 @@ class ShutterKeyframes:
         self.tracer, self.plan, self.tags, self.emitted = tracer, plan, tags, 0
         self.middle, self.opening, self.closing = middle, opening, closing
         self._clock, self._lights_change, self._weight = clock, lights_change, weight
+        self._photons: dict[float, PhotonMap] = {}
         self._grids: dict[float, _KeyframeGrids] = {}
         # The scenes of the first and of the last instant, once they are wanted.
         self._instants: dict[float, LoadedScene] = {}
@@ -150,22 +180,30 @@ class ShutterKeyframes:
 
     @classmethod
     def over(
-        cls, tracer: PhotonTracer, plan: EmissionPlan, loaded: LoadedScene, clock: Clock, weight: float = 1.0
+        cls,
+        tracer: PhotonTracer,
+        plan: EmissionPlan,
+        loaded: LoadedScene,
+        clock: Clock,
+        weight: float = 1.0,
+        ends: KeyframeScenes | None = None,
     ) -> ShutterKeyframes:
-        """Keyframes of the shutter of ``loaded``, for photons on the lattices of ``plan`` with that ``weight``."""
-        sparse = tracer.plan(
-            min(plan.photons, max(FEWEST_KEYFRAME_PHOTONS, plan.photons // PHOTONS_PER_KEYFRAME_PHOTON)),
-            clock,
-            shared=False,
-        ).foreseeing(loaded.scene)
+        """Keyframes of the shutter of ``loaded``, for photons on the lattices of ``plan`` with that ``weight``.
+
+        Args:
+            ends: The scenes at either end, where they are loaded already.
+        """
+        share = 1.0 if plan.portion is None else plan.portion.share
+        fewest = max(FEWEST_KEYFRAME_PHOTONS / share, plan.photons // PHOTONS_PER_KEYFRAME_PHOTON)
+        sparse = tracer.plan(min(plan.photons, round(fewest)), clock, shared=False).foreseeing(loaded.scene)
         if plan.strip is not None:
             sparse = replace(sparse, strip=plan.strip.on(plan.lattices, sparse.lattices))
-        ends = keyframe_shutters(loaded.scene.shutter)[::2]
-        opening, closing = (tracer.load(end, clock, beside=loaded) for end in ends)
-        (opening, closing), changes = steadily_lit(tracer, [opening, closing], [-END, END], loaded.scene.lights)
+        if plan.portion is not None:
+            sparse = replace(sparse, portion=plan.portion.on(sparse.lattices, BESIDE_PORTION))
+        ends = ends or KeyframeScenes.of(tracer, loaded, clock)
         with clock.stage("plan"):
             tags = PathTags(loaded.scene, plan.photons)
-        return cls(tracer, sparse, loaded, opening, closing, tags, clock, changes, weight)
+        return cls(tracer, sparse, loaded, ends.opening, ends.closing, tags, clock, ends.lights_change, weight)
 
     def around(self, photons: PhotonMap, plan: EmissionPlan) -> tuple[KeyframeState, KeyframeState]:
         """Photons of mid shutter, as it opens and as it closes; ``photons.shift`` is that over the whole of it."""
@@ -214,8 +252,10 @@ class ShutterKeyframes:
         return before, middle, after
 
     def photons(self, part: float) -> PhotonMap:
-        """The keyframes' own photons at ``-END``, 0 or ``END``."""
-        return self._at(part).photons
+        """The keyframes' own photons at a part of the shutter, as of :meth:`traced`."""
+        if part not in self._photons:
+            self._photons[part] = self.traced(part, self.plan)
+        return self._photons[part]
 
     def power_curves(self, lights: tuple[str, ...]) -> tuple[PowerCurve | None, ...]:
         """How the power of lights, by their paths, changes over the shutter; None of those that stay as they are, and
@@ -256,7 +296,7 @@ class ShutterKeyframes:
 
     def _at(self, part: float) -> _KeyframeGrids:
         if part not in self._grids:
-            photons = self.traced(part, self.plan)
+            photons = self.photons(part)
             with self._clock.stage("trace"):
                 rate = 1.0 if part == 0.0 else 1.0 / KEYFRAME_DURATION
                 self._grids[part] = _KeyframeGrids(photons, self.plan, rate, self.tracer.launcher)

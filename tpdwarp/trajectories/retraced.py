@@ -51,6 +51,11 @@ class Window:
         first, last = cells.min(axis=0) - margin, cells.max(axis=0) + margin
         return cls(first, last - first + 1)
 
+    @classmethod
+    def of_patch(cls, patch: Patch) -> Window:
+        """The cells of a patch."""
+        return cls(np.array([patch.first_u, patch.first_v]), np.array([patch.count_u, patch.count_v]))
+
     def grid(self, *width: int, dtype: type = np.float64) -> np.ndarray:
         """Zeros for its cells."""
         return np.zeros((*self.size, *width), dtype)
@@ -258,14 +263,35 @@ def riding(cells: dict[int, ChosenCells], plan: EmissionPlan, part: float) -> Ca
     return chosen
 
 
-def emitted_cells(plan: EmissionPlan, scene: SceneAtShutter) -> dict[int, Window]:
-    """The cells of each lattice that are emitted in a scene."""
-    return {
-        plan.number_of(lattice): Window(
-            np.array([patch.first_u, patch.first_v]), np.array([patch.count_u, patch.count_v])
-        )
-        for lattice, patch in plan.patches(scene)
-    }
+@dataclass(frozen=True, eq=False)
+class EmittedCells:
+    """The cells of a lattice that are emitted in a scene.
+
+    Attributes:
+        plan: Its plan.
+        number: Its number there.
+        window: Where those of all portions of the light lie.
+    """
+
+    plan: EmissionPlan
+    number: int
+    window: Window
+
+    def holds(self, cells: np.ndarray) -> np.ndarray:
+        """Which of the cells [n, 2] they are, shape [n]."""
+        inside = self.window.holds(cells)
+        if self.plan.portion is None:
+            return inside
+        return inside & self.plan.portion.holds(np.full(len(cells), self.number), cells)
+
+
+def emitted_cells(plan: EmissionPlan, scene: SceneAtShutter) -> dict[int, EmittedCells]:
+    """The cells of each lattice that are emitted in a scene, by its number."""
+    found = {}
+    for lattice, patch in plan.patches(scene, whole=True):
+        number = plan.number_of(lattice)
+        found[number] = EmittedCells(plan, number, Window.of_patch(patch))
+    return found
 
 
 def numbers_of(maps: Sequence[CellsOfLattices]) -> list[int]:
