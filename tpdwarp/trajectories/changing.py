@@ -35,6 +35,7 @@ from tpdwarp.photons.row_numbers import distinct_rows, row_numbers
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.keyframes import (
     END,
+    KEYFRAME_DURATION,
     LARGEST_DISAGREEMENT,
     LARGEST_DRIFT,
     KeyframeState,
