@@ -35,7 +35,7 @@ from tpdwarp.trajectories.rifts import widths_of_rifts
 FIRST_PHOTONS = 100
 # Light is parted where so much of it at most lies in the picture. Chosen, not derived: else cells would be hardly
 # narrower.
-MOST_SEEN = 0.55
+MOST_SEEN = 0.5
 # Cells that are told apart: one for so many photons, within these limits. Chosen, not derived: where a third of the
 # light is seen, those that are not take a twelfth of the photons.
 PHOTONS_PER_COARSE_CELL = 8
@@ -106,15 +106,15 @@ class SeenLight:
             return None
         tracer = self._tracer
         coarse, keyframes = self._coarse(plan, seen, clock), None
+        with clock.stage("plan"):
+            tags = PathTags(seen.scene, plan.photons)
         if seen.requirements.photon_motion:
             ends = KeyframeScenes.of(tracer, seen, clock)
-            with clock.stage("plan"):
-                tags = PathTags(seen.scene, plan.photons)
             given = coarse, seen, ends.opening, ends.closing, tags, clock, ends.lights_change, weight
             keyframes = ShutterKeyframes(tracer, *given)
             maps = {part: keyframes.photons(part) for part in TIMES}
         else:
-            maps = {0.0: tracer.trace(seen, coarse, clock)[0]}
+            maps = {0.0: tracer.trace(seen, coarse, clock, tags=tags.of(seen.scene))[0]}
         sight = self._sight_of(scenes, clock)
         with clock.stage("plan"):
             looked = _looked_at(coarse, seen, maps, partial(sight.sees, reach=REACH))
@@ -156,7 +156,8 @@ class SeenLight:
             if _looked_at(few, seen, {0.0: tracer.trace(seen, few, clock)[0]}, sight.frames).is_most:
                 return None
             coarse = self._coarse(plan, seen, clock)
-            photons, _ = tracer.trace(seen, coarse, clock)
+            tags = PathTags(seen.scene, plan.photons).of(seen.scene)
+            photons, _ = tracer.trace(seen, coarse, clock, tags=tags)
             looked = _looked_at(coarse, seen, {0.0: photons}, partial(sight.sees, reach=REACH))
             if looked.is_most:
                 return None
@@ -235,29 +236,29 @@ def _looked_at(
     if any(number < 0 for number, _ in patches):
         return _Looked({}, 0, 0)
     emitted = {number: Window.of_patch(patch) for number, patch in patches}
-    chosen: dict[int, list[np.ndarray]] = {}
+    whole: dict[int, list[np.ndarray]] = {}
+    at_edges: dict[int, list[np.ndarray]] = {}
     for part, photons in maps.items():
-        found = CellsOfLattices(photons, plan, chooses(photons))
-        for number in found.numbers():
-            rows, cells = found.of(number)
-            chosen.setdefault(number, []).append(cells)
-            if part != 0.0 and number in emitted:
-                way = part * shift_over_shutter(photons.shift[rows], part)
-                for share in (0.5, 1.0):
-                    there = np.rint(cells - share * way)
-                    # Where light grazes, shifts grow without bound.
-                    chosen[number].append(there[emitted[number].holds(there)].astype(np.int64))
-    lit = [CellsOfLattices(photons, plan) for photons in maps.values()]
+        chosen = chooses(photons)
+        for among, cells_of in ((chosen, whole), (chosen & _is_at_edge(photons, plan), at_edges)):
+            found = CellsOfLattices(photons, plan, among)
+            for number in found.numbers():
+                rows, cells = found.of(number)
+                cells_of.setdefault(number, []).append(cells)
+                if part != 0.0 and number in emitted:
+                    way = part * shift_over_shutter(photons.shift[rows], part)
+                    for share in (0.5, 1.0):
+                        there = np.rint(cells - share * way)
+                        # Where light grazes, shifts grow without bound.
+                        cells_of[number].append(there[emitted[number].holds(there)].astype(np.int64))
     marks = {}
-    for number, parts in chosen.items():
+    for number, parts in whole.items():
         window = Window.around(np.concatenate(parts), margin=1)
-        marked, dark = window.grid(dtype=bool), np.ones(window.size, bool)
+        marked, edges = window.grid(dtype=bool), window.grid(dtype=bool)
         marked[window.at(np.concatenate(parts))] = True
-        for cells in lit:
-            there = cells.of(number)[1]
-            dark[window.at(there[window.holds(there)])] = False
-        # Of a cell at an edge some part may be lit although its middle is dark.
-        marks[number] = Marks(plan.lattices[number], window.first, marked | grown(marked) & dark)
+        for cells in at_edges.get(number, []):
+            edges[window.at(cells)] = True
+        marks[number] = Marks(plan.lattices[number], window.first, marked | grown(edges))
     within = {number: Portion(marks, True, 1.0).cells_of(number, patch) for number, patch in patches}
     count = sum(map(len, within.values()))
     return _Looked(marks, count, sum(patch.count_u * patch.count_v for _, patch in patches) - count)
@@ -282,6 +283,15 @@ def _blur(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
         second = [second_differences(photons.position[:, axis], pairs) for axis in range(3)]
         found.append(np.average(np.linalg.norm(second, axis=0), weights=photons.flux.sum(axis=1)))
     return np.maximum(found, np.finfo(np.float32).tiny)
+
+
+def _is_at_edge(photons: PhotonMap, plan: EmissionPlan) -> np.ndarray:
+    """Of which photons a cell beside theirs has none on the same path, so that part of it may have, shape [n]."""
+    beside = np.zeros(len(photons), np.int64)
+    for a, b in neighbours(photons, plan):
+        beside[a] += 1
+        beside[b] += 1
+    return beside < 4
 
 
 def _finest(photons: int, cells: int, blur: np.ndarray) -> tuple[int, int]:
