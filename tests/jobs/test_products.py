@@ -74,8 +74,8 @@ def test_what_has_no_place_for_several_names_is_refused(stage, tmp_path):
         render(bare.file, tmp_path / "<product>.exr", frames="1")
 
 
-def wave_from_two_sides(tmp_path, second_shutter=0.5):
-    """The wave, as two cameras see it of which one moves, each for a product of its own."""
+def wave_from_two_sides(tmp_path, second_shutter=0.5, height=16.0):
+    """The wave, as two cameras at a height see it of which one moves, each for a product of its own."""
     stage = Usd.Stage.CreateNew(str(tmp_path / "two.usda"))
     stage.GetRootLayer().subLayerPaths.append(str(ROOT / "usd_scenes" / "wave.usdc"))
     settings = UsdRender.Settings.Define(stage, "/Render/Settings")
@@ -84,10 +84,10 @@ def wave_from_two_sides(tmp_path, second_shutter=0.5):
         camera = UsdGeom.Camera.Define(stage, f"/{name}")
         camera.CreateShutterCloseAttr(shutter)
         move = camera.AddTranslateOp()
-        move.Set(Gf.Vec3d(0, 0, 3))
+        move.Set(Gf.Vec3d(0, 0, height))
         if name == "aside":
-            move.Set(Gf.Vec3d(0.2, 0, 3.5), 1)
-            move.Set(Gf.Vec3d(0.4, 0, 3.5), 3)
+            move.Set(Gf.Vec3d(0.2, 0, height + 0.5), 1)
+            move.Set(Gf.Vec3d(0.4, 0, height + 0.5), 3)
         product = UsdRender.Product.Define(stage, f"/Render/{name}")
         product.GetCameraRel().SetTargets([f"/{name}"])
         product.CreateResolutionAttr(Gf.Vec2i(12, 8) if name == "above" else Gf.Vec2i(16, 10))
@@ -106,14 +106,18 @@ def rendered_together_and_apart(stage, tmp_path, **options):
     return [[read_image(tmp_path / folder / file)[0] for file in files] for folder in ("together", "apart")], result
 
 
-def test_products_share_one_trace_and_show_what_each_shows_alone(tmp_path):
-    (together, apart), result = rendered_together_and_apart(wave_from_two_sides(tmp_path), tmp_path)
+@pytest.mark.parametrize(("height", "shares"), [(16.0, True), (3.0, False)])
+def test_products_share_one_trace_and_show_what_each_shows_alone(height, shares, tmp_path):
+    """From nearby each sees a part of the light, and has photons of its own, as when it is alone."""
+    stage = wave_from_two_sides(tmp_path, height=height)
+    (together, apart), result = rendered_together_and_apart(stage, tmp_path)
     for one, other in zip(together, apart, strict=True):
         assert one["R"].any()
         for name in other:
             np.testing.assert_array_equal(one[name], other[name])
     traced = {outcome.path.rsplit("/")[-1]: "trace" in outcome.seconds for outcome in result.outcomes}
-    assert traced == {f"{name}.000{frame}.exr": name == "above" for name in ("above", "aside") for frame in (1, 2)}
+    first = {f"{name}.000{frame}.exr": name == "above" for name in ("above", "aside") for frame in (1, 2)}
+    assert {name: expected or not shares for name, expected in first.items()} == traced
 
 
 def test_products_of_other_shutters_have_photons_of_their_own(tmp_path):

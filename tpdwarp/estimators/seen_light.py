@@ -18,6 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from tpdwarp.clock import Clock
+from tpdwarp.errors import InputError
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
@@ -25,6 +26,7 @@ from tpdwarp.photons.portions import Marks, Portion
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
+from tpdwarp.settings import LightSettings
 from tpdwarp.trajectories.changing import shifts_over
 from tpdwarp.trajectories.keyframes import END, KeyframeScenes, ShutterKeyframes, shift_over_shutter
 from tpdwarp.trajectories.neighbours import neighbours, second_differences
@@ -72,6 +74,12 @@ class Sight(Protocol):
         ...
 
 
+def has_finer_cells(settings: LightSettings) -> bool:
+    """Whether footprints are a lattice's own cells, so that those of finer cells fit in."""
+    own = settings.emission == "lattice" and settings.kernel == "bspline" and settings.smoothing == 1.0
+    return own and settings.path == "curved" and settings.estimator == "tpd"
+
+
 # Lattices of a portion of the light, and keyframes for its photons where these are known already.
 PortionPlan = tuple[EmissionPlan, ShutterKeyframes | None]
 
@@ -82,12 +90,24 @@ class SeenLight:
 
     Args:
         tracer: Traces photons.
+        load: Gives the scene over a shutter, with what looks at it.
         sight_of: What is looked at in the scenes of the segments of a shutter.
     """
 
-    def __init__(self, tracer: PhotonTracer, sight_of: Callable[[Sequence[LoadedScene], Clock], Sight]) -> None:
-        self._tracer, self._sight_of = tracer, sight_of
+    def __init__(
+        self,
+        tracer: PhotonTracer,
+        load: Callable[[Shutter, Clock], LoadedScene],
+        sight_of: Callable[[Sequence[LoadedScene], Clock], Sight],
+    ) -> None:
+        self._tracer, self._load, self._sight_of = tracer, load, sight_of
         self._finer: dict[tuple[int, float], tuple[int, int] | None] = {}
+
+    def tells_apart(self, scenes: Sequence[LoadedScene], clock: Clock) -> bool:
+        """Whether photons in the scenes of the segments of a shutter go where they are looked at."""
+        tracer = self._tracer
+        plan = tracer.plan(max(1, tracer.settings.photons // len(scenes)), clock)
+        return self._planned(plan, scenes[0].scene.shutter.exposure, clock) is not None
 
     def portions(
         self, plan: EmissionPlan, seen: LoadedScene, weight: float, scenes: Sequence[LoadedScene], clock: Clock
@@ -138,8 +158,8 @@ class SeenLight:
         where most of the light is looked at in one of them, or in all of them none."""
         key = plan.photons, exposure
         if key not in self._finer:
-            self._finer[key] = None
-            self._finer[key] = self._by_stills(plan, exposure, clock)
+            fits = has_finer_cells(self._tracer.settings)
+            self._finer[key] = self._by_stills(plan, exposure, clock) if fits else None
         return self._finer[key]
 
     def _by_stills(self, plan: EmissionPlan, exposure: float, clock: Clock) -> tuple[int, int] | None:
@@ -150,7 +170,11 @@ class SeenLight:
         for number in numbers:
             middle = stills[number].middle
             shutter = Shutter(stills[number].frame, middle - 0.5 * exposure, middle + 0.5 * exposure)
-            seen = tracer.load(shutter, clock)
+            try:
+                seen = self._load(shutter, clock)
+            except InputError:
+                # What cannot be used there may be elsewhere.
+                continue
             sight = self._sight_of([seen], clock)
             few = tracer.plan(FIRST_PHOTONS, clock, shared=False).foreseeing(seen.scene)
             if _looked_at(few, seen, {0.0: tracer.trace(seen, few, clock)[0]}, sight.frames).is_most:

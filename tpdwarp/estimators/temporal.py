@@ -11,7 +11,7 @@ import numpy as np
 
 from tpdwarp.clock import Clock
 from tpdwarp.estimators.estimator import Part, bent, light_of
-from tpdwarp.estimators.seen_light import PortionPlan, SeenLight
+from tpdwarp.estimators.seen_light import PortionPlan, SeenLight, has_finer_cells
 from tpdwarp.footprints.pixel_areas import typical_pixel_area
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.emission import ChosenCells, Patch
@@ -23,7 +23,6 @@ from tpdwarp.photons.strips import PHOTONS_OF_STRIP
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
-from tpdwarp.settings import LightSettings
 from tpdwarp.trajectories.changing import changing_cells
 from tpdwarp.trajectories.edges import edge_cells, finer_in_time, in_coarse_cells, resting_edges, traced_finer
 from tpdwarp.trajectories.fit import fit_trajectories
@@ -94,7 +93,7 @@ class Temporal:
             strip: Number of the strip of ``strips`` that is traced.
             seen: The scene of the segment.
         """
-        if self._seen_light is None or not _has_finer_edges(tracer.settings):
+        if self._seen_light is None:
             return None
         found = self._seen_light.portions(plan, seen, 1.0 / len(scenes), scenes, clock)
         if found is None:
@@ -212,7 +211,7 @@ def _whole(
 ) -> tuple[list[Traced], EnergyAccount]:
     """Photons that shine for the whole segment as they are at its middle; arguments as of :func:`_along_keyframes`."""
     options = {"weight": weight, **options}
-    if seen.requirements.photon_motion or not _has_finer_edges(tracer.settings) or _is_unseen(plan):
+    if seen.requirements.photon_motion or not has_finer_cells(tracer.settings) or _is_unseen(plan):
         photons, account = tracer.trace(seen, plan, clock, **options)
         return [(bent(photons, plan, tracer, pixel, clock), plan)], account
     with clock.stage("plan"):
@@ -261,7 +260,7 @@ def _along_keyframes(
     light = float(photons.flux.sum(dtype=np.float64))
     if tracer.settings.emission == "lattice":
         with clock.stage("trace"):
-            moving, resting = edge_cells(photons, plan, seen, tell_apart=_has_finer_edges(tracer.settings))
+            moving, resting = edge_cells(photons, plan, seen, tell_apart=has_finer_cells(tracer.settings))
         finest = typical_pixel_area(photons, pixel)
         changing = changing_cells(keyframes, photons, plan, states, clock, moving, finest)
         edges = resting_edges(photons, plan, resting, changing)
@@ -327,9 +326,3 @@ def _finer_edges(
     account.add(more)
     account.counts["cells traced again at edges"] = len(edges)
     return (fine, lattices), account
-
-
-def _has_finer_edges(settings: LightSettings) -> bool:
-    """Whether footprints are a lattice's own cells, so that those of finer cells fit in."""
-    own = settings.emission == "lattice" and settings.kernel == "bspline" and settings.smoothing == 1.0
-    return own and settings.path == "curved"

@@ -22,6 +22,7 @@ def typical_pixel_area(photons: PhotonMap, pixel: PixelSize | None) -> float:
     offset = photons.position - np.array(pixel.eye)
     right, up = np.array(pixel.right), np.array(pixel.up)
     if not right.any():
-        return float(np.median((pixel.base + pixel.slope * np.linalg.norm(offset, axis=1)) ** 2))
+        sides = float(pixel.base) + float(pixel.slope) * np.linalg.norm(offset, axis=1)
+        return float(np.median(sides**2))
     area = float(np.linalg.norm(np.cross(right, up)))
     return area if pixel.orthographic else area * float(np.median((offset @ np.array(pixel.back)) ** 2))

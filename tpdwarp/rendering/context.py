@@ -64,7 +64,7 @@ class RenderContext:
             settings: How to render; what photons depend on is as before (:func:`.shared_trace.may_share`).
         """
         other = copy(self)
-        other.settings, other._view_source, other._shared = settings, source, shared
+        other.settings, other._view_source, other._shared, other._seen = settings, source, shared, {}
         return other
 
     def scenes(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
@@ -76,9 +76,7 @@ class RenderContext:
         if self._shared is None or self._view_source is None:
             return self.segmentation.load(shutter, clock)
         found = self._shared.scenes(shutter, lambda: self.segmentation.load_each(shutter, clock))
-        cameras = [self._view_source.camera_over(loaded.scene.shutter, loaded.scene.meshes) for loaded in found]
-        seen = [self.loader.seen_by(loaded, camera) for loaded, camera in zip(found, cameras, strict=True)]
-        return as_few_as_move(seen)
+        return as_few_as_move([self._through_camera(loaded) for loaded in found])
 
     def parts(
         self, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize, clock: Clock, size: tuple[int, int]
@@ -86,14 +84,14 @@ class RenderContext:
         """The parts of the exposure that the estimator gives, for the ``scenes`` of its segments.
 
         Args:
-            size: Of the image, in pixels; where several images look at the same photons, none of them decides where
-                these go.
+            size: Of the image, in pixels. Where photons go by what it shows, it has its own.
 
         Yields:
             Each part, and the size of pixel that its light is still to be shaped for; None where it has been.
         """
-        alone = self._shared is None
-        estimator = estimator_of(self.settings, self._seen_light(size) if alone else None)
+        seen_light = self._seen_light(size)
+        alone = self._shared is None or seen_light.tells_apart(scenes, clock)
+        estimator = estimator_of(self.settings, seen_light if alone else None)
         traced = partial(estimator.parts, self.tracer, shutter, scenes, pixel, clock)
         if alone:
             # Nothing here holds on to a part while the next is traced.
@@ -105,8 +103,18 @@ class RenderContext:
     def _seen_light(self, size: tuple[int, int]) -> SeenLight:
         """What the camera sees of the light in an image of that size."""
         if size not in self._seen:
-            self._seen = {size: SeenLight(self.tracer, partial(CameraSight, self.settings, self.loader, size))}
+            sight_of = partial(CameraSight, self.settings, self.loader, size)
+            self._seen = {size: SeenLight(self.tracer, self._load_seen, sight_of)}
         return self._seen[size]
+
+    def _load_seen(self, shutter: Shutter, clock: Clock) -> LoadedScene:
+        """The scene over ``shutter``, with the camera of these views."""
+        loaded = self.loader.load(shutter, clock)
+        return loaded if self._view_source is None else self._through_camera(loaded)
+
+    def _through_camera(self, loaded: LoadedScene) -> LoadedScene:
+        """A scene that others loaded, with the camera of these views."""
+        return self.loader.seen_by(loaded, self._view_source.camera_over(loaded.scene.shutter, loaded.scene.meshes))
 
     def with_settings(self, settings: Settings) -> RenderContext:
         """The same animation with other photons, segments or AOVs; stills are not read again."""
