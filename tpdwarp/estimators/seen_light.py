@@ -159,7 +159,8 @@ class SeenLight:
         key = plan.photons, exposure
         if key not in self._finer:
             fits = has_finer_cells(self._tracer.settings)
-            self._finer[key] = self._by_stills(plan, exposure, clock) if fits else None
+            with clock.stage("plan"):
+                self._finer[key] = self._by_stills(plan, exposure, Clock()) if fits else None
         return self._finer[key]
 
     def _by_stills(self, plan: EmissionPlan, exposure: float, clock: Clock) -> tuple[int, int] | None:

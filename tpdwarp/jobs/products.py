@@ -7,7 +7,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache
 
 from tpdwarp.errors import InputError
 from tpdwarp.jobs.frame_work import LazyContext
@@ -82,11 +82,13 @@ def contexts_of(plans: Sequence[SequencePlan]) -> list[Callable[[Shutter], Rende
     first, shared = plans[0], SharedTrace()
     whole = LazyContext(first, max(regions), shared=True)
 
-    def seen(plan: SequencePlan, shutter: Shutter) -> RenderContext:
-        return whole(shutter).seen_by(plan.source, plan.settings, shared)
+    def seen(plan: SequencePlan) -> Callable[[Shutter], RenderContext]:
+        # What is found out of an animation is found out once.
+        through_camera = cache(lambda context: context.seen_by(plan.source, plan.settings, shared))
+        return lambda shutter: through_camera(whole(shutter))
 
     return [
-        partial(seen, plan) if may_share(plan.settings, first.settings) else LazyContext(plan, pixels)
+        seen(plan) if may_share(plan.settings, first.settings) else LazyContext(plan, pixels)
         for plan, pixels in zip(plans, regions, strict=True)
     ]
 
