@@ -158,7 +158,7 @@ class SeenLight:
         where most of the light is looked at in one of them, or in all of them none."""
         key = plan.photons, exposure
         if key not in self._finer:
-            fits = has_finer_cells(self._tracer.settings)
+            fits = bool(plan.lattices) and has_finer_cells(self._tracer.settings)
             with clock.stage("plan"):
                 self._finer[key] = self._by_stills(plan, exposure, Clock()) if fits else None
         return self._finer[key]
