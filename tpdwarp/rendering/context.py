@@ -76,7 +76,7 @@ class RenderContext:
         if self._shared is None or self._view_source is None:
             return self.segmentation.load(shutter, clock)
         found = self._shared.scenes(shutter, lambda: self.segmentation.load_each(shutter, clock))
-        return as_few_as_move([self._through_camera(loaded) for loaded in found])
+        return as_few_as_move([_through_camera(self.loader, self._view_source, loaded) for loaded in found])
 
     def parts(
         self, shutter: Shutter, scenes: list[LoadedScene], pixel: PixelSize, clock: Clock, size: tuple[int, int]
@@ -104,17 +104,8 @@ class RenderContext:
         """What the camera sees of the light in an image of that size."""
         if size not in self._seen:
             sight_of = partial(CameraSight, self.settings, self.loader, size)
-            self._seen = {size: SeenLight(self.tracer, self._load_seen, sight_of)}
+            self._seen = {size: SeenLight(self.tracer, partial(_loaded, self.loader, self._view_source), sight_of)}
         return self._seen[size]
-
-    def _load_seen(self, shutter: Shutter, clock: Clock) -> LoadedScene:
-        """The scene over ``shutter``, with the camera of these views."""
-        loaded = self.loader.load(shutter, clock)
-        return loaded if self._view_source is None else self._through_camera(loaded)
-
-    def _through_camera(self, loaded: LoadedScene) -> LoadedScene:
-        """A scene that others loaded, with the camera of these views."""
-        return self.loader.seen_by(loaded, self._view_source.camera_over(loaded.scene.shutter, loaded.scene.meshes))
 
     def with_settings(self, settings: Settings) -> RenderContext:
         """The same animation with other photons, segments or AOVs; stills are not read again."""
@@ -124,3 +115,15 @@ class RenderContext:
         other.segmentation = Segmentation(other.tracer)
         other.light_groups = LightGroups.of(settings.light_groups, self.source)
         return other
+
+
+# What a context holds must not hold the context: in a circle, stages would stay open after their renders.
+def _loaded(loader: SceneLoader, views: ViewSource | None, shutter: Shutter, clock: Clock) -> LoadedScene:
+    """The scene over ``shutter``, through the camera of ``views`` where there are any."""
+    loaded = loader.load(shutter, clock)
+    return loaded if views is None else _through_camera(loader, views, loaded)
+
+
+def _through_camera(loader: SceneLoader, views: ViewSource, loaded: LoadedScene) -> LoadedScene:
+    """A loaded scene as another camera sees it."""
+    return loader.seen_by(loaded, views.camera_over(loaded.scene.shutter, loaded.scene.meshes))
