@@ -11,7 +11,7 @@ from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
 from tpdwarp.estimators import estimator_of
 from tpdwarp.estimators.estimator import Part
-from tpdwarp.estimators.seen_light import SeenLight
+from tpdwarp.estimators.seen_light import Known, SeenLight
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.rendering.camera_sight import CameraSight
@@ -53,8 +53,9 @@ class RenderContext:
         self.light_groups = LightGroups.of(settings.light_groups, source)
         self._view_source: ViewSource | None = None
         self._shared: SharedTrace | None = None
-        # Of the last size of images.
+        # Of the last size of images; what is known lasts for other settings, too.
         self._seen: dict[tuple[int, int], SeenLight] = {}
+        self._known: dict[tuple[int, int], Known] = {}
 
     def seen_by(self, source: ViewSource, settings: Settings, shared: SharedTrace) -> RenderContext:
         """The same animation through another camera, whose views take scenes and photons from ``shared``.
@@ -64,7 +65,8 @@ class RenderContext:
             settings: How to render; what photons depend on is as before (:func:`.shared_trace.may_share`).
         """
         other = copy(self)
-        other.settings, other._view_source, other._shared, other._seen = settings, source, shared, {}
+        other.settings, other._view_source, other._shared = settings, source, shared
+        other._seen, other._known = {}, {}
         return other
 
     def scenes(self, shutter: Shutter, clock: Clock) -> list[LoadedScene]:
@@ -104,7 +106,8 @@ class RenderContext:
         """What the camera sees of the light in an image of that size."""
         if size not in self._seen:
             sight_of = partial(CameraSight, self.settings, self.loader, size)
-            self._seen = {size: SeenLight(self.tracer, partial(_loaded, self.loader, self._view_source), sight_of)}
+            load, known = partial(_loaded, self.loader, self._view_source), self._known.setdefault(size, {})
+            self._seen = {size: SeenLight(self.tracer, load, sight_of, known)}
         return self._seen[size]
 
     def with_settings(self, settings: Settings) -> RenderContext:
