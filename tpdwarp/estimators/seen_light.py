@@ -47,10 +47,10 @@ MOST_COARSE_CELLS = 1 << 14
 # How many times as many cells there are at least where light is looked at, and how far one is cut along either side at
 # most. Chosen, not derived.
 LEAST_GAIN = 1.5
+MOST_FINER = 64
 # Where a frame shows more of the light than those looked at before, it takes up to so many times the photons asked for.
 # Beyond, cells are less fine, and their photons' ids do not last. Chosen, not derived.
 MOST_MORE = 1.25
-MOST_FINER = 64
 # How many times as many parts a cell is cut into along one side as along the other at most. Chosen, not derived: the
 # longer side of a cell blurs edges.
 LONGEST = 2.0

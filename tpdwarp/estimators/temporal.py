@@ -19,7 +19,8 @@ from tpdwarp.photons.energy import COARSE_PARTS, STARVED, EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
-from tpdwarp.photons.strips import PHOTONS_OF_STRIP
+from tpdwarp.photons.portions import Portion
+from tpdwarp.photons.strips import PHOTONS_OF_STRIP, Strip
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
@@ -161,11 +162,10 @@ def _of_segment(
         for photons, lattices in traced
         for part in ([photons] if lattices is plan else in_coarse_cells(photons, lattices, plan))
     ]
+    for cut in filter(None, (plan.strip, plan.portion)):
+        maps = [_held_by(cut, photons, plan) for photons in maps]
     if plan.strip is not None:
-        maps = [_of_strip(photons, plan) for photons in maps]
         account.subtract(_beside_strip(tracer, plan, emits, weight, options, clock))
-    if plan.portion is not None:
-        maps = [_of_portion(photons, plan) for photons in maps]
     return maps, account
 
 
@@ -174,16 +174,10 @@ def _is_unseen(plan: EmissionPlan) -> bool:
     return plan.portion is not None and not plan.portion.seen
 
 
-def _of_portion(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
-    """Those of the photons whose cells are in the portion of ``plan``: others beside them were traced again, too."""
+def _held_by(cut: Strip | Portion, photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
+    """Those of the photons whose cells count in a strip or a portion of ``plan``: those beside are traced, too."""
     _, lattice, planned = plan.paths_of(photons.ids)
-    return photons.rows(plan.portion.holds(np.where(planned, lattice, -1), cell_of(photons)))
-
-
-def _of_strip(photons: PhotonMap, plan: EmissionPlan) -> PhotonMap:
-    """Those of the photons that count in the strip of ``plan``."""
-    _, lattice, planned = plan.paths_of(photons.ids)
-    return photons.rows(plan.strip.holds(np.where(planned, lattice, -1), cell_of(photons)))
+    return photons.rows(cut.holds(np.where(planned, lattice, -1), cell_of(photons)))
 
 
 def _beside_strip(
