@@ -99,7 +99,7 @@ def test_the_choice_errs_as_wanted_where_errors_follow_power_laws(wanted, slope,
     assert 0.5 * wanted < made.error(choice.photons, choice.segments) < 1.5 * wanted
     assert choice.error <= wanted
     # The pilot costs no more than a few frames would, of a few pixels, or than what it must see.
-    assert made.most <= choice.segments * max(error_target.FEWEST_SEEN, 16 * choice.photons)
+    assert made.most <= choice.segments * max(2 * error_target.FEWEST_SEEN, 16 * choice.photons)
 
 
 @pytest.mark.parametrize("wanted", [0.2, 0.1, 0.05])
@@ -113,7 +113,15 @@ def test_fewer_photons_in_several_segments_than_decide_are_not_looked_at():
     """Those take longest: with cells so large light begins or ends in most of them."""
     made = Made(4.0, 0.75, 0.02)
     assert chosen(made, 0.1, DOUBLED).segments == 1
-    assert min(photons for photons, segments in made.seen if segments > 1) == error_target.FEWEST_SEEN // 16
+    assert min(photons for photons, segments in made.seen if segments > 1) == error_target.FEWEST_SEEN // 4
+
+
+@pytest.mark.parametrize(("wanted", "looked_at"), [(0.6, True), (0.1, False)])
+def test_the_fewest_photons_are_looked_at_only_where_few_are_enough(wanted, looked_at):
+    made = Made(4.0, 0.5, 0.0)
+    choice = chosen(made, wanted, DOUBLED)
+    assert ((error_target.FEWEST_PHOTONS, 1) in made.seen) is looked_at
+    assert 0.5 * wanted < made.error(choice.photons, choice.segments) < 1.5 * wanted
 
 
 def test_the_cheaper_of_photons_and_segments_is_raised():
@@ -181,7 +189,7 @@ def test_no_choice_takes_more_photons_than_there_may_be(wanted, monkeypatch):
 
 def test_no_light_needs_few_photons():
     choice = chosen(Dark(), 0.02, DOUBLED)
-    assert (choice.photons, choice.segments) == (error_target.FIRST_PHOTONS, 1) and choice.error < 1e-9
+    assert (choice.photons, choice.segments) == (error_target.FEWEST_PHOTONS, 1) and choice.error < 1e-9
 
 
 @pytest.mark.slow

@@ -29,14 +29,14 @@ from tpdwarp.errors import logger
 from tpdwarp.rendering.pilot import Pilot
 from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.settings import Settings
-from tpdwarp.trajectories.keyframes import FEWEST_KEYFRAME_PHOTONS
 from tpdwarp.trajectories.segments import most_breaks_inside, motion_breaks_within
 
 # Frames that are looked at. Chosen, not derived, as is all below that does not say otherwise; what they do together is
 # measured by ``scripts/benchmarks/run.py target_error``.
 MOST_STILLS = 3
-# Photons of the first picture.
-FIRST_PHOTONS = 64
+# Photons of the first picture, and of the least, which are looked at only where those of the first are enough.
+FIRST_PHOTONS = 256
+FEWEST_PHOTONS = 64
 # Photons of the pictures that show which frame errs most; all others are of this one alone.
 PHOTONS_OF_ALL_FRAMES = (256, 1024)
 # No smaller error is believed before so many photons were seen.
@@ -210,8 +210,8 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
     def in_time(photons: int, segments: int, fall: float, finest: bool = False) -> _ErrorInTime:
         if segments not in following:
             return _ErrorInTime(photons, 0.0, 1.0)
-        # With fewer photons than are traced for keyframes, these are too few to show the error in time.
-        enough = 4 * photons if finest else min(4 * photons, max(photons, FEWEST_KEYFRAME_PHOTONS))
+        # Fewer do not show the error in time, and take longer: their large cells are looked at part by part.
+        enough = 4 * photons if finest else max(photons, FEWEST_SEEN)
         jump, coarse = (_change(at(m, segments), at(m, following[segments])) for m in (enough, enough // 4))
         # Its part in space is as much smaller with more photons as the error in space; that in time stays.
         apart = (jump**2 - (fall * coarse) ** 2) / (1.0 - fall**2)
@@ -253,10 +253,13 @@ def chosen(picture: Pictures, wanted: float, numbers: Sequence[int]) -> Choice:
                     time = in_time(photons, segments, space.fall, finest=True)
                     fewest = _fewest(_both(space, time), wanted, FIRST_PHOTONS, most)
                 for _ in range(MOST_BETWEEN):
-                    if not space.is_steep_at(fewest):
+                    tried = fewest
+                    if fewest <= space.counts[0] > FEWEST_PHOTONS:
+                        tried = FEWEST_PHOTONS
+                    elif not space.is_steep_at(fewest):
                         break
-                    space = space.knowing(fewest, _change(at(fewest, segments), at(space.counts[-1], segments)))
-                    fewest = _fewest(_both(space, time), wanted, FIRST_PHOTONS, most)
+                    space = space.knowing(tried, _change(at(tried, segments), at(space.counts[-1], segments)))
+                    fewest = _fewest(_both(space, time), wanted, min(space.counts), most)
                 return Choice(fewest, segments, _both(space, time)(fewest))
             if 4 * photons * segments >= MOST_PHOTONS:
                 return Choice(4 * photons, segments, error(4 * photons))
