@@ -66,6 +66,24 @@ def test_queries_find_in_slots_what_they_find_among_all_footprints(monkeypatch, 
         np.testing.assert_allclose(found.irradiance[here], plain.irradiance[here], atol=2e-3 * peak)
 
 
+def test_what_races_over_the_receiver_sees_as_much_of_its_way_in_slots(monkeypatch):
+    rng = np.random.default_rng(8)
+    at = np.append(rng.uniform(-0.2, 0.2, (400, 2)), np.zeros((400, 1)), axis=1)
+    points, middles = queries(at, (0.62, 0.37, 0)), (rng.integers(0, 4, 400) + 0.5) * WINDOW - 0.5
+    lookup = Lookup(0.0, (0.0, WINDOW), True, False, np.column_stack([middles, middles]))
+    light = FootprintLight(sweeping(), GatherForm(), 1.0, pixel(), True, ONE_THREAD)
+    found = []
+    for least, slots in ((0.0, 4), (np.inf, 1)):
+        cut, in_slots = set(), FootprintMap.in_slot
+        monkeypatch.setattr(time_slots, "LEAST_COVERED", least)
+        monkeypatch.setattr(FootprintMap, "in_slot", lambda *given: cut.add(given[2]) or in_slots(*given))
+        found.append(light.irradiance(points, lookup).irradiance)
+        monkeypatch.setattr(FootprintMap, "in_slot", in_slots)
+        assert max(cut) == slots
+    # Parabolas err by 1/500 of a footprint, of which some tens overlap.
+    np.testing.assert_allclose(*found, atol=2e-3 * found[1].max())
+
+
 def test_windows_lie_in_one_slot_each_or_the_shutter_is_whole():
     def windows(*pairs: tuple[float, float]) -> np.ndarray:
         return np.array([(middle, middle, length) for middle, length in pairs])
