@@ -28,7 +28,9 @@ from tpdwarp.rendering.context import RenderContext
 from usd_scenes.solids import SCENES, write
 from usd_scenes.stage import CAMERA, FRAME
 
-CLOSE_UPS = ("cube-turning", "cardioid", "folded-wave", "waves-over-a-sphere", "board-over-water", "camera-through-water")
+CLOSE_UPS = (
+    "cube-turning", "cardioid", "folded-wave", "waves-over-a-sphere", "board-over-water", "camera-through-water"
+)  # fmt: skip
 ZOOM = 4.0
 # Offsets of the apertures, as parts of them before.
 OFFSETS = (0.2, 0.1)

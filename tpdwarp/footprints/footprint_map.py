@@ -117,7 +117,7 @@ class FootprintMap:
         if (slot, count) not in self._slots:
             every = self.footprints
             sweeps, rows = sweeps_in(every.arrays, every.courses, self.rows, slot, count, every.launcher)
-            # Ways of queries are cut to the size of runs: were these smaller here, queries would see less of the shutter.
+            # Ways of queries are cut to the size of runs: were it smaller here, queries would see less of the shutter.
             self._slots[slot, count] = replace(FootprintMap._over(every, rows, sweeps), run_size=self.run_size)
         return self._slots[slot, count]
 
