@@ -15,7 +15,7 @@ from tpdwarp.footprints.footprint_map import FootprintMap, Footprints, shape_foo
 from tpdwarp.footprints.gather import gathered, irradiance_of
 from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, rows_of, scattered
 from tpdwarp.footprints.rasters import Rasters
-from tpdwarp.footprints.runs import LARGEST_DEVIATION
+from tpdwarp.footprints.runs import LARGEST_DEVIATION, LARGEST_RUN
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.time_slots import slots_of, worth_trees
 from tpdwarp.footprints.ways import WayPieces, piece_counts, rows_at
@@ -221,7 +221,7 @@ def _by_size(sizes: np.ndarray) -> list[np.ndarray]:
 
 def _longest_way(footprints: FootprintMap) -> float:
     """How far a query may move within its window and be looked up at once among ``footprints``."""
-    return footprints.run_size / (1.0 + float(LARGEST_DEVIATION)) if footprints.count else math.inf
+    return float(LARGEST_RUN) * footprints.run_size / (1.0 + float(LARGEST_DEVIATION)) if footprints.count else math.inf
 
 
 def _square(side: float) -> PixelSize:
