@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import warp as wp
@@ -14,7 +15,7 @@ from tpdwarp.footprints.footprint_map import FootprintMap, Footprints, shape_foo
 from tpdwarp.footprints.gather import gathered, irradiance_of
 from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, rows_of, scattered
 from tpdwarp.footprints.rasters import Rasters
-from tpdwarp.footprints.runs import LARGEST_DEVIATION
+from tpdwarp.footprints.runs import LARGEST_DEVIATION, LARGEST_RUN
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.time_slots import slots_of, worth_trees
 from tpdwarp.footprints.ways import WayPieces, piece_counts, rows_at
@@ -28,6 +29,9 @@ from tpdwarp.trajectories.flux_pieces import follow_flux
 # Footprints whose sizes lie within so many octaves are looked up together. Chosen: on the blob of
 # scripts/benchmarks/solids.py, 256 pixels wide, it takes half of what all of them at once take.
 OCTAVES = 2
+# Footprints of a size are looked up with those of the next one where they are fewer than this part of all: queries take
+# as long to walk through a tree of a few as through one of many. Chosen by measurement.
+SMALLEST_PART = 1.0 / 16.0
 
 
 class FootprintLight:
@@ -96,19 +100,21 @@ class FootprintLight:
         return FootprintMap.of(self._shaped, rows)
 
     def _maps_of(self, rows: np.ndarray) -> list[FootprintMap]:
-        """Those of one size together, for a walk through a tree serves queries as far apart as footprints are large."""
+        """Those of about a size together, for a walk through a tree serves queries as far apart as footprints are
+        large."""
         extents = self._shaped.arrays.half_extent.numpy()[rows, :2].max(axis=1)
         sizes = np.floor(np.log2(np.maximum(extents, np.finfo(np.float32).tiny)) / OCTAVES)
-        return [self._map_of(rows[sizes == size]) for size in np.unique(sizes)]
+        return [self._map_of(rows[chosen]) for chosen in _by_size(sizes)]
 
     def _levels(self, sides: dict[float, np.ndarray]) -> list[tuple[float, FootprintMap]]:
         return [(side, self._map_of(rows)) for side, rows in sorted(sides.items())]
 
-    @property
+    @cached_property
     def _all_that_moves(self) -> list[FootprintMap]:
         """What queries look at that move, or see part of the shutter: wide footprints too, unless they stand still."""
-        swept = [footprints for smooth in self._sweeping for footprints in smooth.levels]
-        return [*self._fine, *swept] or [self._map_of(self._wide.others)]
+        if not self._wide.moving:
+            return self._fine or [self._map_of(self._wide.others)]
+        return self._maps_of(np.concatenate([self._wide.others, *self._wide.moving.values()]))
 
     @property
     def longest_way(self) -> float:
@@ -198,9 +204,24 @@ class FootprintLight:
             found.add(more, rows)
 
 
+def _by_size(sizes: np.ndarray) -> list[np.ndarray]:
+    """Rows of footprints of each size [n], the finest first; where these are few, together with those of the next."""
+    found: list[np.ndarray] = []
+    few = np.zeros(0, np.int64)
+    for size in np.unique(sizes):
+        few = np.concatenate([few, np.flatnonzero(sizes == size)])
+        if len(few) >= SMALLEST_PART * len(sizes):
+            found.append(few)
+            few = few[:0]
+    if len(few):
+        found.append(np.concatenate([*found[-1:], few]))
+        del found[-2:-1]
+    return found
+
+
 def _longest_way(footprints: FootprintMap) -> float:
     """How far a query may move within its window and be looked up at once among ``footprints``."""
-    return footprints.run_size / (1.0 + float(LARGEST_DEVIATION)) if footprints.count else math.inf
+    return float(LARGEST_RUN) * footprints.run_size / (1.0 + float(LARGEST_DEVIATION)) if footprints.count else math.inf
 
 
 def _square(side: float) -> PixelSize:

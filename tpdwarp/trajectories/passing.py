@@ -120,18 +120,17 @@ def _is_calm(photons: PhotonMap) -> np.ndarray:
     return lengths_of(photons.dxdt - photons.receiver_motion) <= LONGEST_WAY * photons.size
 
 
-def _finer_share(
-    there: np.ndarray, there_then: np.ndarray, tells: np.ndarray, wanted: np.ndarray, d: np.ndarray, beyond: np.ndarray
+def _finer_shares(
+    there: np.ndarray, tells: np.ndarray, passings: _Passings, d: np.ndarray, beyond: np.ndarray
 ) -> np.ndarray:
-    """The share d/(d + d') of cells with parts of cells for d and d', where an edge is straight; else NaN; shape [n].
+    """The shares d/(d + d') with parts of cells for d and d', where an edge is straight; else NaN; shape [n].
 
     Args:
-        there, there_then: Where the path is there in one part and in the other, shape [u, v].
+        there: Where the path is there in each part, shape [parts, u, v].
         tells: Cells that tell of the edge, shape [u, v].
-        wanted: The n cells, shape [u, v].
-        d, beyond: Their distances in whole cells, shape [n].
+        d, beyond: Distances of the cells of ``passings`` in whole cells, shape [n].
     """
-    inside, outside = _from_edges((there, there_then), tells, wanted) * np.array([[1.0], [-1.0]])
+    inside, outside = _from_edges(there, tells, passings) * np.array([[1.0], [-1.0]])
     way = inside + outside
     # The nearest cell on the other side lies half a cell beyond the edge.
     apart = np.maximum(np.abs(inside - d + 0.5), np.abs(outside - beyond + 0.5))
@@ -139,33 +138,32 @@ def _finer_share(
     return np.where(straight, np.clip(inside / np.where(straight, way, 1.0), 0.0, 1.0), np.nan)
 
 
-def _from_edges(there: Sequence[np.ndarray], tells: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """How many cells those ``wanted`` lie within an edge, negative beyond it, NaN where that is unknown; shape [k, n].
+def _from_edges(there: np.ndarray, tells: np.ndarray, passings: _Passings) -> np.ndarray:
+    """How many cells those of ``passings`` lie within an edge in the part in which their path is there, and in the
+    other one, negative beyond it, NaN where that is unknown; shape [2, n]; other arguments as of :func:`_finer_shares`.
 
     Each cell around shows at one place of it whether the path is there: by normal weights a straight edge at the
     distance s leaves the part Φ(s/σ) of them, whatever its direction.
-
-    Args:
-        there: Where the path is there, k times [u, v].
-        tells, wanted: As of :func:`_finer_share`.
     """
-    # The path and what tells of it as bits of one grid, so that cells around are looked up once.
-    bits = tells.astype(np.uint8)
+    # What tells of the path, and the path in each part, as bits of one grid, so that cells around are looked up once.
+    dtype = np.min_scalar_type((2 << len(there)) - 1)
+    one = dtype.type(1)
+    bits = np.zeros([size + 2 * REACH for size in tells.shape], dtype)
+    within = bits[REACH:-REACH, REACH:-REACH]
+    within |= tells.astype(dtype)
     for number, grid in enumerate(there):
-        bits |= (grid & tells).astype(np.uint8) << np.uint8(number + 1)
-    bits = np.pad(bits, REACH)
+        within |= (grid & tells).astype(dtype) << dtype.type(number + 1)
     offsets = (np.arange(2 * REACH + 1)[:, None] * bits.shape[1] + np.arange(2 * REACH + 1)).ravel()
-    u, v = np.nonzero(wanted)
-    first = u * bits.shape[1] + v
-    lit = np.empty((len(there), len(u)))
-    for begin in range(0, len(u), LOOKED_UP):
+    first = passings.u * bits.shape[1] + passings.v
+    numbers = np.stack([passings.part, passings.other])[..., None].astype(dtype) + one
+    lit = np.empty((2, len(first)))
+    for begin in range(0, len(first), LOOKED_UP):
         rows = slice(begin, begin + LOOKED_UP)
         around = bits.ravel().take(first[rows, None] + offsets)
-        whole = (around & np.uint8(1)) @ _WEIGHTS
+        whole = (around & one) @ _WEIGHTS
         enough = whole > LEAST_KNOWN * _WEIGHTS.sum()
-        for number in range(len(there)):
-            share = (around >> np.uint8(number + 1) & np.uint8(1)) @ _WEIGHTS
-            lit[number, rows] = np.divide(share, whole, out=np.full(len(whole), np.nan), where=enough)
+        share = (around >> numbers[:, rows] & one) @ _WEIGHTS
+        lit[:, rows] = np.divide(share, whole, out=np.full(share.shape, np.nan), where=enough)
     deviations = np.interp(lit, _NORMAL, _DEVIATIONS, left=np.nan, right=np.nan)
     # Places are spread evenly over their cells.
     return math.sqrt(BLUR**2 + 1.0 / 12.0) * deviations
@@ -203,22 +201,48 @@ def _extents(
     always, at_no_time = known & there.all(axis=0), known & ~there.any(axis=0)
     tells = known & ~(grown(always, 2) & at_no_time) & ~(grown(at_no_time, 2) & always)
     extents, unknown = np.ones(there.shape), np.zeros((2, *there.shape), bool)
-    for part in range(len(there)):
-        for side, (other, chosen) in enumerate(((part - 1, begins), (part + 1, ends))):
-            if 0 <= other < len(there):
-                here = chosen[min(part, other)]
-                d, beyond = inside[part][here].astype(np.float64), outside[other][here]
-                near = (d <= FARTHEST) & (beyond <= FARTHEST)
-                unknown[side, part][here] = ~near
-                # Half way where no edge is near in either.
-                share = np.where(near, d / (d + beyond), 0.5)
-                if 0 <= 2 * part - other < len(there):
-                    before = power[2 * part - other][here]
-                    near &= np.abs(power[part][here] - before) < LARGEST_CHANGE * power[part][here]
-                    fine = np.zeros(there.shape[1:], bool)
-                    fine[here] = near
-                    finer = _finer_share(there[part], there[other], tells, fine, d[near], beyond[near])
-                    share[near] = np.where(np.isfinite(finer), finer, share[near])
-                between = 0.5 * (lengths[part] + lengths[other])
-                extents[part][here] += share * between / lengths[part] - 0.5
+    for side, passings in enumerate((_Passings.of(begins, 1, 0), _Passings.of(ends, 0, 1))):
+        part, other, u, v = passings.part, passings.other, passings.u, passings.v
+        d, beyond = inside[part, u, v].astype(np.float64), outside[other, u, v]
+        near = (d <= FARTHEST) & (beyond <= FARTHEST)
+        unknown[side, part, u, v] = ~near
+        # Half way where no edge is near in either.
+        share = np.where(near, d / (d + beyond), 0.5)
+        behind = 2 * part - other
+        seen = (behind >= 0) & (behind < len(there))
+        now, before = power[part, u, v], power[np.where(seen, behind, part), u, v]
+        near = near & seen & (np.abs(now - before) < LARGEST_CHANGE * now)
+        finer = _finer_shares(there, tells, passings.rows(near), d[near], beyond[near])
+        share[near] = np.where(np.isfinite(finer), finer, share[near])
+        between = 0.5 * (lengths[part] + lengths[other])
+        extents[part, u, v] += share * between / lengths[part] - 0.5
     return extents, unknown
+
+
+@dataclass(frozen=True, eq=False)
+class _Passings:
+    """Edges that pass cells between one part and the next, one row a cell.
+
+    Attributes:
+        part, other: In which part the path is there, and in which of those beside it it is not; shape [n].
+        u, v: The cell.
+    """
+
+    part: np.ndarray
+    other: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+    @classmethod
+    def of(cls, passed: np.ndarray, part: int, other: int) -> _Passings:
+        """Those of a grid [parts − 1, u, v], each between a part and the next one.
+
+        Args:
+            part, other: Which of these two, 0 or 1, are those of the attributes.
+        """
+        first, u, v = np.nonzero(passed)
+        return cls(first + part, first + other, u, v)
+
+    def rows(self, chosen: np.ndarray) -> _Passings:
+        """Some of them."""
+        return _Passings(self.part[chosen], self.other[chosen], self.u[chosen], self.v[chosen])

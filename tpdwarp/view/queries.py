@@ -15,6 +15,7 @@ import warp as wp
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.irradiance import QueryArrays, has_shading_normals, rows_of
+from tpdwarp.footprints.morton import morton_codes
 from tpdwarp.scene.description import DomeAtShutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.scene.normalization import Normalization
@@ -312,7 +313,8 @@ class CameraView:
                 begins = np.searchsorted(place, np.arange(len(numbers) + 1)).astype(np.int32)
                 parts = None if spots is None else spots[rows["item"]]
                 counts = self._merged(queries, weights, begins, parts)
-            batch = self._rows_that_count(queries, weights.numpy(), counts, numbers[place])
+            # What branches from a pixel lands far apart, and the gather serves neighbours together.
+            batch = self._rows_that_count(queries, weights.numpy(), counts, numbers[place], in_space=True)
             batch.first = np.zeros(len(batch.pixels), np.int32)
         if len(batch.pixels):
             yield batch
@@ -413,11 +415,18 @@ class CameraView:
         return queries, launcher.array(columns["weight"], wp.vec3)
 
     def _rows_that_count(
-        self, queries: QueryArrays, weights: np.ndarray, counts: np.ndarray, pixels: np.ndarray
+        self,
+        queries: QueryArrays,
+        weights: np.ndarray,
+        counts: np.ndarray,
+        pixels: np.ndarray,
+        in_space: bool = False,
     ) -> QueryBatch:
-        """The rows that stand for any samples at all, over the whole shutter."""
+        """The rows that stand for any samples at all, over the whole shutter; in their order, or side by side."""
         rows = np.flatnonzero(counts)
-        if len(rows) < len(counts):
+        if in_space and len(rows):
+            rows = rows[np.argsort(morton_codes(queries.position.numpy()[rows]), kind="stable")]
+        if in_space or len(rows) < len(counts):
             queries, weights = rows_of(queries, rows, self._launcher), weights[rows]
             counts, pixels = counts[rows], pixels[rows]
         return QueryBatch(queries, pixels, weights, counts)
