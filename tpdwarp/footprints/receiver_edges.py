@@ -23,7 +23,6 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from tpdwarp.compiler_flags import calls_inlined
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.gather import SMALLEST_COSINE
 from tpdwarp.footprints.shaping import (
@@ -42,6 +41,7 @@ from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import plane_of
 from tpdwarp.scene.device.ray_tree import first_met
 
+# Unrolled, its loops over directions take minutes to compile.
 wp.set_module_options({"max_unroll": 0})
 
 DIFFUSE = wp.constant(int(Interaction.DIFFUSE))
@@ -50,11 +50,13 @@ HALF_OF_DIRECTIONS = DIRECTIONS // 2
 STEP_OF_DIRECTIONS = wp.constant(2.0 * math.pi / DIRECTIONS)
 # Semi-axes of the ellipse, in cells: it holds the corners of the 3 x 3 cells of a B-spline.
 REACH_IN_CELLS = wp.constant(2.0)
-# Places where a receiver ends are told to 2⁻ᵏ of half of an ellipse: a focus may be a sixteenth of a pixel wide, and its
-# image has to lie on the other side.
+# Places where a receiver ends are told to 2⁻ᵏ of half of an ellipse: a focus may be a sixteenth of a pixel wide, and
+# its image has to lie on the other side.
 BISECTIONS = 9
 # Places lie on a line that are no farther from it than this, in the ellipse's units.
 ON_LINE = wp.constant(0.02)
+# A line is where a receiver ends if it is there so far to one side of it, and not to the other, in the same units.
+BESIDE_LINE = wp.constant(0.05)
 # Surfaces that short rays pass at most on their way: what lies on a receiver, or glass in contact with it.
 MOST_PASSED = 4
 # A ray that passed a surface goes on so far behind it, as a part of its length.
@@ -137,8 +139,19 @@ def goes_on(surfaces: Surfaces, receiver: Receiver, place: wp.vec3) -> bool:
 
 
 @wp.func
+def is_within(surfaces: Surfaces, number: int, place: wp.vec3, up: wp.vec3) -> bool:
+    """Whether what is above a place is the object ``number`` (beyond the paper), as it is within a solid."""
+    met = first_met(surfaces.tree, place, up, 2.0 * LONGEST_AXIS)
+    if met.triangle < 0:
+        return False
+    return surfaces.object_of[met.triangle] == number
+
+
+@wp.func
 def part_before_wall(surfaces: Surfaces, receiver: Receiver, place: wp.vec3, way: wp.vec3) -> float:
-    """The part of a way on the receiver before another one stands there; more than one where none does."""
+    """The part of a way on the receiver before it goes into a solid, or comes out of it; more than one where it does
+    not (beyond the paper): behind a thin wall there is a receiver that has no part in this light.
+    """
     length = wp.length(way)
     w = way / length
     start = place + HEIGHT_OF_WALLS * receiver.height * receiver.normal
@@ -149,7 +162,11 @@ def part_before_wall(surfaces: Surfaces, receiver: Receiver, place: wp.vec3, way
             return 2.0
         diffuse = surfaces.interaction[surfaces.material_of[met.triangle]] == DIFFUSE
         if diffuse and not is_of(surfaces, met.triangle, receiver):
-            return (gone + met.distance) / length
+            number = surfaces.object_of[met.triangle]
+            inside = is_within(surfaces, number, start, receiver.normal)
+            if is_within(surfaces, number, start + length * w, receiver.normal) != inside:
+                return (gone + met.distance) / length
+            return 2.0
         gone += met.distance + BEHIND * length
         if gone >= length:
             return 2.0
@@ -157,10 +174,26 @@ def part_before_wall(surfaces: Surfaces, receiver: Receiver, place: wp.vec3, way
 
 
 @wp.func
-def best_line(parts: Places, left: Places) -> Line:
+def is_reached(surfaces: Surfaces, receiver: Receiver, center: wp.vec3, place: wp.vec2, u: wp.vec3, v: wp.vec3) -> bool:
+    """Whether the receiver is there at a place of the ellipse with the semi-axes u, v (beyond the paper)."""
+    out = wp.length(place)
+    way = (place[0] * u + place[1] * v) / wp.max(out, 1.0e-6)
+    before_wall = part_before_wall(surfaces, receiver, center, way) > out
+    return before_wall and goes_on(surfaces, receiver, center + out * way)
+
+
+@wp.func
+def best_line(
+    surfaces: Surfaces, receiver: Receiver, center: wp.vec3, u: wp.vec3, v: wp.vec3, parts: Places, left: Places
+) -> Line:
     """The line through two places that most of the places ``left`` lie on, by the two that are farthest apart.
 
+    Half-way between two places on different edges of a corner the receiver does not end.
+
     Args:
+        surfaces, receiver: What ends.
+        center: Of the ellipse.
+        u, v: Its semi-axes.
         parts: How far out the receiver ends in each direction, in the ellipse's units; above one where it does not.
         left: Above zero for those that count.
     """
@@ -180,9 +213,25 @@ def best_line(parts: Places, left: Places) -> Line:
                     if left[j] > 0.0 and wp.abs(wp.dot(line.normal, at) - line.distance) < ON_LINE:
                         line.support += 1
                 if line.support > best.support or (line.support == best.support and apart > longest):
-                    best = line
-                    longest = apart
+                    within = 0.5 * (a + b) - BESIDE_LINE * line.normal
+                    beyond = 0.5 * (a + b) + BESIDE_LINE * line.normal
+                    one = is_reached(surfaces, receiver, center, within, u, v)
+                    if is_reached(surfaces, receiver, center, beyond, u, v) != one:
+                        best = line
+                        longest = apart
     return best
+
+
+@wp.func
+def goes_through(line: Line, parts: Places) -> bool:
+    """Whether a line ends a receiver wherever it goes through the ellipse (beyond the paper): it does not beside a
+    corner that the receiver goes around, where the image of a footprint would fall on what has light of its own."""
+    through = bool(True)
+    for k in range(DIRECTIONS):
+        toward = wp.dot(line.normal, direction(float(k) * STEP_OF_DIRECTIONS))
+        if wp.sign(line.distance) * toward > wp.abs(line.distance) + ON_LINE and parts[k] > 1.0:
+            through = False
+    return through
 
 
 @wp.kernel(enable_backward=False)
@@ -231,7 +280,7 @@ def find_edges(
 
         # ---- Where the receiver ends
         here = goes_on(surfaces, receiver, center)
-        parts = Places()
+        parts = Places(2.0)
         left = Places()
         found = int(0)
         for turn in range(DIRECTIONS):
@@ -241,16 +290,14 @@ def find_edges(
                 toward = direction(float(k) * STEP_OF_DIRECTIONS)
                 way_out = toward[0] * a + toward[1] * b
                 wall = part_before_wall(surfaces, receiver, center, way_out)
-                near = float(0.0)
-                far = float(0.0)
-                for half in range(1, 3):
-                    if far == 0.0:
-                        part = 0.5 * float(half)
-                        if (part < wall and goes_on(surfaces, receiver, center + part * way_out)) != here:
-                            far = part
-                        else:
-                            near = part
-                if far > 0.0:
+                near = float(0.5)
+                far = float(1.0)
+                # What is there again farther out has light of its own.
+                ends = (wall >= 1.0 and goes_on(surfaces, receiver, center + way_out)) != here
+                if ends and (wall > 0.5 and goes_on(surfaces, receiver, center + 0.5 * way_out)) != here:
+                    near = 0.0
+                    far = 0.5
+                if ends:
                     for _ in range(BISECTIONS):
                         part = 0.5 * (near + far)
                         if (part < wall and goes_on(surfaces, receiver, center + part * way_out)) != here:
@@ -263,12 +310,14 @@ def find_edges(
 
         # ---- Lines through these places
         for number in range(LINES):
-            line = best_line(parts, left)
+            line = best_line(surfaces, receiver, center, a, b, parts, left)
             if line.support > 0:
                 for k in range(DIRECTIONS):
                     at = parts[k] * direction(float(k) * STEP_OF_DIRECTIONS)
                     if wp.abs(wp.dot(line.normal, at) - line.distance) < ON_LINE:
                         left[k] = 0.0
+                if not goes_through(line, parts):
+                    continue
                 m = wp.normalize(a * (line.normal[0] / (long * long)) + b * (line.normal[1] / (short * short)))
                 foot = center + line.distance * (line.normal[0] * a + line.normal[1] * b) + since
                 edges[i, number] = wp.vec4(m[0], m[1], m[2], wp.dot(m, foot))
