@@ -33,6 +33,8 @@ SETTINGS = Settings(photons=1 << 14, samples=4, threads=1, aovs=("irradiance",),
         ("board-under-a-lens", 0.02),
         # Light at the onset of total reflection rushes over a fifth of the picture in an eighth of the shutter.
         ("prism-turning", 0.06),
+        # A thin wall stands between this light and another one, a thousand times as strong.
+        ("two-lights-1000", 0.03),
     ],
 )
 def test_moving_solids_are_as_brute_force_has_them(name, wanted, tmp_path: Path):

@@ -1,15 +1,15 @@
 """Scenes as people bring them: bodies that swing, fall, bounce and spin by transforms, floors with steps and edges.
 
 Each is one frame whose shutter is open for all of it. Unlike :mod:`.solids`, whose vertices go straight, bodies move by
-xformOps with time samples, so that what turns goes along arcs: their truth is many instants
-(``scripts/benchmarks/strangers.py``). The camera is orthographic, looks straight down, and stands below what is
-specular.
+xformOps with time samples, so that what turns goes along arcs. The truth of those that glide is brute force, that of
+the others many instants (``scripts/benchmarks/strangers.py``). The camera is orthographic, looks straight down, and
+stands below what is specular.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +37,19 @@ class Stranger:
 
     scene: Scene
     moves: dict[str, Sequence[Op]]
+
+    @property
+    def gliding(self) -> Scene | None:
+        """The same with vertices that go straight, as brute force takes them; None where bodies do anything else."""
+        ops = [op for ops in self.moves.values() for op in ops]
+        if any(kind != "translate" or set(samples) != {0.0, 1.0} for kind, samples in ops):
+            return None
+        meshes = []
+        for mesh in self.scene.meshes:
+            way = [samples for _, samples in self.moves.get(mesh.name, ())]
+            start, end = (sum((np.array(samples[time]) for samples in way), np.zeros(3)) for time in (0.0, 1.0))
+            meshes.append(replace(mesh, points=(mesh.points[0] + start, mesh.points[1] + end)))
+        return replace(self.scene, meshes=tuple(meshes), view_is_clear=False)
 
 
 def write(name: str, folder: Path) -> Path:

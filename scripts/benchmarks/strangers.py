@@ -1,5 +1,7 @@
 #!/usr/bin/env python3
-"""Error of the renderer on scenes as people bring them (``usd_scenes/strangers.py``) against many instants.
+"""Error of the renderer on scenes as people bring them (``usd_scenes/strangers.py``).
+
+Their truth is brute force where bodies glide, and else many instants.
 
 .venv/bin/python scripts/benchmarks/strangers.py                                # all of them, 16 384 photons
 .venv/bin/python scripts/benchmarks/strangers.py pendulum-lens --segments auto --segments 1 --segments 4
@@ -27,11 +29,14 @@ import tpdwarp
 from tpdwarp.jobs.opening import open_scene, spread_shutters
 from tpdwarp.rendering.error_target import settled
 from tpdwarp.settings import Settings
+from usd_scenes.brute_force.photon_histogram import irradiance
 from usd_scenes.stage import CAMERA, FRAME
 from usd_scenes.strangers import PIXELS, STRANGERS, write
 
 PHOTONS = 1 << 14
 SAMPLES = 4
+# Photons of brute force, for bodies that glide: it takes light at edges as it falls.
+BRUTE_PHOTONS = 16_000_000
 # Photons and instants of two truths, of which the second is kept. Light sweeps over 25 pixels at most, so that there
 # are five instants a pixel; of a sharp focus these still are stripes.
 TRUTHS = ((1 << 14, 64), (1 << 16, 128))
@@ -107,8 +112,14 @@ def compare_targets(scenes: Sequence[str], wanted: Sequence[float]) -> list[dict
 
 
 def make_truths(scenes: Sequence[str]) -> None:
-    """Makes truths anew and keeps them; their own error is told by the change from coarser ones."""
+    """Makes truths anew and keeps them; their own error is told by the change from coarser ones, or by two halves."""
     for name in scenes or STRANGERS:
+        gliding = STRANGERS[name]().gliding
+        if gliding is not None:
+            truth = irradiance(gliding, BRUTE_PHOTONS)
+            np.savez_compressed(_path_of(name), light=truth.irradiance.astype(np.float16), error=truth.error)
+            print(f"{name}: errs by {truth.error:.4f}, {truth.seconds:.0f} CPU s", flush=True)
+            continue
         with tempfile.TemporaryDirectory() as folder:
             stage = write(name, Path(folder))
             start = time.process_time()

@@ -369,6 +369,17 @@ def test_what_is_smaller_than_a_pixel_is_shared_between_pixels_without_rest(turn
     assert light[12] == pytest.approx(1, abs=1e-4)
 
 
+def test_what_is_thin_and_smaller_than_a_pixel_counts_no_farther_off_its_plane_than_the_pixel_is_large():
+    """Beside a fold columns are nearly along each other: its light is not on the step below."""
+    frame = PixelSize()
+    frame.orthographic, frame.back, frame.right, frame.up = 1, (0, 0, 1), (0.01, 0, 0), (0, 0.01, 0)
+    photon = photon_map([[0, 0, 0]], [1e-3, 0, 0], [1e-3, 1e-5, 0])
+    found = shape_footprints([photon], "bspline", 1.0, frame, False, ONE_THREAD)
+    assert found.arrays.is_cell.numpy().all()
+    # A quarter of its two sides.
+    assert found.arrays.plane_tolerance.numpy().max() < 0.25 * 2 * (0.01 + 1e-3)
+
+
 def test_a_line_finer_than_a_pixel_is_shared_as_it_crosses_pixels():
     """Pixels at 45° to a long thin footprint: each has the length of the line inside it."""
     side, thin, long = 0.1, 0.0001, 3.0

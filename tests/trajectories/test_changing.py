@@ -321,7 +321,7 @@ def test_light_that_a_roof_hides_at_mid_shutter_is_there_when_it_is_not():
 
 
 def of_stranger(name: str, folder: Path, photons: int = 16384) -> tuple[np.ndarray, np.ndarray]:
-    """Irradiance of a scene of ``usd_scenes/strangers.py`` in one segment, and its truth of many instants."""
+    """Irradiance of a scene of ``usd_scenes/strangers.py`` in one segment, and its truth."""
     with np.load(CONVERGED / f"{name}.npz") as kept:
         truth = kept["light"].astype(np.float64)
     settings = Settings.of(SETTINGS, photons=photons, samples=4, camera=CAMERA, image_width=PIXELS)
@@ -331,11 +331,20 @@ def of_stranger(name: str, folder: Path, photons: int = 16384) -> tuple[np.ndarr
 
 
 def test_wide_light_beside_a_focus_finer_than_pixels_passes_slats_when_it_does(tmp_path):
-    """Beside such a focus wide light counted for nothing, and shone on slats and floor as at mid shutter for all of it:
-    .980 of the light of many instants."""
+    """Beside such a focus wide light counted for nothing, and shone on slats and floor as at mid shutter for all of it.
+    Slats are narrower than cells: .946 of the light of brute force, and an error of 1.07, where footprints end at them.
+    """
     found, truth = of_stranger("lens-over-louvres", tmp_path)
-    assert found.mean() == pytest.approx(truth.mean(), rel=0.013)
-    assert np.sqrt(np.mean((found - truth) ** 2)) < 0.067 * truth.mean()
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.005)
+    assert np.sqrt(np.mean((found - truth) ** 2)) < 0.35 * truth.mean()
+
+
+@pytest.mark.parametrize(("name", "wanted"), [("lens-over-stairs", 0.04), ("hollow-lens-over-stairs", 0.065)])
+def test_light_that_passes_over_steps_is_whole(name, wanted, tmp_path):
+    """.116 and .113, with .992 and .972 of the light, where footprints spill over the edges of steps."""
+    found, truth = of_stranger(name, tmp_path)
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.004)
+    assert np.sqrt(np.mean((found - truth) ** 2)) < wanted * truth.mean()
 
 
 def test_light_that_passes_pickets_between_two_keyframes_shines_on_them(tmp_path):

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from tpdwarp.clock import Clock
-from tpdwarp.estimators.estimator import Part, bent, light_of
+from tpdwarp.estimators.estimator import Part, at_edges, bent, light_of
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
@@ -45,7 +45,7 @@ class Accumulation:
                 loaded = replace(loaded, scene=scene, requirements=needs)
             # Instants throw dice of their own.
             photons, energy = tracer.trace(loaded, plan, clock, seed=settings.seed + number, weight=1.0 / count)
-            photons = bent(photons, plan, tracer, pixel, clock)
+            photons = at_edges(bent(photons, plan, tracer, pixel, clock), plan, loaded, tracer, pixel, clock)
             maps = [replace(photons, time=part - 0.5, duration=1.0 / count)]
             light = light_of(maps, energy, False, tracer, pixel, clock)
             yield Part(maps, energy, light, plan, [loaded], still, 1.0 / count)

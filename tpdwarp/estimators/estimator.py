@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,6 +10,8 @@ from typing import Protocol
 from tpdwarp.clock import Clock
 from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays
 from tpdwarp.footprints.light import FootprintLight
+from tpdwarp.footprints.pixel_areas import typical_pixel_area
+from tpdwarp.footprints.receiver_edges import with_edges
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.energy import EnergyAccount
@@ -18,6 +21,7 @@ from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.bends import with_bends
+from tpdwarp.trajectories.neighbours import beside_edges
 
 
 class IrradianceField(Protocol):
@@ -127,6 +131,31 @@ def bent(
         return photons
     with clock.stage("footprints"):
         return with_bends(photons, plan, tracer.launcher, beside)
+
+
+def at_edges(
+    photons: PhotonMap,
+    plan: EmissionPlan,
+    loaded: LoadedScene,
+    tracer: PhotonTracer,
+    pixel: PixelSize | None,
+    clock: Clock,
+    finer: int = 1,
+) -> PhotonMap:
+    """Photons with the edges of receivers that their footprints reach over, where footprints are a lattice's cells.
+
+    Args:
+        photons: Of ``plan``, with the time that they have within the shutter of ``loaded``.
+        finer: How many of their cells lie along either side of one whose footprint they may have.
+    """
+    settings = tracer.settings
+    if pixel is None or settings.emission != "lattice" or settings.kernel != "bspline" or not len(photons):
+        return photons
+    with clock.stage("footprints"):
+        # Parts of the shutter, and finer cells, are of cells beside edges.
+        chosen = None if photons.part or finer > 1 else beside_edges(photons, plan)
+        side = math.sqrt(typical_pixel_area(photons, pixel))
+        return with_edges(photons, loaded.geometry.surfaces, side, tracer.launcher, chosen, finer)
 
 
 def reshaped(part: Part, pixel: PixelSize, tracer: PhotonTracer, clock: Clock) -> IrradianceField | None:

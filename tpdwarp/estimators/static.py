@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tpdwarp.clock import Clock
-from tpdwarp.estimators.estimator import Part, bent, light_of
+from tpdwarp.estimators.estimator import Part, at_edges, bent, light_of
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
@@ -21,6 +21,6 @@ class Static:
         loaded = tracer.load(Shutter(shutter.frame, shutter.middle, shutter.middle), clock)
         plan = tracer.plan(tracer.settings.photons, clock)
         photons, energy = tracer.trace(loaded, plan, clock, seed=tracer.settings.seed)
-        photons = bent(photons, plan, tracer, pixel, clock)
+        photons = at_edges(bent(photons, plan, tracer, pixel, clock), plan, loaded, tracer, pixel, clock)
         light = light_of([photons], energy, False, tracer, pixel, clock)
         yield Part([photons], energy, light, plan, scenes, shutter)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tpdwarp.clock import Clock
-from tpdwarp.estimators.estimator import Part, bent, light_of
+from tpdwarp.estimators.estimator import Part, at_edges, bent, light_of
 from tpdwarp.estimators.seen_light import PortionPlan, SeenLight, has_finer_cells
 from tpdwarp.footprints.pixel_areas import typical_pixel_area
 from tpdwarp.footprints.shaping import PixelSize
@@ -25,7 +25,7 @@ from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.changing import changing_cells
-from tpdwarp.trajectories.edges import edge_cells, finer_in_time, in_coarse_cells, resting_edges, traced_finer
+from tpdwarp.trajectories.edges import FINER, edge_cells, finer_in_time, in_coarse_cells, resting_edges, traced_finer
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.parts import traced_in_parts
@@ -157,6 +157,10 @@ def _of_segment(
         traced, account = _along_keyframes(tracer, plan, seen, weight, keyframes, options, pixel, clock)
     else:
         traced, account = _whole(tracer, plan, seen, weight, options, pixel, clock)
+    ending = partial(at_edges, loaded=seen, tracer=tracer, pixel=pixel, clock=clock)
+    traced = [
+        (ending(photons, lattices, finer=1 if lattices is plan else FINER), lattices) for photons, lattices in traced
+    ]
     maps = [
         part
         for photons, lattices in traced

@@ -15,6 +15,7 @@ from tpdwarp.footprints.footprint_map import FootprintMap, Footprints, shape_foo
 from tpdwarp.footprints.gather import gathered, irradiance_of
 from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, rows_of, scattered
 from tpdwarp.footprints.rasters import Rasters
+from tpdwarp.footprints.receiver_edges import with_images
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, LARGEST_RUN
 from tpdwarp.footprints.shaping import PixelSize
 from tpdwarp.footprints.time_slots import slots_of, worth_trees
@@ -65,7 +66,7 @@ class FootprintLight:
         form = replace(form, extended=any(len(photons.image) for photons in maps))
         self._form, self._launcher, self.moves = form, launcher, moves
         self._smoothing, self._pixel = smoothing, pixel
-        maps = [part for photons in maps for part in follow_lights(within_reach(photons))]
+        maps = [part for photons in with_images(maps) for part in follow_lights(within_reach(photons))]
         maps = [piece for photons in maps for piece in follow_flux(photons)]
         # Kernels of the paper are evaluated as it says.
         split = split_light(maps, smoothing, pixel, launcher) if form.smooth else SplitLight(maps)

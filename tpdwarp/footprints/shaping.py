@@ -637,6 +637,19 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
             along2 = axes.t2 * reach[1] * wp.abs(wp.dot(long_axis, second))
             across1 = axes.t1 * reach[0] * wp.abs(wp.dot(other, first))
             across2 = axes.t2 * reach[1] * wp.abs(wp.dot(other, second))
+            if wp.static(radial is None):
+                if out.is_cell[i] == 1:
+                    # The sum of two parallelograms: rows of M say more of what is long and thin.
+                    side_u = cr * axes.t1 * first - sr * axes.t2 * second
+                    side_v = sr * axes.t1 * first + cr * axes.t2 * second
+                    along1 = wp.abs(wp.dot(long_axis, side_u)) + wp.abs(wp.dot(long_axis, side_v))
+                    across1 = wp.abs(wp.dot(other, side_u)) + wp.abs(wp.dot(other, side_v))
+                    along1 = HALF * along1
+                    across1 = HALF * across1
+                    p_side = out_of_frame(frame, on_plane.p)
+                    q_side = out_of_frame(frame, on_plane.q)
+                    along2 = HALF * (wp.abs(wp.dot(long_axis, p_side)) + wp.abs(wp.dot(long_axis, q_side)))
+                    across2 = HALF * (wp.abs(wp.dot(other, p_side)) + wp.abs(wp.dot(other, q_side)))
 
             # ---- Sweep over the shutter: along these axes and the normal, and growth of the axes
             sweep = 0.5 * _along(long_axis, other, n, dxdt)

@@ -72,6 +72,9 @@ class PhotonMap:
             is not known.
         reach: Parts of the columns below that the footprint reaches over (likewise), shape [n, 2]; rows as bends have.
         cell_u, cell_v: D_u x and D_v x over whole cells (likewise), shape [n, 3]; rows as bends have.
+        edges: Lines where the receiver ends that the footprint reaches over (:mod:`tpdwarp.footprints.receiver_edges`),
+            as planes (unit normal, distance from the origin), zero where there are none, shape [n, 2, 4]; no rows where
+            no photon has any.
         light_parts: Into how many parts lights with extent are cut, each with lattices of its own.
         trajectory: How it curves, and how the footprint changes along it; None where it is straight.
         power_curves: How the power of each of the lights changes over the shutter (:mod:`.power_curves`), None of those
@@ -109,6 +112,7 @@ class PhotonMap:
     reach: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.float32))
     cell_u: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     cell_v: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 4), np.float32))
     light_parts: int = 1
     trajectory: TrajectoryColumns | None = None
     power_curves: tuple[PowerCurve | None, ...] = ()

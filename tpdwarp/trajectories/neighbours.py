@@ -80,6 +80,23 @@ def has_three(count: int, pairs: Pairs) -> np.ndarray:
     return inside | inside[ahead] | inside[behind]
 
 
+def beside_edges(photons: PhotonMap, plan: EmissionPlan, cells: int = 2) -> np.ndarray:
+    """Rows of photons that have no neighbour on their path on some side, or lie up to ``cells`` beside such."""
+    pairs = neighbours(photons, plan)
+    sides = np.zeros(len(photons), np.int8)
+    for a, b in pairs:
+        sides[a] += 1
+        sides[b] += 1
+    near = sides < 2 * len(pairs)
+    for _ in range(cells - 1):
+        beside = near.copy()
+        for a, b in pairs:
+            beside[a] |= near[b]
+            beside[b] |= near[a]
+        near = beside
+    return np.flatnonzero(near)
+
+
 def _beside(count: int, pairs: Pairs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows of the photons one cell ahead and behind, of ``count`` photons, their own without; and all rows."""
     a, b = pairs
