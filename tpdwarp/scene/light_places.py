@@ -31,6 +31,7 @@ from tpdwarp.scene.description import (
     MeshAtShutter,
     SceneAtShutter,
 )
+from tpdwarp.scene.light_cuts import Grid, LightCuts, grid_of
 
 # Fractions of the whole by which consecutive places step, for one, two and three dimensions (Roberts 2018).
 GOLDEN = 0.6180339887498949
@@ -41,9 +42,6 @@ NARROWING_POWER = -1.0 / 8.0
 # Axes of the parts of a sphere that is seen along the last of them, from below and aside whether y is up or z: parts
 # jump within a shutter in which it passes the opposite direction, so that is none in which a lamp stands.
 FROM_ABOVE = np.array([[1.0, 0.0, 0.0], [0.0, -0.8, 0.6], [0.0, -0.6, -0.8]])
-# A prism that stands for a cylinder has no fewer faces: one of six is as wide as that within a tenth, from anywhere.
-# Chosen, not derived.
-FEWEST_FACES = 6
 # A sphere of N pieces is a cloud where it is seen from angles apart by more than 1.5 times this over √N, and a disc
 # where by less than half of it. Chosen, not derived: under a lamp a tenth as wide as it is far (10°) a ball errs by
 # .008 from discs of 61 pieces, by .025 from clouds; under one close above it (37°) by .12 and .06 with 169 pieces, by
@@ -61,9 +59,9 @@ WITH_DEPTH = (ExtentShape.ROUND, ExtentShape.ELLIPSOID)
 TABLE = np.linspace(0.0, 0.5 * math.pi, 4097)
 
 
-def split_lights(scene: SceneAtShutter, count: int) -> SceneAtShutter:
-    """``scene`` with each light that has an extent cut into about ``count`` smaller ones, which cover it together."""
-    if count == 1 or all(light.extent is None for light in scene.lights):
+def split_lights(scene: SceneAtShutter, cuts: LightCuts) -> SceneAtShutter:
+    """``scene`` with each light that has an extent cut into smaller ones, which cover it together."""
+    if cuts.count == 1 or all(light.extent is None for light in scene.lights):
         return scene
     middles = _middles_of_glass(scene)
     corners = _corners_of_glass(scene) if any(map(_has_depth, scene.lights)) else []
@@ -72,7 +70,7 @@ def split_lights(scene: SceneAtShutter, count: int) -> SceneAtShutter:
         parts = [light]
         if light.extent is not None:
             spread = _spread_of_glass(light, middles, corners) if _has_depth(light) else math.pi
-            parts = parts_of(light, count, middles, spread)
+            parts = parts_of(light, cuts.count, middles, spread, cuts.grids.get(light.path))
             if light.extent.shape == ExtentShape.CYLINDER:
                 parts = [part for part in parts if not _is_turned_away(part, scene)]
             parts = _points_where_touched(light, parts, scene)
@@ -90,7 +88,11 @@ def place_lights(scene: SceneAtShutter, number: int, count: int) -> SceneAtShutt
 
 
 def parts_of(
-    light: LightAtShutter, count: int, seen_from: np.ndarray | None = None, spread: float = math.pi
+    light: LightAtShutter,
+    count: int,
+    seen_from: np.ndarray | None = None,
+    spread: float = math.pi,
+    grid: Grid | None = None,
 ) -> list[LightAtShutter]:
     """About ``count`` lights of equal power that make up ``light``; their paths are its own with a number.
 
@@ -100,17 +102,18 @@ def parts_of(
     Args:
         seen_from: From where a sphere or ellipsoid is seen as a disc, as the shutter opens and closes, shape [2, 3].
         spread: The largest angle [rad] between that and where else it is seen from.
+        grid: Pieces of a rectangle or a cylinder (:class:`.light_cuts.LightCuts`); None for those that suit its size.
     """
     extent = light.extent
     if extent.shape == ExtentShape.CYLINDER:
-        return _parts_of_cylinder(light, count)
+        return _parts_of_cylinder(light, grid or grid_of(extent, count))
     if light.kind == LightKind.DISTANT and extent.shape == ExtentShape.ROUND:
         return _parts_of_sun(light, count)
     spans, motions = _spans(light, seen_from)
     depths: np.ndarray | None = None
     gain = 1.0
     if extent.shape == ExtentShape.RECT:
-        pieces = _pieces_of_rectangle(extent.spans, count)
+        pieces = _pieces_of_rectangle(grid or grid_of(extent, count))
         shapes = [ExtentShape.RECT] * len(pieces)
     else:
         pieces = pieces_of_disc(count)
@@ -166,28 +169,21 @@ def _parts_of_sun(light: LightAtShutter, count: int) -> list[LightAtShutter]:
     return parts
 
 
-def _pieces_of_rectangle(spans: np.ndarray, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The middle [2] and half sides [2, 2] of about ``count`` pieces of a rectangle, by ``spans`` [2, 3]."""
-    a, b = np.linalg.norm(spans, axis=1)
-    across = round(max(1.0, min(math.sqrt(count * a / b), count)))
-    down = max(1, round(count / across))
+def _pieces_of_rectangle(grid: Grid) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The middle [2] and half sides [2, 2] of the pieces of a rectangle."""
+    across, down = grid
     steps = [(2.0 * np.arange(n) + 1.0) / n - 1.0 for n in (across, down)]
     size = np.diag([1.0 / across, 1.0 / down])
     return [(np.array([u, v]), size) for v in steps[1] for u in steps[0]]
 
 
-def _parts_of_cylinder(light: LightAtShutter, count: int) -> list[LightAtShutter]:
-    """Parts of a cylinder, of which about ``count`` face any one side.
+def _parts_of_cylinder(light: LightAtShutter, grid: Grid) -> list[LightAtShutter]:
+    """Parts of a cylinder.
 
     They are the faces of a prism that is as far around, cut along its axis: flat lights of the same radiance, which
     shine along their normals. Where that would have few faces, they are shorter cylinders, which are as wide.
     """
-    extent, axis = light.extent, light.extent.spans[0]
-    length = 2.0 * float(np.linalg.norm(axis))
-    side = math.sqrt(math.pi * extent.radius * length / count)
-    around, along = round(2.0 * math.pi * extent.radius / side), max(1, round(length / side))
-    if around < FEWEST_FACES:
-        around, along = 1, count
+    extent, (around, along) = light.extent, grid
     steps = (2.0 * np.arange(along) + 1.0) / along - 1.0
     size = np.array([[1.0 / along, 0.0], [0.0, 0.0]])
     spans, motions = (np.stack([values[0], np.zeros(3)]) for values in (extent.spans, extent.spans_motion))
