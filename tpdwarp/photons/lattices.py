@@ -588,10 +588,12 @@ def _patch(
             patch.shaping_axis = wp.vec3(*map(float, shaping_axis(light)[0]))
     patch.extent_shape = -1
     if light.extent is not None:
-        patch.extent_shape, radius = int(light.extent.shape), light.extent.radius
+        patch.extent_shape = int(light.extent.shape)
         distant = light.kind == LightKind.DISTANT
+        radius, spans = light.extent.over_the_shutter
         patch.extent_radius = math.sin(radius) if distant else radius * normalization.scale
-        spans = light.extent.spans if distant else normalization.scale * light.extent.spans
+        if not distant:
+            spans = normalization.scale * spans
         patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in spans[:2])
         if light.extent.shape == ExtentShape.ROUND and not distant:
             patch.ball_radius = patch.extent_radius

@@ -140,6 +140,7 @@ def _parts_of_sun(light: LightAtShutter, count: int) -> list[LightAtShutter]:
     piece on whatever lies before all of it.
     """
     sine = math.sin(light.extent.radius)
+    growth = (math.sin(light.extent.radius_at(0.5)) - math.sin(light.extent.radius_at(-0.5))) / max(sine, 1e-300)
     rings = _rings(count)
     inner = sine * rings[0][1]
     # ---- Directions by sines [2] and half of the parts along two axes [2, 3], in the frame of the light
@@ -164,7 +165,8 @@ def _parts_of_sun(light: LightAtShutter, count: int) -> list[LightAtShutter]:
     for number, (place, sides, shape) in enumerate(pieces):
         part = _without_extent(light, np.append(place / sine, 0.0))
         power = tuple(channel / len(pieces) for channel in part.power)
-        smaller = Extent(shape, light.extent.radius, sides @ light.axes, sides @ light.axes_motion)
+        spans = sides @ light.axes
+        smaller = Extent(shape, light.extent.radius, spans, sides @ light.axes_motion + growth * spans)
         parts.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller))
     return parts
 
@@ -191,7 +193,7 @@ def _parts_of_cylinder(light: LightAtShutter, grid: Grid) -> list[LightAtShutter
         replace(
             _at(light, np.array([step, 0.0]), spans, motions),
             power=tuple(channel / along for channel in light.power),
-            extent=Extent(ExtentShape.CYLINDER, extent.radius, size @ spans, size @ motions),
+            extent=replace(extent, spans=size @ spans, spans_motion=size @ motions),
         )
         for step in steps
     ]
@@ -207,31 +209,31 @@ def _faces_of(light: LightAtShutter, around: int, phase: float) -> list[LightAtS
     extent, half = light.extent, math.pi / around
     faces = []
     for turn in 2.0 * half * (phase + np.arange(around)):
-        face = _on_side(light, turn, extent.radius * half / math.tan(half), half / math.pi)
-        spans, motions = (
-            np.stack([along[0], extent.radius * half * across[1]])
-            for along, across in ((extent.spans, face.axes), (extent.spans_motion, face.axes_motion))
-        )
+        face = _on_side(light, turn, half / math.tan(half), half / math.pi)
+        spans = np.stack([extent.spans[0], extent.radius * half * face.axes[1]])
+        turned = extent.radius * face.axes_motion[1] + extent.radius_motion * face.axes[1]
+        motions = np.stack([extent.spans_motion[0], half * turned])
         faces.append(replace(face, extent=Extent(ExtentShape.RECT, 0.0, spans, motions)))
     return faces
 
 
-def _on_side(light: LightAtShutter, turn: float, radius: float, part: float) -> LightAtShutter:
+def _on_side(light: LightAtShutter, turn: float, away: float, part: float) -> LightAtShutter:
     """A part of the surface of a cylinder as a flat place: it shines along its normal, −z of its frame.
 
     Args:
         turn: Where it lies about the axis [rad].
-        radius: How far from it.
+        away: How far from it, by the radius of the cylinder.
         part: Of the surface, which in all sends π times what is seen of it.
     """
     cosine, sine = math.cos(turn), math.sin(turn)
     turned = np.array([[1.0, 0.0, 0.0], [0.0, -sine, cosine], [0.0, -cosine, -sine]])
     axes, motions = turned @ light.axes, turned @ light.axes_motion
+    radius, growth = away * light.extent.radius, away * light.extent.radius_motion
     return replace(
         light,
         power=tuple(math.pi * part * channel for channel in light.power),
         position=light.position - radius * axes[2],
-        position_motion=light.position_motion - radius * motions[2],
+        position_motion=light.position_motion - radius * motions[2] - growth * axes[2],
         axes=axes,
         axes_motion=motions,
         shaped_about=None if light.shaping is None else light.cone_axis,
@@ -428,8 +430,9 @@ def _spans(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndar
     """
     extent = light.extent
     if light.kind == LightKind.DISTANT:
-        sine = math.sin(extent.radius) * np.diag([1.0, 1.0, 0.0])
-        return sine @ light.axes, sine @ light.axes_motion
+        disc = np.diag([1.0, 1.0, 0.0])
+        opened, middle, closed = (math.sin(extent.radius_at(part)) for part in (-0.5, 0.0, 0.5))
+        return middle * disc @ light.axes, disc @ (middle * light.axes_motion + (closed - opened) * light.axes)
     if extent.shape in (ExtentShape.RECT, ExtentShape.DISK):
         none = np.zeros((1, 3))
         return np.concatenate([extent.spans, none]), np.concatenate([extent.spans_motion, none])
@@ -442,7 +445,9 @@ def _spans(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndar
         views = [view + part * motion for part in (-0.5, 0.0, 0.5)]
         opened, middle, closed = (_axes_across(v @ np.linalg.inv(r)) @ r for v, r in zip(views, radii, strict=True))
         return middle, closed - opened
-    opened, middle, closed = (extent.radius * _axes_across(view + part * motion) for part in (-0.5, 0.0, 0.5))
+    opened, middle, closed = (
+        extent.radius_at(part) * _axes_across(view + part * motion) for part in (-0.5, 0.0, 0.5)
+    )
     return middle, closed - opened
 
 
@@ -508,14 +513,19 @@ def _without_extent(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:
     extent = light.extent
     if light.kind == LightKind.DISTANT:
         sine = math.sin(extent.radius)
-        tilts = [_tilted(light.axes + part * light.axes_motion, sine * place) for part in (-0.5, 0.0, 0.5)]
+        tilts = [
+            _tilted(light.axes + part * light.axes_motion, math.sin(extent.radius_at(part)) * place)
+            for part in (-0.5, 0.0, 0.5)
+        ]
         # The same irradiance across the middle of the disc, whatever is tilted.
         cosine = math.sqrt(1.0 - sine**2 * (place[0] ** 2 + place[1] ** 2))
         power = tuple(channel / cosine for channel in light.power)
         return replace(light, power=power, axes=tilts[1], axes_motion=tilts[2] - tilts[0], extent=None)
     if extent.shape == ExtentShape.ROUND:
         offset = extent.radius * place
-        return replace(light, position=light.position + offset, extent=None, ball=_ball(light, offset))
+        motion = light.position_motion + extent.radius_motion * place
+        place_there = light.position + offset
+        return replace(light, position=place_there, position_motion=motion, extent=None, ball=_ball(light, offset))
     if extent.shape == ExtentShape.ELLIPSOID:
         offset, motion = place @ extent.spans, light.position_motion + place @ extent.spans_motion
         place_there = light.position + offset
@@ -538,7 +548,7 @@ def _ball(light: LightAtShutter, place: np.ndarray) -> Ball:
 def _on_cylinder(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:
     """A cylinder at one place of its surface: its coordinates along the axis, and along y and z on a unit circle."""
     extent = light.extent
-    side = _on_side(light, math.atan2(place[2], place[1]), extent.radius, 1.0)
+    side = _on_side(light, math.atan2(place[2], place[1]), 1.0, 1.0)
     return replace(
         side,
         position=side.position + place[0] * extent.spans[0],
