@@ -20,11 +20,13 @@ from tpdwarp.scene.description import (
     LightKind,
     Material,
     MeshAtShutter,
+    SceneAtShutter,
     Shutter,
 )
 from tpdwarp.settings import Settings
 from usd_scenes import brute_force
 from usd_scenes.brute_force.description import DIELECTRIC, DIFFUSE
+from usd_scenes.in_memory import Source
 from usd_scenes.oracle.closed_forms import fresnel_reflectance
 
 STILL, OPEN = Shutter(0, 0, 0), Shutter(0, 0, 1)
@@ -195,6 +197,56 @@ def test_splitting_a_light_changes_no_power(name):
     one, other = (render_frame(c, STILL, 16, 16).energy for c in context)
     # Light from all of a lamp goes with the mean of 1/d², which the lamp widens by (0.4/2)²/3.
     assert other.sent == pytest.approx(one.sent, rel=0.02)
+
+
+def growing(name: str, shutter: Shutter) -> LightAtShutter:
+    """A lamp of one radiance that is at first as large as that of ``LIGHTS``, at last three times."""
+    light, known = LIGHTS[name], LIGHTS[name].extent
+    light = replace(light, extent=replace(known, radius=2.0 * known.radius, spans=2.0 * known.spans))
+    flat = name in ("rect", "disk")
+    opens, middle, closes = (0.5 + time for time in (shutter.open, shutter.middle, shutter.close))
+    power = middle if name in ("rect", "tube") else middle**2 + (closes - opens) ** 2 / 12.0
+    grows = np.array([[1.0], [0.0]]) if name == "rect" else np.ones((2, 1))
+    spans, motion = (1.0 + (middle - 1.0) * grows) * light.extent.spans, (closes - opens) * grows * light.extent.spans
+    extent = replace(
+        light.extent,
+        radius=middle * light.extent.radius,
+        radius_motion=(closes - opens) * light.extent.radius,
+        spans=spans if flat else light.extent.spans,
+        spans_motion=motion if flat else light.extent.spans_motion,
+    )
+    return replace(light, power=tuple(power * channel for channel in light.power), extent=extent)
+
+
+@pytest.mark.parametrize(("name", "splits"), [("disk", 7), ("rect", 19), ("tube", 19), ("sphere", 1)])
+def test_light_of_a_lamp_that_grows_within_the_shutter_is_the_mean_of_what_it_sends(name, splits):
+    """Of one radiance, so that it brightens meanwhile; its parts are as many all the time."""
+    meshes = [floor(), bumpy("/water", WATER, 1.0, False)]
+
+    def at(shutter: Shutter) -> SceneAtShutter:
+        return SceneAtShutter(shutter, tuple(meshes), (growing(name, shutter),), BELOW)
+
+    options = {"light_splits": splits, "photons": 1 << 14}
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    truth = sum(
+        0.5 * weight * irradiance(Source(at), 24, 20, Shutter.still(0.5 + 0.5 * node), **options)
+        for node, weight in zip(nodes, weights, strict=True)
+    )
+    found = irradiance(Source(at), 24, 20, OPEN, **options)
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.005)
+    # In one part, first order errs alike in both.
+    assert relative(found, truth) < (0.0015 if splits == 1 else 0.005)
+
+
+def test_segments_of_a_still_scene_have_the_light_of_a_lamp_that_brightens_in_each_of_them():
+    def at(shutter: Shutter) -> SceneAtShutter:
+        power = 4.0 * shutter.middle
+        meshes = floor(), quad("/water", (-1, -1), (1, 1), 1.0, WATER)
+        return SceneAtShutter(shutter, meshes, (replace(LAMP, power=(power,) * 3),), BELOW)
+
+    one, four = (irradiance(Source(at), 16, 16, OPEN, segments=count) for count in (1, 4))
+    assert one.max() > 0.0
+    assert four.mean() == pytest.approx(one.mean(), rel=0.01)
 
 
 def test_direct_light_and_photons_share_out_the_light_at_the_edge_of_clear_glass():

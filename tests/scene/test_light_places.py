@@ -23,6 +23,7 @@ from tpdwarp.scene.description import (
     Shaping,
     Shutter,
 )
+from tpdwarp.scene.light_cuts import LightCuts
 from tpdwarp.scene.light_places import parts_of, pieces_of_disc, place_lights, split_lights, whole_of
 
 SPANS = np.array([[0.3, 0.1, 0.0], [-0.05, 0.2, 0.1]])
@@ -153,7 +154,7 @@ def test_faces_of_a_cylinder_that_shine_away_from_the_glass_are_left_out():
         np.array([[0, 1, 2]], np.int32),
         materials=(Material(Interaction.DIELECTRIC),),
     )
-    lit = split_lights(SceneAtShutter(Shutter.still(0), (glass,), (DRUM,)), 19).lights
+    lit = split_lights(SceneAtShutter(Shutter.still(0), (glass,), (DRUM,)), LightCuts(19)).lights
     assert 0.4 * len(parts_of(DRUM, 19)) < len(lit) < 0.7 * len(parts_of(DRUM, 19))
     assert all(((glass.points - part.position) @ -part.axes[2]).max() > -1e-3 for part in lit)
 
@@ -165,7 +166,7 @@ def test_a_sphere_that_glass_sees_from_about_one_direction_is_a_flat_disc(radius
     """From 3 away glass of that radius sees it within 10, 45 and 85°; in between discs are as deep in part."""
     glass = quad("/glass", (-radius, -radius), (radius, radius), PLACE[2] - 3.0, WATER)
     glass = replace(glass, points=glass.points + np.array([*PLACE[:2], 0.0]))
-    lit = split_lights(SceneAtShutter(Shutter.still(0), (glass,), (SPHERE,)), count).lights
+    lit = split_lights(SceneAtShutter(Shutter.still(0), (glass,), (SPHERE,)), LightCuts(count)).lights
     depths = places(lit)[:, 2] - PLACE[2]
     whole = places(parts_of(SPHERE, count, np.array([PLACE - (0.0, 0.0, 3.0)] * 2)))[:, 2] - PLACE[2]
     found = np.abs(depths).max() / np.abs(whole).max()
@@ -275,10 +276,10 @@ def test_pieces_cover_a_disc_once(count):
 
 def test_one_part_is_the_light_itself():
     whole = scene(SPHERE)
-    assert split_lights(whole, 1) is whole
+    assert split_lights(whole, LightCuts(1)) is whole
 
 
 def test_lights_without_extent_are_not_split():
     bare = LightAtShutter("/lamp", LightKind.POINT, (1.0, 1.0, 1.0))
     whole = SceneAtShutter(Shutter.still(0), (), (bare, SPHERE))
-    assert split_lights(whole, 7).lights[0] is bare and len(split_lights(whole, 7).lights) == 8
+    assert split_lights(whole, LightCuts(7)).lights[0] is bare and len(split_lights(whole, LightCuts(7)).lights) == 8

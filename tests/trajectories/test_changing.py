@@ -18,7 +18,7 @@ from tpdwarp.photons.path_tags import PathTags, facets_of
 from tpdwarp.photons.record import PART_IDS
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame, trace_frame
-from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shutter
+from tpdwarp.scene.description import MeshAtShutter, SceneAtShutter, Shaping, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.changing import changing_cells
 from tpdwarp.trajectories.edges import FINER, FIRST_PART, edge_cells
@@ -26,6 +26,7 @@ from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.parts import INSTANTS
 from tpdwarp.trajectories.retraced import PARTS, place_in_cell
 from tpdwarp.usd.read.stage import StageScene
+from usd_scenes.in_memory import turned
 from usd_scenes.oracle import Wave
 from usd_scenes.oracle.closed_forms import fresnel_reflectance, lit_edge_profile, snell
 from usd_scenes.shapes import ring
@@ -351,3 +352,21 @@ def test_light_that_passes_pickets_between_two_keyframes_shines_on_them(tmp_path
     """It crosses a picket in a sixth of the shutter, beside which it falls at all keyframes: .109 of the mean."""
     found, truth = of_stranger("rod-over-a-fence", tmp_path)
     assert np.sqrt(np.mean((found - truth) ** 2)) < 0.05 * truth.mean()
+
+
+def test_a_soft_cone_that_turns_away_takes_with_it_what_it_lit():
+    """Its rim passes over a pane faster than sparse keyframes tell by how much the light bends there."""
+    pane = quad("/pane", (-0.5, -0.5), (0.5, 0.5), 1.0, glass(1.33))
+
+    def at(shutter: Shutter) -> SceneAtShutter:
+        x, y, z = turned((0.0, 0.1 + 0.8 * shutter.middle, 0.0)).T
+        motion = 0.8 * shutter.exposure * np.stack([-z, 0.0 * y, x])
+        spot = replace(lamp((0.0, 0.0, 3.0)), shaping=Shaping(0.4, 0.5), axes=np.stack([x, y, z]), axes_motion=motion)
+        return SceneAtShutter(shutter, (floor(), pane), (spot,), looking_down(height=0.5))
+
+    context = RenderContext(Source(at), Settings.of(SETTINGS, photons=1 << 14, segments=4))
+    times = (np.arange(24) + 0.5) / 24
+    truth = np.mean([trace_frame(context, Shutter.still(time)).energy.deposited for time in times])
+    found = trace_frame(context, OPEN).energy
+    assert found.counts[RETRACED] > 0
+    assert found.deposited == pytest.approx(truth, rel=0.005)

@@ -33,6 +33,7 @@ from tpdwarp.scene.description import (
     reference_scenes,
 )
 from tpdwarp.scene.device.shaping import ShapingValues, is_shaped, shaping_axis, shaping_values
+from tpdwarp.scene.light_cuts import LightCuts
 from tpdwarp.scene.light_places import phase_of, prim_of, split_lights, whole_of
 from tpdwarp.scene.normalization import Normalization
 
@@ -110,7 +111,7 @@ class EmissionPlan:
         photons: Photons a frame.
         normalization: The tracer's units.
         candidates: What the stills showed, from which lattices for any number of photons are laid out.
-        splits: Parts that each light with extent is cut into; each of them has lattices of its own.
+        cuts: Parts that lights with extent are cut into; each of them has lattices of its own.
         gains: What the photons of some lights are brighter by, by the paths of their prims
             (:class:`tpdwarp.photons.tracer.LightSplits`).
         strip: The rows of cells that are emitted; None for all.
@@ -122,7 +123,7 @@ class EmissionPlan:
     photons: int
     normalization: Normalization
     candidates: tuple[_Candidate, ...] = ()
-    splits: int = 1
+    cuts: LightCuts = field(default_factory=LightCuts)
     gains: Mapping[str, float] = field(default_factory=dict, compare=False)
     strip: Strip | None = None
     portion: Portion | None = None
@@ -135,9 +136,14 @@ class EmissionPlan:
         default_factory=WeakKeyDictionary, repr=False, compare=False
     )
 
+    @property
+    def splits(self) -> int:
+        """Parts that each light with extent is cut into."""
+        return self.cuts.count
+
     def with_photons(self, photons: int) -> EmissionPlan:
         """The lattices of another number of photons over the same stills, which are not read again."""
-        plan = _planned(self.candidates, photons, self.normalization, self.splits)
+        plan = _planned(self.candidates, photons, self.normalization, self.cuts)
         return replace(plan, gains=self.gains, _bounds=self._bounds)
 
     def foreseeing(self, scene: SceneAtShutter) -> EmissionPlan:
@@ -145,7 +151,8 @@ class EmissionPlan:
 
         Their photons have neighbours and trajectories then, as those of other lights; their ids do not last.
         """
-        scene = split_lights(scene, self.splits)
+        cuts = self.cuts.foreseeing(scene)
+        scene = split_lights(scene, cuts)
         specular = Specular.of(scene, self.normalization)
         known = {lattice.light for lattice in self.lattices}
         new = [light for light in scene.lights if any(light.power) and light.path not in known]
@@ -154,7 +161,7 @@ class EmissionPlan:
         found = [c for light in new for c in _candidates(light.path, [(light, specular)], self.normalization)]
         made = _lattices([candidate for candidate in found if not candidate.spare], self.photons, self.planned_ids)
         used = max((lattice.first_id + math.prod(lattice.wrap) for lattice in made), default=self.planned_ids)
-        return replace(self, lattices=(*self.lattices, *made), planned_ids=used)
+        return replace(self, lattices=(*self.lattices, *made), planned_ids=used, cuts=cuts)
 
     def finer(self, across: int, down: int) -> EmissionPlan:
         """The same lattices with ``across`` × ``down`` cells in each of theirs, along u and along v."""
@@ -244,7 +251,7 @@ class EmissionPlan:
         """
         found = self._found.get(scene) if aimed else None
         if found is None:
-            split = split_lights(scene, self.splits)
+            split = split_lights(scene, self.cuts)
             found = self._emitted(_Sight(split, self.normalization, self._bounds.setdefault(scene, {})), aimed)
             if aimed:
                 self._found[scene] = found
@@ -364,7 +371,8 @@ def plan_emission(
         stills: The reference scenes of ``source``, where they have been read before.
     """
     stills = reference_scenes(source, lambda scene: require_within_range(scene, normalization, source.file), stills)
-    stills = [split_lights(scene, splits) for scene in stills]
+    cuts = LightCuts.of(splits, stills)
+    stills = [split_lights(scene, cuts) for scene in stills]
     specular = [Specular.of(scene, normalization) for scene in stills]
     paths = list(dict.fromkeys(light.path for scene in stills for light in scene.lights))
     candidates = []
@@ -384,15 +392,15 @@ def plan_emission(
                 distant = views[0][0].kind == LightKind.DISTANT
                 shapes[whole] = lattice_shape(own) if distant and not square else OWN_AXES
             candidates += _candidates(path, views, normalization, shapes[whole])
-    return _planned(tuple(candidates), photons, normalization, splits)
+    return _planned(tuple(candidates), photons, normalization, cuts)
 
 
 def _planned(
-    candidates: tuple[_Candidate, ...], photons: int, normalization: Normalization, splits: int
+    candidates: tuple[_Candidate, ...], photons: int, normalization: Normalization, cuts: LightCuts
 ) -> EmissionPlan:
     lattices = _lattices(candidates, photons, 0)
     used = max((lattice.first_id + lattice.wrap[0] * lattice.wrap[1] for lattice in lattices), default=0)
-    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates, splits)
+    return EmissionPlan(tuple(lattices), used, photons, normalization, candidates, cuts)
 
 
 def light_shares(candidates: Sequence[_Candidate]) -> dict[str, float]:
@@ -580,10 +588,12 @@ def _patch(
             patch.shaping_axis = wp.vec3(*map(float, shaping_axis(light)[0]))
     patch.extent_shape = -1
     if light.extent is not None:
-        patch.extent_shape, radius = int(light.extent.shape), light.extent.radius
+        patch.extent_shape = int(light.extent.shape)
         distant = light.kind == LightKind.DISTANT
+        radius, spans = light.extent.over_the_shutter
         patch.extent_radius = math.sin(radius) if distant else radius * normalization.scale
-        spans = light.extent.spans if distant else normalization.scale * light.extent.spans
+        if not distant:
+            spans = normalization.scale * spans
         patch.span_a, patch.span_b = (wp.vec3(*map(float, span)) for span in spans[:2])
         if light.extent.shape == ExtentShape.ROUND and not distant:
             patch.ball_radius = patch.extent_radius

@@ -31,12 +31,14 @@ class PowerPiece:
         duration: Its length.
         power: Mean over it as a part of the mean over the whole shutter, by colour, shape [3].
         gain: Change from its beginning to its end as a part of that.
+        image: What the light's size along a and b is meanwhile, by that over the whole shutter.
     """
 
     time: float
     duration: float
     power: np.ndarray
     gain: float
+    image: tuple[float, float] = (1.0, 1.0)
 
     @property
     def center(self) -> float:

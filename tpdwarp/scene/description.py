@@ -8,6 +8,7 @@ before the scene is recentred). A *motion* is a displacement over the whole shut
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -311,17 +312,43 @@ class Extent:
     Attributes:
         shape: What it is.
         radius: Of what is round, and of a cylinder: scene units; of an ellipsoid: that of the sphere of its area; of
-            parallel light: half the angle of its disc [rad].
+            parallel light: half the angle of its disc [rad]; at mid shutter.
         spans: Half of a disk or rectangle along its x and y axes, half of a cylinder along its axis (and zero), in the
             world at mid shutter, shape [2, 3]; of a part of the sun's disc, sines; of an ellipsoid, what a sphere's
             radii along x, y and z are, shape [3, 3].
         spans_motion: Change of ``spans`` over the shutter, of its shape.
+        radius_motion: Change of ``radius`` over the shutter.
     """
 
     shape: ExtentShape
     radius: float = 0.0
     spans: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
     spans_motion: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
+    radius_motion: float = 0.0
+
+    def radius_at(self, part: float) -> float:
+        """``radius`` at the part −½ … ½ of the shutter."""
+        return self.radius + part * self.radius_motion
+
+    @property
+    def over_the_shutter(self) -> tuple[float, np.ndarray]:
+        """Radius and spans whose squares are the means of theirs: what it blurs by goes with these."""
+        squares = (self.spans**2).sum(axis=1, keepdims=True)
+        growth = (self.spans * self.spans_motion).sum(axis=1, keepdims=True)
+        growth = np.divide(growth, squares, out=np.zeros_like(growth), where=squares > 0.0)
+        if not (self.radius_motion or growth.any()):
+            return self.radius, self.spans
+        radius = math.sqrt(self.radius**2 + self.radius_motion**2 / 12.0)
+        return radius, np.sqrt(1.0 + growth**2 / 12.0) * self.spans
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """How large it is along a and b, up to factors that stay the same, shape [2]; of an ellipsoid as a whole."""
+        radius, spans = self.over_the_shutter
+        along = np.linalg.norm(spans, axis=1)
+        if self.shape in (ExtentShape.DISK, ExtentShape.RECT):
+            return along
+        return np.array([along[0] if self.shape == ExtentShape.CYLINDER else radius, radius])
 
     @property
     def reach(self) -> float:
@@ -430,7 +457,7 @@ class LightAtShutter:
         turns = np.any(self.axes_motion) and (
             self.kind == LightKind.DISTANT or self.shaping is not None or self.profile != EmissionProfile.UNIFORM
         )
-        grows = self.extent is not None and np.any(self.extent.spans_motion)
+        grows = self.extent is not None and (self.extent.radius_motion or np.any(self.extent.spans_motion))
         return bool(np.any(self.position_motion) or turns or grows)
 
 

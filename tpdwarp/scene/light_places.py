@@ -31,6 +31,7 @@ from tpdwarp.scene.description import (
     MeshAtShutter,
     SceneAtShutter,
 )
+from tpdwarp.scene.light_cuts import Grid, LightCuts, grid_of
 
 # Fractions of the whole by which consecutive places step, for one, two and three dimensions (Roberts 2018).
 GOLDEN = 0.6180339887498949
@@ -41,9 +42,6 @@ NARROWING_POWER = -1.0 / 8.0
 # Axes of the parts of a sphere that is seen along the last of them, from below and aside whether y is up or z: parts
 # jump within a shutter in which it passes the opposite direction, so that is none in which a lamp stands.
 FROM_ABOVE = np.array([[1.0, 0.0, 0.0], [0.0, -0.8, 0.6], [0.0, -0.6, -0.8]])
-# A prism that stands for a cylinder has no fewer faces: one of six is as wide as that within a tenth, from anywhere.
-# Chosen, not derived.
-FEWEST_FACES = 6
 # A sphere of N pieces is a cloud where it is seen from angles apart by more than 1.5 times this over √N, and a disc
 # where by less than half of it. Chosen, not derived: under a lamp a tenth as wide as it is far (10°) a ball errs by
 # .008 from discs of 61 pieces, by .025 from clouds; under one close above it (37°) by .12 and .06 with 169 pieces, by
@@ -61,9 +59,9 @@ WITH_DEPTH = (ExtentShape.ROUND, ExtentShape.ELLIPSOID)
 TABLE = np.linspace(0.0, 0.5 * math.pi, 4097)
 
 
-def split_lights(scene: SceneAtShutter, count: int) -> SceneAtShutter:
-    """``scene`` with each light that has an extent cut into about ``count`` smaller ones, which cover it together."""
-    if count == 1 or all(light.extent is None for light in scene.lights):
+def split_lights(scene: SceneAtShutter, cuts: LightCuts) -> SceneAtShutter:
+    """``scene`` with each light that has an extent cut into smaller ones, which cover it together."""
+    if cuts.count == 1 or all(light.extent is None for light in scene.lights):
         return scene
     middles = _middles_of_glass(scene)
     corners = _corners_of_glass(scene) if any(map(_has_depth, scene.lights)) else []
@@ -72,7 +70,7 @@ def split_lights(scene: SceneAtShutter, count: int) -> SceneAtShutter:
         parts = [light]
         if light.extent is not None:
             spread = _spread_of_glass(light, middles, corners) if _has_depth(light) else math.pi
-            parts = parts_of(light, count, middles, spread)
+            parts = parts_of(light, cuts.count, middles, spread, cuts.grids.get(light.path))
             if light.extent.shape == ExtentShape.CYLINDER:
                 parts = [part for part in parts if not _is_turned_away(part, scene)]
             parts = _points_where_touched(light, parts, scene)
@@ -90,7 +88,11 @@ def place_lights(scene: SceneAtShutter, number: int, count: int) -> SceneAtShutt
 
 
 def parts_of(
-    light: LightAtShutter, count: int, seen_from: np.ndarray | None = None, spread: float = math.pi
+    light: LightAtShutter,
+    count: int,
+    seen_from: np.ndarray | None = None,
+    spread: float = math.pi,
+    grid: Grid | None = None,
 ) -> list[LightAtShutter]:
     """About ``count`` lights of equal power that make up ``light``; their paths are its own with a number.
 
@@ -100,17 +102,18 @@ def parts_of(
     Args:
         seen_from: From where a sphere or ellipsoid is seen as a disc, as the shutter opens and closes, shape [2, 3].
         spread: The largest angle [rad] between that and where else it is seen from.
+        grid: Pieces of a rectangle or a cylinder (:class:`.light_cuts.LightCuts`); None for those that suit its size.
     """
     extent = light.extent
     if extent.shape == ExtentShape.CYLINDER:
-        return _parts_of_cylinder(light, count)
+        return _parts_of_cylinder(light, grid or grid_of(extent, count))
     if light.kind == LightKind.DISTANT and extent.shape == ExtentShape.ROUND:
         return _parts_of_sun(light, count)
     spans, motions = _spans(light, seen_from)
     depths: np.ndarray | None = None
     gain = 1.0
     if extent.shape == ExtentShape.RECT:
-        pieces = _pieces_of_rectangle(extent.spans, count)
+        pieces = _pieces_of_rectangle(grid or grid_of(extent, count))
         shapes = [ExtentShape.RECT] * len(pieces)
     else:
         pieces = pieces_of_disc(count)
@@ -137,6 +140,7 @@ def _parts_of_sun(light: LightAtShutter, count: int) -> list[LightAtShutter]:
     piece on whatever lies before all of it.
     """
     sine = math.sin(light.extent.radius)
+    growth = (math.sin(light.extent.radius_at(0.5)) - math.sin(light.extent.radius_at(-0.5))) / max(sine, 1e-300)
     rings = _rings(count)
     inner = sine * rings[0][1]
     # ---- Directions by sines [2] and half of the parts along two axes [2, 3], in the frame of the light
@@ -161,33 +165,27 @@ def _parts_of_sun(light: LightAtShutter, count: int) -> list[LightAtShutter]:
     for number, (place, sides, shape) in enumerate(pieces):
         part = _without_extent(light, np.append(place / sine, 0.0))
         power = tuple(channel / len(pieces) for channel in part.power)
-        smaller = Extent(shape, light.extent.radius, sides @ light.axes, sides @ light.axes_motion)
+        spans = sides @ light.axes
+        smaller = Extent(shape, light.extent.radius, spans, sides @ light.axes_motion + growth * spans)
         parts.append(replace(part, path=f"{light.path}[{number}]", power=power, extent=smaller))
     return parts
 
 
-def _pieces_of_rectangle(spans: np.ndarray, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The middle [2] and half sides [2, 2] of about ``count`` pieces of a rectangle, by ``spans`` [2, 3]."""
-    a, b = np.linalg.norm(spans, axis=1)
-    across = round(max(1.0, min(math.sqrt(count * a / b), count)))
-    down = max(1, round(count / across))
+def _pieces_of_rectangle(grid: Grid) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The middle [2] and half sides [2, 2] of the pieces of a rectangle."""
+    across, down = grid
     steps = [(2.0 * np.arange(n) + 1.0) / n - 1.0 for n in (across, down)]
     size = np.diag([1.0 / across, 1.0 / down])
     return [(np.array([u, v]), size) for v in steps[1] for u in steps[0]]
 
 
-def _parts_of_cylinder(light: LightAtShutter, count: int) -> list[LightAtShutter]:
-    """Parts of a cylinder, of which about ``count`` face any one side.
+def _parts_of_cylinder(light: LightAtShutter, grid: Grid) -> list[LightAtShutter]:
+    """Parts of a cylinder.
 
     They are the faces of a prism that is as far around, cut along its axis: flat lights of the same radiance, which
     shine along their normals. Where that would have few faces, they are shorter cylinders, which are as wide.
     """
-    extent, axis = light.extent, light.extent.spans[0]
-    length = 2.0 * float(np.linalg.norm(axis))
-    side = math.sqrt(math.pi * extent.radius * length / count)
-    around, along = round(2.0 * math.pi * extent.radius / side), max(1, round(length / side))
-    if around < FEWEST_FACES:
-        around, along = 1, count
+    extent, (around, along) = light.extent, grid
     steps = (2.0 * np.arange(along) + 1.0) / along - 1.0
     size = np.array([[1.0 / along, 0.0], [0.0, 0.0]])
     spans, motions = (np.stack([values[0], np.zeros(3)]) for values in (extent.spans, extent.spans_motion))
@@ -195,7 +193,7 @@ def _parts_of_cylinder(light: LightAtShutter, count: int) -> list[LightAtShutter
         replace(
             _at(light, np.array([step, 0.0]), spans, motions),
             power=tuple(channel / along for channel in light.power),
-            extent=Extent(ExtentShape.CYLINDER, extent.radius, size @ spans, size @ motions),
+            extent=replace(extent, spans=size @ spans, spans_motion=size @ motions),
         )
         for step in steps
     ]
@@ -211,31 +209,31 @@ def _faces_of(light: LightAtShutter, around: int, phase: float) -> list[LightAtS
     extent, half = light.extent, math.pi / around
     faces = []
     for turn in 2.0 * half * (phase + np.arange(around)):
-        face = _on_side(light, turn, extent.radius * half / math.tan(half), half / math.pi)
-        spans, motions = (
-            np.stack([along[0], extent.radius * half * across[1]])
-            for along, across in ((extent.spans, face.axes), (extent.spans_motion, face.axes_motion))
-        )
+        face = _on_side(light, turn, half / math.tan(half), half / math.pi)
+        spans = np.stack([extent.spans[0], extent.radius * half * face.axes[1]])
+        turned = extent.radius * face.axes_motion[1] + extent.radius_motion * face.axes[1]
+        motions = np.stack([extent.spans_motion[0], half * turned])
         faces.append(replace(face, extent=Extent(ExtentShape.RECT, 0.0, spans, motions)))
     return faces
 
 
-def _on_side(light: LightAtShutter, turn: float, radius: float, part: float) -> LightAtShutter:
+def _on_side(light: LightAtShutter, turn: float, away: float, part: float) -> LightAtShutter:
     """A part of the surface of a cylinder as a flat place: it shines along its normal, −z of its frame.
 
     Args:
         turn: Where it lies about the axis [rad].
-        radius: How far from it.
+        away: How far from it, by the radius of the cylinder.
         part: Of the surface, which in all sends π times what is seen of it.
     """
     cosine, sine = math.cos(turn), math.sin(turn)
     turned = np.array([[1.0, 0.0, 0.0], [0.0, -sine, cosine], [0.0, -cosine, -sine]])
     axes, motions = turned @ light.axes, turned @ light.axes_motion
+    radius, growth = away * light.extent.radius, away * light.extent.radius_motion
     return replace(
         light,
         power=tuple(math.pi * part * channel for channel in light.power),
         position=light.position - radius * axes[2],
-        position_motion=light.position_motion - radius * motions[2],
+        position_motion=light.position_motion - radius * motions[2] - growth * axes[2],
         axes=axes,
         axes_motion=motions,
         shaped_about=None if light.shaping is None else light.cone_axis,
@@ -432,8 +430,9 @@ def _spans(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndar
     """
     extent = light.extent
     if light.kind == LightKind.DISTANT:
-        sine = math.sin(extent.radius) * np.diag([1.0, 1.0, 0.0])
-        return sine @ light.axes, sine @ light.axes_motion
+        disc = np.diag([1.0, 1.0, 0.0])
+        opened, middle, closed = (math.sin(extent.radius_at(part)) for part in (-0.5, 0.0, 0.5))
+        return middle * disc @ light.axes, disc @ (middle * light.axes_motion + (closed - opened) * light.axes)
     if extent.shape in (ExtentShape.RECT, ExtentShape.DISK):
         none = np.zeros((1, 3))
         return np.concatenate([extent.spans, none]), np.concatenate([extent.spans_motion, none])
@@ -446,7 +445,9 @@ def _spans(light: LightAtShutter, seen_from: np.ndarray | None) -> tuple[np.ndar
         views = [view + part * motion for part in (-0.5, 0.0, 0.5)]
         opened, middle, closed = (_axes_across(v @ np.linalg.inv(r)) @ r for v, r in zip(views, radii, strict=True))
         return middle, closed - opened
-    opened, middle, closed = (extent.radius * _axes_across(view + part * motion) for part in (-0.5, 0.0, 0.5))
+    opened, middle, closed = (
+        extent.radius_at(part) * _axes_across(view + part * motion) for part in (-0.5, 0.0, 0.5)
+    )
     return middle, closed - opened
 
 
@@ -512,14 +513,19 @@ def _without_extent(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:
     extent = light.extent
     if light.kind == LightKind.DISTANT:
         sine = math.sin(extent.radius)
-        tilts = [_tilted(light.axes + part * light.axes_motion, sine * place) for part in (-0.5, 0.0, 0.5)]
+        tilts = [
+            _tilted(light.axes + part * light.axes_motion, math.sin(extent.radius_at(part)) * place)
+            for part in (-0.5, 0.0, 0.5)
+        ]
         # The same irradiance across the middle of the disc, whatever is tilted.
         cosine = math.sqrt(1.0 - sine**2 * (place[0] ** 2 + place[1] ** 2))
         power = tuple(channel / cosine for channel in light.power)
         return replace(light, power=power, axes=tilts[1], axes_motion=tilts[2] - tilts[0], extent=None)
     if extent.shape == ExtentShape.ROUND:
         offset = extent.radius * place
-        return replace(light, position=light.position + offset, extent=None, ball=_ball(light, offset))
+        motion = light.position_motion + extent.radius_motion * place
+        place_there = light.position + offset
+        return replace(light, position=place_there, position_motion=motion, extent=None, ball=_ball(light, offset))
     if extent.shape == ExtentShape.ELLIPSOID:
         offset, motion = place @ extent.spans, light.position_motion + place @ extent.spans_motion
         place_there = light.position + offset
@@ -542,7 +548,7 @@ def _ball(light: LightAtShutter, place: np.ndarray) -> Ball:
 def _on_cylinder(light: LightAtShutter, place: np.ndarray) -> LightAtShutter:
     """A cylinder at one place of its surface: its coordinates along the axis, and along y and z on a unit circle."""
     extent = light.extent
-    side = _on_side(light, math.atan2(place[2], place[1]), extent.radius, 1.0)
+    side = _on_side(light, math.atan2(place[2], place[1]), 1.0, 1.0)
     return replace(
         side,
         position=side.position + place[0] * extent.spans[0],

@@ -10,6 +10,7 @@ Beyond the paper, whose lights are points or parallel.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -65,24 +66,35 @@ def is_stretched(shape: ExtentShape, rows: np.ndarray) -> bool:
     return bool(np.linalg.norm(rows[1:] @ x) > ASKEW * scales[0])
 
 
-def ellipsoid_of(light: LightAtShutter, radius: float, rows: np.ndarray, rows_motion: np.ndarray) -> LightAtShutter:
+def ellipsoid_of(
+    light: LightAtShutter, radius: float, rows: np.ndarray, rows_motion: np.ndarray, radius_motion: float = 0.0
+) -> LightAtShutter:
     """The light that a sphere is under a transform; arguments as those of :func:`faces_of`.
 
     Where the transform carries u to u · M and turns ω' on the sphere to ω, it shows π |det M| |M⁻ᵀ ω| of its area along
     ω, a quarter of its area on average (Cauchy).
     """
-    opened, there, closed = (radius * _thick(rows + part * rows_motion) for part in (-0.5, 0.0, 0.5))
+    opened, there, closed = (
+        (radius + part * radius_motion) * _thick(rows + part * rows_motion) for part in (-0.5, 0.0, 0.5)
+    )
     # Which radii of the sphere are followed does not matter: those that are across each other at mid shutter.
     across = np.linalg.svd(there)[0].T
     inverse = np.linalg.inv(there).T
     area = area_stretched(*SPHERE_NORMALS, there)
-    extent = Extent(ExtentShape.ELLIPSOID, math.sqrt(area), across @ there, across @ (closed - opened))
+    before, after = (math.sqrt(area_stretched(*SPHERE_NORMALS, at)) for at in (opened, closed))
+    spans, motions = across @ there, across @ (closed - opened)
+    extent = Extent(ExtentShape.ELLIPSOID, math.sqrt(area), spans, motions, after - before)
     shown = abs(float(np.linalg.det(there))) / area * inverse
     return replace(light, profile=EmissionProfile.SHOWN, extent=extent, shown=shown)
 
 
 def faces_of(
-    light: LightAtShutter, radius: float, length: float, rows: np.ndarray, rows_motion: np.ndarray
+    light: LightAtShutter,
+    radius: float,
+    length: float,
+    rows: np.ndarray,
+    rows_motion: np.ndarray,
+    sizes_motion: Sequence[float] = (0.0, 0.0),
 ) -> list[LightAtShutter]:
     """Flat lights in the place of a cylinder under a transform; their paths are its own with a number.
 
@@ -92,9 +104,14 @@ def faces_of(
         length: In its own space.
         rows: The linear part of its transform at mid shutter, shape [3, 3]: rows are the images of x, y and z.
         rows_motion: Change of that over the shutter, shape [3, 3].
+        sizes_motion: Changes of radius and length over the shutter.
     """
     middles, spans = _faces_of_tube(radius, length)
-    opened, there, closed = (_thick(rows + part * rows_motion) for part in (-0.5, 0.0, 0.5))
+    wider, longer = (motion / size for motion, size in zip(sizes_motion, (radius, length), strict=True))
+    opened, there, closed = (
+        np.diag([1.0 + part * longer, 1.0 + part * wider, 1.0 + part * wider]) @ _thick(rows + part * rows_motion)
+        for part in (-0.5, 0.0, 0.5)
+    )
     areas = np.linalg.norm(np.cross(*np.moveaxis(spans @ there, 1, 0)), axis=1)
     faces = []
     for number, (middle, sides, share) in enumerate(zip(middles, spans, areas / areas.sum(), strict=True)):

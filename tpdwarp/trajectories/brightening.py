@@ -16,8 +16,9 @@ from functools import cache
 
 import numpy as np
 
+from tpdwarp.photons.light_columns import LightImage
 from tpdwarp.photons.photon_map import PhotonMap, TrajectoryColumns
-from tpdwarp.photons.power_curves import PowerCurve
+from tpdwarp.photons.power_curves import PowerCurve, PowerPiece
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.description import LightAtShutter, SceneSource, Shutter
 
@@ -36,15 +37,31 @@ def power_curves(source: SceneSource, shutter: Shutter, paths: Sequence[str]) ->
         paths: Prim paths of the lights.
     """
 
+    def lights_over(begin: float, end: float) -> Sequence[LightAtShutter]:
+        opens, closes = (shutter.open + shutter.exposure * part for part in (begin, end))
+        return source.at(Shutter(shutter.frame, opens, closes)).lights
+
     @cache
     def powers(begin: float, end: float) -> np.ndarray:
-        opens, closes = (shutter.open + shutter.exposure * part for part in (begin, end))
-        return powers_of(source.at(Shutter(shutter.frame, opens, closes)).lights, paths)
+        return powers_of(lights_over(begin, end), paths)
+
+    @cache
+    def extents(begin: float, end: float) -> dict[str, np.ndarray]:
+        return {light.path: light.extent.sizes for light in lights_over(begin, end) if light.extent is not None}
+
+    def sized(piece: PowerPiece, path: str) -> PowerPiece:
+        begin, end = (0.5 + piece.time + 0.5 * side * piece.duration for side in (-1.0, 1.0))
+        now, whole = (found.get(path, np.ones(2)) for found in (extents(begin, end), extents(0.0, 1.0)))
+        if np.array_equal(now, whole) or not whole.all():
+            return piece
+        return replace(piece, image=tuple(map(float, now / whole)))
 
     def curve(number: int) -> PowerCurve | None:
         found = PowerCurve.of(lambda begin, end: powers(begin, end)[number])
         (first, *others) = found.pieces or (None,)
-        return None if first is None or (not others and abs(first.gain) < SAME_POWER) else found
+        if first is None or (not others and abs(first.gain) < SAME_POWER):
+            return None
+        return PowerCurve(tuple(sized(piece, paths[number]) for piece in found.pieces))
 
     return tuple(curve(number) for number in range(len(paths)))
 
@@ -99,10 +116,20 @@ def follow_lights(photons: PhotonMap) -> list[PhotonMap]:
         if curve is None:
             found.append(own)
             continue
-        found += [
-            over_piece(own, piece.time, piece.duration, piece.power, piece.gain, piece.center) for piece in curve.pieces
-        ]
+        for piece in curve.pieces:
+            part = over_piece(own, piece.time, piece.duration, piece.power, piece.gain, piece.center)
+            found.append(part if piece.image == (1.0, 1.0) else _with_image(part, piece.image))
     return found
+
+
+def _with_image(photons: PhotonMap, sizes: tuple[float, float]) -> PhotonMap:
+    """Photons of a light that is by ``sizes`` as large along a and b as what they were traced with."""
+    if not len(photons.image):
+        return photons
+    # Lobes of rough surfaces took up the image.
+    of_light = (photons.image != int(LightImage.LOBE))[:, None]
+    a, b = (np.where(of_light, np.float32(size), np.float32(1.0)) for size in sizes)
+    return replace(photons, dxda=a * photons.dxda, dxdb=b * photons.dxdb)
 
 
 def powers_of(lights: Sequence[LightAtShutter], paths: Sequence[str]) -> np.ndarray:

@@ -33,6 +33,9 @@ from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.row_numbers import distinct_rows, row_numbers
 from tpdwarp.photons.vectors import lengths
+from tpdwarp.scene.description import SceneAtShutter
+from tpdwarp.scene.light_places import prim_of
+from tpdwarp.trajectories.fit import LARGEST_ROUGHNESS
 from tpdwarp.trajectories.keyframes import (
     END,
     KEYFRAME_DURATION,
@@ -77,6 +80,9 @@ LARGEST_MISS = 0.1
 # Keyframes disagree by more than this then. Chosen: with .03 the same ball errs by .095 in one segment, but as before
 # in the three that it has by default, and waves over a sphere by .050 in place of .048 (65 k photons).
 LEAST_DISAGREEMENT = 0.1
+# Light at the rim of a cone that passes is traced in parts of the shutter where its mean is off that of mid shutter by
+# more than this part of the most that there is. Chosen, not derived.
+LARGEST_BEND = 0.01
 # Cells that would grow by more times their size as they ride keep it: those of a mirror that turns by 85 degrees within
 # a shutter grow by two. Chosen, not derived.
 LARGEST_GROWTH = 4.0
@@ -129,7 +135,7 @@ def changing_cells(
     with clock.stage("trace"):
         typical = max(finest, *map(typical_area, [photons, *ends]))
     with clock.stage("trace"):
-        unfollowed = _unfollowed(states, photons, plan, typical)
+        unfollowed = _unfollowed(states, photons, plan, typical, _of_passing_cones(photons, keyframes.middle.scene))
         chosen = dict(besides or {})
         for found in (unfollowed, turned_over, swept):
             for number, cells in found.items():
@@ -199,10 +205,13 @@ def resting_where_turned_over(photons: PhotonMap, plan: EmissionPlan) -> tuple[P
 
 
 def _unfollowed(
-    states: Sequence[KeyframeState], photons: PhotonMap, plan: EmissionPlan, typical: float
+    states: Sequence[KeyframeState], photons: PhotonMap, plan: EmissionPlan, typical: float, shaped: np.ndarray
 ) -> dict[int, np.ndarray]:
     """Cells [n, 2] of each lattice whose photons matter and leave the way that they have at mid shutter, and whose
     trajectories do not curve, since keyframes disagree, or leave the curve; arguments as of :class:`_Change`.
+
+    So do those at the rim of a cone that passes over them: keyframes are too sparse to tell by how much their flux
+    bends. ``shaped`` [n] are photons of lights with cones that move.
 
     At the ends of the shutter a curve of third order misses D_tttt x/384, which is estimated as for a sine or a root:
     as the square of D_ttt x over D_tt x.
@@ -215,9 +224,21 @@ def _unfollowed(
     apart = disagreement(photons, before.dxdt, after.dxdt)
     off = (apart > LARGEST_DISAGREEMENT) & (sagitta > LARGEST_SAGITTA * photons.size)
     off |= (apart > LEAST_DISAGREEMENT) & (np.minimum(miss, sagitta) > LARGEST_MISS * photons.size)
+    if shaped.any():
+        opened, there, closed = (np.exp(state.log_flux) for state in states)
+        bend = np.abs(opened + closed - 2.0 * there) / (24.0 * END**2)
+        rough = np.maximum(np.maximum(before.rough, after.rough), middle.rough) >= LARGEST_ROUGHNESS
+        off |= shaped & rough & (bend > LARGEST_BEND * np.maximum(np.maximum(opened, closed), there))
     off &= before.valid & after.valid
     lost = CellsOfLattices(photons, plan, off & matters(photons, typical, LEAST_SHARE))
     return {number: distinct_rows(lost.of(number)[1]) for number in lost.numbers()}
+
+
+def _of_passing_cones(photons: PhotonMap, scene: SceneAtShutter) -> np.ndarray:
+    """Which photons are of lights with cones that move, shape [n]."""
+    moving = {prim_of(light.path) for light in scene.lights if light.shaping is not None and light.moves}
+    passing = np.array([prim_of(path) in moving for path in photons.light_paths], bool)
+    return passing[photons.light] if passing.any() else np.zeros(len(photons), bool)
 
 
 @dataclass(frozen=True, eq=False)

@@ -154,8 +154,10 @@ class Segmentation:
 
 
 def as_few_as_move(scenes: list[LoadedScene]) -> list[LoadedScene]:
-    """The scenes of the segments of a shutter, of which one stands for all where nothing moves."""
-    return scenes if any(scene.moves for scene in scenes) else scenes[:1]
+    """The scenes of the segments of a shutter, of which one stands for all where nothing moves or changes its light."""
+    lights = scenes[0].scene.lights
+    changes = any(lights_change(other.scene.lights, lights) for other in scenes[1:])
+    return scenes if changes or any(scene.moves for scene in scenes) else scenes[:1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,6 +73,7 @@ class AreaLightArrays:
     place_motion: wp.array(dtype=wp.vec3)
     power: wp.array(dtype=wp.vec3)
     radius: wp.array(dtype=wp.float32)
+    radius_motion: wp.array(dtype=wp.float32)
     span_a: wp.array(dtype=wp.vec3)
     span_a_motion: wp.array(dtype=wp.vec3)
     span_b: wp.array(dtype=wp.vec3)
@@ -126,11 +127,17 @@ def area_light_arrays(
     out.distant = launcher.array(np.array(distant, np.int32), wp.int32)
     out.meshed = launcher.array(np.array([light.meshed for light in chosen], np.int32), wp.int32)
     out.shape = launcher.array(np.array([light.extent.shape for light in chosen], np.int32), wp.int32)
-    radii = [
-        math.sin(light.extent.radius) if far else scale * light.extent.radius
-        for light, far in zip(chosen, distant, strict=True)
-    ]
-    out.radius = launcher.array(np.array(radii, np.float32), wp.float32)
+    opened, radii, closed = (
+        np.array(
+            [
+                math.sin(light.extent.radius_at(part)) if far else scale * light.extent.radius_at(part)
+                for light, far in zip(chosen, distant, strict=True)
+            ]
+        )
+        for part in (-0.5, 0.0, 0.5)
+    )
+    out.radius = launcher.array(radii.astype(np.float32), wp.float32)
+    out.radius_motion = launcher.array((closed - opened).astype(np.float32), wp.float32)
     return out
 
 
@@ -165,7 +172,7 @@ def light_seen_from(lights: AreaLightArrays, k: int, x: wp.vec3, time: float) ->
     place = lights.place[k] + time * lights.place_motion[k]
     out.distant = lights.distant[k] == 1
     out.shape = lights.shape[k]
-    out.radius = lights.radius[k]
+    out.radius = lights.radius[k] + time * lights.radius_motion[k]
     if out.distant:
         out.d = -wp.normalize(place)
     else:

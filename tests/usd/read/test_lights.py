@@ -223,23 +223,51 @@ def test_lights_that_are_dark_or_invisible_are_left_out_quietly(small):
 
 
 @pytest.mark.parametrize(
-    ("radii", "mean"), [({1: 0.0, 2: 0.9}, 0.9 * math.sqrt(0.6)), ({1: 0.6, 1.5: 0.0, 2: 0.6}, 0.6 * math.sqrt(0.6))]
+    ("radii", "middle", "change"),
+    [({1: 0.0, 2: 0.9}, 0.45, 0.9), ({1: 0.6, 1.5: 0.0, 2: 0.6}, 0.6 * math.sqrt(0.6), 0.0)],
 )
-def test_a_radius_that_changes_within_the_shutter_is_that_of_its_mean_square_over_the_light(small, radii, mean):
-    """∫ r² r² by ∫ r², of light that goes with r²; at mid shutter the second is a point."""
+def test_a_radius_that_changes_within_the_shutter_goes_along_a_line_of_its_mean_square(small, radii, middle, change):
+    """The second, at mid shutter a point, is ∫ r² r² by ∫ r², of light that goes with r²."""
     lamp = sphere(small, 0.5)
     for time, radius in radii.items():
         lamp.GetRadiusAttr().Set(radius, time)
     light, _ = read(small, Shutter(1.5, 1.0, 2.0))
-    assert light.extent.radius == pytest.approx(mean, rel=1e-6)
+    assert light.extent.radius == pytest.approx(middle, rel=1e-6)
+    assert light.extent.radius_motion == pytest.approx(change, abs=1e-6)
 
 
-def test_a_sun_whose_angle_changes_has_that_of_its_mean_square_and_what_only_brightens_keeps_its_own(small):
+AREA_LIGHTS = [UsdLux.SphereLight, UsdLux.DiskLight, UsdLux.RectLight, UsdLux.CylinderLight]
+
+
+@pytest.mark.parametrize("kind", AREA_LIGHTS)
+def test_a_light_whose_sizes_change_is_as_one_that_its_transform_scales(small, kind):
+    """By a half at first, by three halves at last."""
+    lamp = kind.Define(small.stage, "/Lamp")
+    names = [name for name in ("Radius", "Width", "Height", "Length") if hasattr(lamp, f"Create{name}Attr")]
+    for name in names:
+        getattr(lamp, f"Create{name}Attr")(0.4)
+    scale = lamp.AddScaleOp()
+    for time, factor in ((1, 0.5), (2, 1.5)):
+        scale.Set((factor,) * 3, time)
+    scaled, _ = read(small, Shutter(1.5, 1.0, 2.0))
+    lamp.ClearXformOpOrder()
+    for name in names:
+        for time, factor in ((1, 0.5), (2, 1.5)):
+            getattr(lamp, f"Get{name}Attr")().Set(0.4 * factor, time)
+    found, _ = read(small, Shutter(1.5, 1.0, 2.0))
+    assert found.extent.radius_motion + np.abs(found.extent.spans_motion).max() > 0.15
+    for name in ("radius", "radius_motion", "spans", "spans_motion"):
+        np.testing.assert_allclose(getattr(found.extent, name), getattr(scaled.extent, name), atol=1e-7)
+    np.testing.assert_allclose(found.power, scaled.power, rtol=1e-6)
+
+
+def test_the_angle_of_a_sun_changes_as_it_is_authored_and_what_only_brightens_keeps_its_own(small):
     sun = distant(small, Normalize=True)
     for time, angle in ((1, 0.0), (2, 6.0)):
         sun.GetAngleAttr().Set(angle, time)
     light, _ = read(small, Shutter(1.5, 1.0, 2.0))
-    assert light.extent.radius == pytest.approx(math.radians(0.5 * 6.0 / math.sqrt(3.0)), rel=1e-6)
+    assert light.extent.radius == pytest.approx(math.radians(1.5), rel=1e-6)
+    assert light.extent.radius_motion == pytest.approx(math.radians(3.0), rel=1e-6)
     sun.GetAngleAttr().Clear()
     sun.GetAngleAttr().Set(0.53)
     for time, intensity in ((1, 0.0), (2, 6.0)):

@@ -218,10 +218,10 @@ class Light:
         rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation, self._warnings)
         if not is_stretched(light.extent.shape, rows):
             return [light]
-        radius, length = (*self._mean_sizes(shutter, self._sizes), 0.0)[:2]
+        sizes, motions = self._sizes_over(shutter, self._sizes)
         if light.extent.shape == ExtentShape.ROUND:
-            return [ellipsoid_of(light, radius, rows, motion)]
-        return faces_of(light, radius, length, rows, motion)
+            return [ellipsoid_of(light, sizes[0], rows, motion, motions[0])]
+        return faces_of(light, *sizes, rows, motion, motions)
 
     def _picture(self, frame: float) -> np.ndarray | None:
         """A rectangle's picture, brought down to a few pixels, shape [h, w, 3]; None where it has none."""
@@ -238,26 +238,36 @@ class Light:
     def _extent(self, shutter: Shutter) -> Extent | None:
         """Its extent over a shutter, where it stands in its middle; None where it has none, its transform leaves none,
         or it asks to be a point."""
-        time = shutter.middle
         if self.kind == LightKind.DISTANT:
-            (angle,) = self._mean_sizes(shutter, lambda at: [self._angle(at)])
-            return Extent(ExtentShape.ROUND, math.radians(0.5 * min(angle, 180.0))) if angle > 0 else None
-        sizes = self._mean_sizes(shutter, self._sizes)
-        if not all(sizes) or self._asks_to_be_a_point(time):
+            (angle,), (motion,) = self._sizes_over(shutter, lambda at: [min(self._angle(at), 180.0)])
+            half, change = math.radians(0.5 * angle), math.radians(0.5 * motion)
+            return Extent(ExtentShape.ROUND, half, radius_motion=change) if angle > 0 else None
+        sizes, motions = self._sizes_over(shutter, self._sizes)
+        if not all(sizes) or self._asks_to_be_a_point(shutter.middle):
             return None
-        rows, motion = rows_over(self.prim, shutter, self._transforms, self._animation, self._warnings)
+        rows, rows_motion = rows_over(self.prim, shutter, self._transforms, self._animation, self._warnings)
+        opened, there, closed = ((sizes + part * motions, rows + part * rows_motion) for part in (-0.5, 0.0, 0.5))
         if self._shape is UsdLux.SphereLight:
-            return Extent(ExtentShape.ROUND, sizes[0] * float(abs(np.linalg.det(rows))) ** (1.0 / 3.0))
+            before, radius, after = (
+                float(size[0]) * float(abs(np.linalg.det(at))) ** (1.0 / 3.0) for size, at in (opened, there, closed)
+            )
+            return Extent(ExtentShape.ROUND, radius, radius_motion=after - before)
         if self._shape is UsdLux.CylinderLight:
-            radius, length = sizes
-            half = np.array([[0.5 * length], [0.0]])
             if not rows[0].any():
                 return None
-            across = float(np.sqrt(np.linalg.norm(np.cross(rows[1], rows[2]))))
-            return Extent(ExtentShape.CYLINDER, radius * across, half * rows[0], half * motion[0])
-        shape = ExtentShape.DISK if self._shape is UsdLux.DiskLight else ExtentShape.RECT
-        half = np.array(sizes * 2 if shape == ExtentShape.DISK else [0.5 * size for size in sizes])[:, None]
-        return Extent(shape, 0.0, half * rows[:2], half * motion[:2]) if np.cross(*rows[:2]).any() else None
+            before, radius, after = (
+                float(size[0]) * math.sqrt(np.linalg.norm(np.cross(*at[1:]))) for size, at in (opened, there, closed)
+            )
+            first, middle, last = (
+                np.array([0.5 * size[1] * at[0], np.zeros(3)]) for size, at in (opened, there, closed)
+            )
+            return Extent(ExtentShape.CYLINDER, radius, middle, last - first, after - before)
+        if not np.cross(*rows[:2]).any():
+            return None
+        is_disc = self._shape is UsdLux.DiskLight
+        part = 1.0 if is_disc else 0.5
+        first, middle, last = (part * size[:, None] * at[:2] for size, at in (opened, there, closed))
+        return Extent(ExtentShape.DISK if is_disc else ExtentShape.RECT, 0.0, middle, last - first)
 
     def _asks_to_be_a_point(self, frame: float) -> bool:
         sphere = UsdLux.SphereLight(self.prim) if self._shape is UsdLux.SphereLight else None
@@ -340,17 +350,29 @@ class Light:
                 nodes.append((0.5 * (first + last) + 0.5 * node * (last - first), 0.5 * weight * (last - first)))
         return [(time, weight) for time, weight in nodes if self.visible(time)]
 
-    def _mean_sizes(self, shutter: Shutter, sizes_at: Callable[[float], list[float]]) -> list[float]:
-        """Sizes over a shutter, by the root mean square over its light: a light that is small shines little, and what
-        its shadows and caustics are blurred by goes with the square of its size."""
-        now = sizes_at(shutter.middle)
+    def _sizes_over(self, shutter: Shutter, sizes_at: Callable[[float], list[float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Sizes at mid shutter and their change over it, shape [n] each: lines by least squares over its light.
+
+        A light that is small shines little. What its shadows and caustics are blurred by goes with the square of its
+        size; so the mean square that lines leave out is added to that at mid shutter.
+        """
+        now = np.array(sizes_at(shutter.middle), np.float64)
         if shutter.exposure <= 0 or not self.power_varies:
-            return now
-        nodes = [(weight * max(self.power(time)), sizes_at(time)) for time, weight in self._nodes(shutter)]
-        light = sum(part for part, _ in nodes)
-        if not light > 0.0 or all(sizes == now for _, sizes in nodes):
-            return now
-        return [math.sqrt(sum(part * sizes[k] ** 2 for part, sizes in nodes) / light) for k in range(len(now))]
+            return now, np.zeros_like(now)
+        nodes = [(time, weight * max(self.power(time)), sizes_at(time)) for time, weight in self._nodes(shutter)]
+        weights = np.array([part for _, part, _ in nodes])
+        sizes = np.array([values for _, _, values in nodes]).reshape(-1, len(now))
+        if not weights.sum() > 0.0 or np.all(sizes == now):
+            return now, np.zeros_like(now)
+        weights /= weights.sum()
+        times = np.array([(time - shutter.middle) / shutter.exposure for time, _, _ in nodes])
+        middle, mean = weights @ times, weights @ sizes
+        spread = weights @ (times - middle) ** 2
+        slopes = weights * (times - middle) @ (sizes - mean) / spread if spread > 0.0 else np.zeros_like(now)
+        at_middle = mean - middle * slopes
+        rest = weights @ (sizes - at_middle - times[:, None] * slopes) ** 2
+        at_middle = np.sqrt(np.maximum(at_middle, 0.0) ** 2 + rest)
+        return at_middle, np.clip(slopes, -2.0 * at_middle, 2.0 * at_middle)
 
     def power(self, frame: float) -> tuple[float, float, float]:
         """Irradiance at normal incidence [W/m²] (distant) or radiant intensity [W/sr] (point) at a time code.
