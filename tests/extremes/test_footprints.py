@@ -211,15 +211,12 @@ def lit_square(half: float, photons: int, motion: str, **changes):
 
 
 @pytest.mark.parametrize("photons", [256, 1024, 4096])
-def test_what_hangs_over_the_edge_of_a_receiver_is_missing_there(photons):
-    # Of B-splines: cells end where the last of them does.
+def test_what_hangs_over_the_edge_of_a_receiver_falls_on_it_all_the_same(photons):
+    # Of B-splines a sixth of a cell hangs over on each side, with 256 photons 8 % of all; cells end where the last do.
     frame = lit_square(0.5, photons, "deforming", smoothing=1.001)
-    cell = 2.0 / math.sqrt(photons)
-    # Photons of the outermost cells land half a cell from the edge: what of a quadratic B-spline lies farther out.
-    overhang = cell / 6
     seen = frame.channels["irradiance.R"].astype(float).mean() * 4 * 3
     assert frame.energy.deposited == pytest.approx(3 * PASSING, rel=1e-4)
-    assert seen / frame.energy.deposited == pytest.approx((1 - 2 * overhang) ** 2, rel=0.01)
+    assert seen / frame.energy.deposited == pytest.approx(1.0, rel=2e-3)
 
 
 @pytest.mark.parametrize("motion", ["deforming", "rigid"])

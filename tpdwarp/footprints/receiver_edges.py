@@ -39,7 +39,7 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.scene.description import Interaction
 from tpdwarp.scene.device.geometry import Surfaces
 from tpdwarp.scene.device.intersection import plane_of
-from tpdwarp.scene.device.ray_tree import first_met
+from tpdwarp.scene.device.ray_tree import Met, first_met
 
 # Unrolled, its loops over directions take minutes to compile.
 wp.set_module_options({"max_unroll": 0})
@@ -57,10 +57,13 @@ BISECTIONS = 9
 ON_LINE = wp.constant(0.02)
 # A line is where a receiver ends if it is there so far to one side of it, and not to the other, in the same units.
 BESIDE_LINE = wp.constant(0.05)
+# Light that goes by more than so many of its cells is not mirrored: it leaves receivers, and none comes in its place.
+# Chosen, not derived.
+LONGEST_WAY = wp.constant(16.0)
 # Surfaces that short rays pass at most on their way: what lies on a receiver, or glass in contact with it.
 MOST_PASSED = 4
-# A ray that passed a surface goes on so far behind it, as a part of its length.
-BEHIND = wp.constant(1.0e-3)
+# A ray that grazes a surface goes on no farther behind it than so many offsets.
+MOST_OFFSETS = wp.constant(1.0e3)
 # What stands on a receiver is looked for at this height, as a part of how far off its plane a footprint counts.
 HEIGHT_OF_WALLS = wp.constant(0.25)
 # Reflections that a photon has at most.
@@ -117,20 +120,26 @@ def is_of(surfaces: Surfaces, triangle: int, receiver: Receiver) -> bool:
 
 
 @wp.func
+def behind(surfaces: Surfaces, met: Met, w: wp.vec3) -> float:
+    """How far along ω a ray goes on that passed a surface (beyond the paper)."""
+    plane = plane_of(surfaces, met.triangle)
+    return met.distance + plane.offset * wp.min(MOST_OFFSETS, 1.0 / wp.max(wp.abs(wp.dot(plane.n_g, w)), 1.0e-6))
+
+
+@wp.func
 def goes_on(surfaces: Surfaces, receiver: Receiver, place: wp.vec3) -> bool:
     """Whether the receiver is there at a place of its plane (beyond the paper)."""
     start = place + receiver.height * receiver.light
     way = -2.0 * receiver.height * receiver.light
     left = wp.length(way)
     w = way / left
-    behind = BEHIND * left
     for _ in range(MOST_PASSED):
         met = first_met(surfaces.tree, start, w, left)
         if met.triangle < 0:
             return False
         if is_of(surfaces, met.triangle, receiver):
             return True
-        passed = met.distance + behind
+        passed = behind(surfaces, met, w)
         start += passed * w
         left -= passed
         if left <= 0.0:
@@ -167,7 +176,7 @@ def part_before_wall(surfaces: Surfaces, receiver: Receiver, place: wp.vec3, way
             if is_within(surfaces, number, start + length * w, receiver.normal) != inside:
                 return (gone + met.distance) / length
             return 2.0
-        gone += met.distance + BEHIND * length
+        gone += behind(surfaces, met, w)
         if gone >= length:
             return 2.0
     return 2.0
@@ -275,7 +284,7 @@ def find_edges(
         b = short * out_of_frame(frame, wp.vec2(-along[1], along[0]))
         size = wp.length(u) + wp.length(v)
         receiver.height = wp.min(PLANE_TOLERANCE * (1.5 * size + pixel_side), LONGEST_AXIS)
-        if short <= 0.0 or receiver.height <= 0.0:
+        if short <= 0.0 or receiver.height <= 0.0 or 2.0 * wp.length(way) > LONGEST_WAY * size:
             continue
 
         # ---- Where the receiver ends
