@@ -49,7 +49,7 @@ def run(scenes: Sequence[str] = ()) -> list[dict[str, object]]:
 
 
 def compare(
-    scenes: Sequence[str], photons: Sequence[int], segments: Sequence[int | str]
+    scenes: Sequence[str], photons: Sequence[int], segments: Sequence[int | str], samples: int = SAMPLES
 ) -> list[dict[str, object]]:
     """Errors of each scene, number of photons and number of segments; prints a row each.
 
@@ -67,7 +67,7 @@ def compare(
             for count in photons:
                 for asked in segments:
                     row = {"scene": name, "photons": count, "asked": asked, "truth_error": error}
-                    row |= _measured(stage, truth, photons=count, segments=asked)
+                    row |= _measured(stage, truth, photons=count, segments=asked, samples=samples)
                     rows.append(row)
                     print(
                         f"  {name:24s} {count:8d} {row['segments']:3d} {row['relative_rmse']:9.4f} {error:6.3f} "
@@ -98,7 +98,7 @@ def compare_targets(scenes: Sequence[str], wanted: Sequence[float]) -> list[dict
                 found, target = settled(source, base, spread_shutters(source, base), PIXELS, PIXELS)
                 pilot = time.process_time() - start
                 # With the truth's samples, which see the same places.
-                chosen = {"photons": found.photons, "segments": found.segments}
+                chosen = {"photons": found.photons, "segments": found.segments, "samples": found.samples}
                 row = {"scene": name, "wanted": asked, "chosen": found.segments, "expected": target.expected}
                 row |= {"photons": found.photons, "pilot_seconds": pilot} | _measured(stage, truth, **chosen)
                 rows.append(row)
@@ -172,6 +172,7 @@ def main() -> int:
     parser.add_argument("scene", nargs="*", help=f"which of {', '.join(STRANGERS)}; all by default")
     parser.add_argument("--photons", type=int, action="append", help=f"photons a frame; {PHOTONS} by default")
     parser.add_argument("--segments", action="append", help="number of segments; auto by default")
+    parser.add_argument("--samples", type=int, default=SAMPLES, help="camera samples a pixel; %(default)s by default")
     parser.add_argument("--target-error", type=float, action="append", help="asks for this error")
     parser.add_argument("--make-truths", action="store_true", help="makes the truths of these scenes anew")
     options = parser.parse_args()
@@ -184,7 +185,7 @@ def main() -> int:
         compare_targets(options.scene, options.target_error)
     else:
         segments = [asked if asked == "auto" else int(asked) for asked in options.segments or ("auto",)]
-        compare(options.scene, options.photons or (PHOTONS,), segments)
+        compare(options.scene, options.photons or (PHOTONS,), segments, options.samples)
     return 0
 
 
