@@ -215,8 +215,7 @@ def _by_size(sizes: np.ndarray) -> list[np.ndarray]:
             found.append(few)
             few = few[:0]
     if len(few):
-        found.append(np.concatenate([*found[-1:], few]))
-        del found[-2:-1]
+        found[-1:] = [np.concatenate([*found[-1:], few])]
     return found
 
 

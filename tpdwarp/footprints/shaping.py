@@ -642,10 +642,8 @@ def footprint_kernel(radial: str | None, curved: bool, axes_in_light: wp.Functio
                     # The sum of two parallelograms: rows of M say more of what is long and thin.
                     side_u = cr * axes.t1 * first - sr * axes.t2 * second
                     side_v = sr * axes.t1 * first + cr * axes.t2 * second
-                    along1 = wp.abs(wp.dot(long_axis, side_u)) + wp.abs(wp.dot(long_axis, side_v))
-                    across1 = wp.abs(wp.dot(other, side_u)) + wp.abs(wp.dot(other, side_v))
-                    along1 = HALF * along1
-                    across1 = HALF * across1
+                    along1 = HALF * (wp.abs(wp.dot(long_axis, side_u)) + wp.abs(wp.dot(long_axis, side_v)))
+                    across1 = HALF * (wp.abs(wp.dot(other, side_u)) + wp.abs(wp.dot(other, side_v)))
                     p_side = out_of_frame(frame, on_plane.p)
                     q_side = out_of_frame(frame, on_plane.q)
                     along2 = HALF * (wp.abs(wp.dot(long_axis, p_side)) + wp.abs(wp.dot(long_axis, q_side)))
