@@ -15,7 +15,7 @@ from tpdwarp.footprints.cell_parts import told_apart
 from tpdwarp.footprints.courses import courses_of
 from tpdwarp.footprints.light_images import axes_in_light, images_of
 from tpdwarp.footprints.photon_rows import PhotonRows, stacked
-from tpdwarp.footprints.shaping import FootprintArrays, PixelSize, footprint_kernel
+from tpdwarp.footprints.shaping import FootprintArrays, Mirrors, PixelSize, footprint_kernel
 from tpdwarp.footprints.time_slots import most_slots, sweeps_in
 from tpdwarp.photons.photon_map import PhotonMap
 
@@ -34,8 +34,8 @@ class Footprints:
         moves: Whether any footprint moves.
         curved: Whether any trajectory curves.
         shaded: Whether receivers are shaded by normals that are not those of their triangles.
-        clamped: Footprints whose length or aspect was limited.
-        growth_limited: Footprints whose axes grow too fast to be followed.
+        clamped: Footprints whose length or aspect was limited, without images of photons.
+        growth_limited: Footprints whose axes grow too fast to be followed, likewise.
         launcher: The device.
     """
 
@@ -143,7 +143,7 @@ def shape_footprints(
         return launcher.array(stacked(parts, name, own=own), dtype) if wanted else launcher.zeros(0, dtype)
 
     # Columns that footprints share with photons are not copied: ten million of either fill memory.
-    shared = ("center", "normal", "dxdt", "acceleration", "jerk", "gain", "incidence", "receiver")
+    shared = ("center", "normal", "dxdt", "acceleration", "jerk", "gain", "incidence", "receiver", "mirrors")
     out = launcher.rows(
         FootprintArrays, count, but=(*shared, "time", "jacobian_rate", "filter_width", "pixel", "is_cell")
     )
@@ -154,6 +154,8 @@ def shape_footprints(
     out.acceleration, out.jerk = (column(name, wanted=curved, own=True) for name in ("dxdtt", "dxdttt"))
     out.gain, out.incidence = column("gain", wp.float32, wanted=curved), column("incidence", wanted=shaded)
     out.receiver = column("receiver", wp.int32)
+    are_images = [part.has("mirrors") for part in parts]
+    out.mirrors = column("mirrors", Mirrors, wanted=any(are_images))
     out.jacobian_rate = launcher.zeros(count if curved else 0, wp.mat22)
     for name, dtype in (("filter_width", wp.vec3), ("pixel", wp.mat22)):
         setattr(out, name, launcher.zeros(count if kernel == "bspline" else 0, dtype))
@@ -169,5 +171,8 @@ def shape_footprints(
     radial = None if kernel == "bspline" else kernel
     shape = footprint_kernel(radial, curved, axes_in_light(radial) if extended else None)
     launcher(shape, count, [*columns, bends, images, float(smoothing), pixel, out], in_turn=True)
-    clamped, limited = (int(flags.numpy().sum(dtype=np.int64)) for flags in (out.clamped, out.growth_limited))
+    of_photons = np.repeat(~np.array(are_images), counts)
+    clamped, limited = (
+        int(flags.numpy().sum(dtype=np.int64, where=of_photons)) for flags in (out.clamped, out.growth_limited)
+    )
     return Footprints(out, durations, moves, curved, shaded, clamped, limited, launcher)

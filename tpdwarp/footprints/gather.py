@@ -150,6 +150,7 @@ def _add_to_leaf(
         last: int,
         placed: PlacedFootprint,
         dxdt: wp.vec3,
+        is_image: bool,
         summed: bool,
         sums: LeafSums,
         out: IrradianceArrays,
@@ -225,10 +226,29 @@ def _add_to_leaf(
                     if amount > 0.0:
                         out.motion[i] = out.motion[i] + amount * dxdt
                         out.weight[i] = out.weight[i] + amount
-                        if part > LEAST_WEIGHT:
+                        if part > LEAST_WEIGHT and not is_image:
                             out.photons[i] = out.photons[i] + 1
 
     return add
+
+
+@wp.func
+def of_image(footprints: FootprintArrays, j: int) -> bool:
+    """Whether a footprint is that of the image of a photon beyond an edge (beyond the paper)."""
+    if footprints.mirrors.shape[0] == 0:
+        return False
+    return wp.ddot(footprints.mirrors[j], footprints.mirrors[j]) > 0.0
+
+
+@wp.func
+def own_dxdt(footprints: FootprintArrays, j: int) -> wp.vec3:
+    """D_t x of a photon by its receiver; of an image that of its photon, whose light it brings back."""
+    dxdt = footprints.dxdt_relative[j]
+    if footprints.mirrors.shape[0] > 0:
+        for number in range(2):
+            normal = footprints.mirrors[j][1 - number]
+            dxdt -= 2.0 * wp.dot(dxdt, normal) * normal
+    return dxdt
 
 
 @lane_func
@@ -330,7 +350,11 @@ def gather_kernel(
                                     last = start
 
                         # ---- Add: the others to each query
-                        dxdt = footprints.dxdt_relative[j] / durations[j]
+                        dxdt = wp.vec3()
+                        is_image = bool(False)
+                        if wp.static(with_motion):
+                            dxdt = own_dxdt(footprints, j) / durations[j]
+                            is_image = of_image(footprints, j)
                         first = int(start)
                         while first < last:
                             leaf = first // LEAF
@@ -339,7 +363,7 @@ def gather_kernel(
                             if wp.static(not query_moves):
                                 missed = misses(placed, reach, leaves.middle[leaf] - placed.center, leaves.half[leaf])
                             if not missed:
-                                add_to_leaf(leaves, leaf, first, stop, placed, dxdt, summed, sums, out)
+                                add_to_leaf(leaves, leaf, first, stop, placed, dxdt, is_image, summed, sums, out)
                             first = stop
                 if parabola.used:
                     for i in range(start, run.stop):

@@ -32,7 +32,10 @@ class PhotonRows:
         return len(self.photons) if self.rows is None else len(self.rows)
 
     def values(self, name: str) -> np.ndarray:
-        """A column of all photons of the map, or of how their trajectories curve, zero where they are straight."""
+        """A column of all photons of the map, or of how their trajectories curve, zero where they are straight, or of
+        what images were mirrored about, zero of photons themselves."""
+        if name == "mirrors" and not self.has(name):
+            return np.broadcast_to(np.float32(0.0), (len(self.photons), *self.photons.mirrors.shape[1:]))
         if name not in _OF_TRAJECTORIES:
             return getattr(self.photons, name)
         if self.photons.trajectory is not None:

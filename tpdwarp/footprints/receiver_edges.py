@@ -388,8 +388,10 @@ def _with_images(photons: PhotonMap) -> Iterator[PhotonMap]:
     for numbers, there in (((0,), one), ((1,), other), ((0, 1), one & other)):
         rows = np.flatnonzero(there)
         if len(rows):
-            image = photons.rows(rows)
+            mirrors = np.zeros((len(rows), LINES, 3), np.float32)
+            image = replace(photons.rows(rows), mirrors=mirrors)
             for number in numbers:
+                mirrors[:, number] = edges[rows, number, :3]
                 image = _mirrored(image, edges[rows, number])
             yield image
 

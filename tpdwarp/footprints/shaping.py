@@ -92,6 +92,10 @@ class PixelSize:
     slope: float
 
 
+# Unit normals of lines as rows.
+Mirrors = wp.types.matrix(shape=(2, 3), dtype=wp.float32)
+
+
 @wp.struct
 class FootprintArrays:
     """One row a photon, in the tracer's units. Filter coordinates of a displacement d are (row_u·d, row_v·d).
@@ -104,7 +108,8 @@ class FootprintArrays:
     both are averaged over the parallelogram whose sides in filter space are the columns of ``pixel``.
     ``density`` is Φ |det M|; ``long_axis`` and ``half_extent`` (along it, across it, along the normal) bound what the
     footprint sweeps over; ``plane_tolerance`` is how far off its plane it reaches. ``incidence`` is −ω/|ω·n|; no rows
-    for flat receivers. ``clamped`` and ``growth_limited`` are 1 where lengths or aspect, and the growth of axes, were
+    for flat receivers. ``mirrors`` are the normals of the lines that an image was mirrored about, zero of others; no
+    rows where there are no images. ``clamped`` and ``growth_limited`` are 1 where lengths or aspect, and the growth of axes, were
     limited.
     """
 
@@ -128,6 +133,7 @@ class FootprintArrays:
     long_axis: wp.array(dtype=wp.vec3)
     half_extent: wp.array(dtype=wp.vec3)
     incidence: wp.array(dtype=wp.vec3)
+    mirrors: wp.array(dtype=Mirrors)
     clamped: wp.array(dtype=wp.int32)
     growth_limited: wp.array(dtype=wp.int32)
 

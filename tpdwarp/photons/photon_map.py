@@ -75,6 +75,8 @@ class PhotonMap:
         edges: Lines where the receiver ends that the footprint reaches over (:mod:`tpdwarp.footprints.receiver_edges`),
             as planes (unit normal, distance from the origin), zero where there are none, shape [n, 2, 4]; no rows where
             no photon has any.
+        mirrors: Unit normals of the lines that the image of a photon was mirrored about, the one after the other
+            (likewise), zero for none, shape [n, 2, 3]; no rows of photons themselves.
         light_parts: Into how many parts lights with extent are cut, each with lattices of its own.
         trajectory: How it curves, and how the footprint changes along it; None where it is straight.
         power_curves: How the power of each of the lights changes over the shutter (:mod:`.power_curves`), None of those
@@ -113,6 +115,7 @@ class PhotonMap:
     cell_u: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     cell_v: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 4), np.float32))
+    mirrors: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3), np.float32))
     light_parts: int = 1
     trajectory: TrajectoryColumns | None = None
     power_curves: tuple[PowerCurve | None, ...] = ()
