@@ -109,8 +109,8 @@ class FootprintArrays:
     ``density`` is Φ |det M|; ``long_axis`` and ``half_extent`` (along it, across it, along the normal) bound what the
     footprint sweeps over; ``plane_tolerance`` is how far off its plane it reaches. ``incidence`` is −ω/|ω·n|; no rows
     for flat receivers. ``mirrors`` are the normals of the lines that an image was mirrored about, zero of others; no
-    rows where there are no images. ``clamped`` and ``growth_limited`` are 1 where lengths or aspect, and the growth of axes, were
-    limited.
+    rows where there are no images. ``clamped`` and ``growth_limited`` are 1 where lengths or aspect, and the growth of
+    axes, were limited.
     """
 
     center: wp.array(dtype=wp.vec3)
