@@ -242,7 +242,7 @@ def of_image(footprints: FootprintArrays, j: int) -> bool:
 
 @wp.func
 def own_dxdt(footprints: FootprintArrays, j: int) -> wp.vec3:
-    """D_t x of a photon by its receiver; of an image that of its photon, whose light it brings back (beyond the paper)."""
+    """D_t x of a photon by its receiver; of an image (beyond the paper) that of its photon, whose light it is."""
     dxdt = footprints.dxdt_relative[j]
     if footprints.mirrors.shape[0] > 0:
         for number in range(2):
