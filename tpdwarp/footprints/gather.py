@@ -315,6 +315,8 @@ def gather_kernel(
                 while wp.bvh_query_next(query, number):
                     piece = pieces[number]
                     wanted = not found_before(piece, run.low - margin, run.high + margin)
+                    if run.receiver >= 0 and footprints.receiver[piece.footprint] != run.receiver:
+                        wanted = False
                     if wp.static(query_moves):
                         if wanted:
                             wanted = not passes_by(courses[piece.footprint], run.window, run.middle, run.half)
