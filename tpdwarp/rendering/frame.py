@@ -213,7 +213,7 @@ def expose(
             # Where the photons of a shutter come in several parts, one of them has all of the view.
             if weight:
                 with clock.stage("view"):
-                    film.add_view(seen.points, seen.pixels, weight)
+                    film.add_view(seen.points, seen.pixels, weight * seen.shares)
                     account.add(EnergyAccount(counts=seen.counts()))
             continue
         for group, light in fields.items():

@@ -70,11 +70,14 @@ class Mattes:
         self._keys: list[np.ndarray] = [np.zeros(0, np.int64)]
         self._sums: list[np.ndarray] = [np.zeros(0)]
 
-    def add(self, pixels: np.ndarray, objects: np.ndarray, weight: float) -> None:
-        """Adds samples of one weight: their pixels and the objects that they met first, each shape [n]."""
-        keys, counts = np.unique(pixels.astype(np.int64) * self._objects + objects, return_counts=True)
+    def add(self, pixels: np.ndarray, objects: np.ndarray, weights: np.ndarray | float) -> None:
+        """Adds samples: their pixels, the objects that they met first, and their weights (or one), each shape [n]."""
+        weights = np.broadcast_to(weights, pixels.shape)
+        # Of samples that count nothing no object is named.
+        there = weights > 0.0
+        keys, rows = np.unique(pixels[there].astype(np.int64) * self._objects + objects[there], return_inverse=True)
         self._keys.append(keys)
-        self._sums.append(weight * counts)
+        self._sums.append(np.bincount(rows.ravel(), weights[there], minlength=len(keys)))
         if sum(map(len, self._keys[1:])) > MOST_WAITING:
             self._put_together()
 

@@ -59,18 +59,20 @@ class Film:
         """Whether the photons' motion or number is wanted."""
         return bool({"motion", "photons"} & set(self._aovs))
 
-    def add_view(self, points: VisiblePoints, pixels: np.ndarray, weight: float) -> None:
+    def add_view(self, points: VisiblePoints, pixels: np.ndarray, weight: np.ndarray | float) -> None:
         """Adds direct light and, for first paths, what geometry they met.
 
         Args:
             points: The camera paths of one pass.
             pixels: Pixel of each, shape [n].
-            weight: Share of the exposure that they stand for.
+            weight: Share of the exposure that they stand for, or that each of them does, shape [n].
         """
-        self._add("direct", weight * points.arrays.direct.numpy(), pixels)
+        weight = np.broadcast_to(np.float64(weight), pixels.shape)
+        each = weight[:, None]
+        self._add("direct", each * points.arrays.direct.numpy(), pixels)
         extras = points.extras
         if extras is not None and "shadow" in self._aovs:
-            self._add("shadow", weight * points.arrays.weight.numpy() * extras.shaded, pixels)
+            self._add("shadow", each * points.arrays.weight.numpy() * extras.shaded, pixels)
         if not points.first:
             return
         depth = points.arrays.first_depth.numpy()
@@ -80,20 +82,21 @@ class Film:
         _add_up(self._diffuse, weight * stays, pixels)
         leaves = np.flatnonzero(hit & ~stays)
         if len(leaves):
-            _add_up(self._beyond, weight * points.arrays.weight.numpy()[leaves].mean(axis=1), pixels[leaves])
+            partly = points.arrays.weight.numpy()[leaves].mean(axis=1)
+            _add_up(self._beyond, weight[leaves] * partly, pixels[leaves])
         if "N" in self._aovs:
-            self._add("N", weight * points.arrays.first_normal.numpy(), pixels)
+            self._add("N", each * points.arrays.first_normal.numpy(), pixels)
         if "P" in self._aovs:
-            self._add("P", weight * points.arrays.first_position.numpy(), pixels)
+            self._add("P", each * points.arrays.first_position.numpy(), pixels)
         if "Z" in self._aovs:
             np.minimum.at(self._depth, pixels[hit], depth[hit])
         if extras is not None:
             if "albedo" in self._aovs:
-                self._add("albedo", weight * extras.albedo, pixels)
+                self._add("albedo", each * extras.albedo, pixels)
             if "vector" in self._aovs:
-                self._add("vector", weight * extras.vector, pixels)
+                self._add("vector", each * extras.vector, pixels)
             if self._mattes is not None:
-                self._mattes.add(pixels[hit], extras.objects[hit], weight)
+                self._mattes.add(pixels[hit], extras.objects[hit], weight[hit])
             if "id" in self._aovs:
                 self._name(pixels[hit], depth[hit], extras.objects[hit])
 

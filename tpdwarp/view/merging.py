@@ -16,15 +16,37 @@ from tpdwarp.view.camera import in_sides
 LARGEST_DISTANCE = wp.constant(0.75)
 # Normals of points that are put together lie within some 18° of their mean. Chosen, not derived.
 SMALLEST_COSINE = wp.constant(0.95)
+# So that no two of them face farther apart than twice that.
+SMALLEST_BETWEEN = wp.constant(2.0 * 0.95**2 - 1.0)
 
 
 @wp.func
-def alike(queries: QueryArrays, spots: wp.array(dtype=wp.int32), i: int, j: int) -> bool:
-    """Whether two rows are of the same spot on the same object; without ``spots``, all rows of a pixel are of one."""
-    same = queries.receiver[i] == queries.receiver[j]
+def side_at(size: PixelSize, x: wp.vec3) -> float:
+    """How wide what a query stands for is at x, across the view (beyond the paper)."""
+    side = wp.max(wp.length(size.right), wp.length(size.up))
+    if size.orthographic == 0:
+        side *= wp.abs(wp.dot(x - size.eye, size.back))
+    return side
+
+
+@wp.func
+def on_one_plane(queries: QueryArrays, i: int, j: int, size: PixelSize) -> bool:
+    """Whether two rows lie on one object and face one way, neither far above the other (beyond the paper)."""
+    if queries.receiver[i] != queries.receiver[j]:
+        return False
+    if wp.dot(queries.normal[i], queries.normal[j]) < SMALLEST_BETWEEN:
+        return False
+    x = queries.position[i]
+    return wp.abs(wp.dot(queries.position[j] - x, queries.normal[i])) <= LARGEST_DISTANCE * side_at(size, x)
+
+
+@wp.func
+def alike(queries: QueryArrays, spots: wp.array(dtype=wp.int32), i: int, j: int, size: PixelSize) -> bool:
+    """Whether two rows are of the same spot on the same surface; without ``spots``, all rows of a pixel are of one."""
     if spots.shape[0] > 0:
-        same = same and spots[i] == spots[j]
-    return same
+        if spots[i] != spots[j]:
+            return False
+    return on_one_plane(queries, i, j, size)
 
 
 @wp.kernel(enable_backward=False)
@@ -34,6 +56,7 @@ def merge_rows(
     begins: wp.array(dtype=wp.int32),
     spots: wp.array(dtype=wp.int32),
     size: PixelSize,
+    rays: int,
     # In and out
     queries: QueryArrays,
     weights: wp.array(dtype=wp.vec3),
@@ -52,7 +75,7 @@ def merge_rows(
             weight = wp.vec3()
             count = int(0)
             for j in range(i, last):
-                if alike(queries, spots, i, j):
+                if alike(queries, spots, i, j, size):
                     position += wp.vec3d(queries.position[j])
                     normal += wp.vec3d(queries.normal[j])
                     if queries.shading_normal.shape[0] > 0:
@@ -62,21 +85,27 @@ def merge_rows(
             middle = wp.vec3(position / wp.float64(count))
             facing = wp.vec3(wp.normalize(normal))
 
-            # ---- One query, or as many as there are rows
+            # ---- One query, or one for each so many rows
             together = bool(True)
             for j in range(i, last):
-                if alike(queries, spots, i, j):
+                if alike(queries, spots, i, j, size):
                     apart = in_sides(size, middle, queries.position[j] - middle)
                     if wp.max(wp.abs(apart)) > LARGEST_DISTANCE or wp.dot(queries.normal[j], facing) < SMALLEST_COSINE:
                         together = False
+            taker = int(i)
+            found = int(0)
             for j in range(i, last):
-                if alike(queries, spots, i, j):
-                    counts[j] = 1
-                    if together and j > i:
-                        counts[j] = 0
+                if alike(queries, spots, i, j, size):
+                    if not together and found % rays == 0:
+                        taker = j
+                    found += 1
+                    if j == taker:
+                        counts[j] = 1
+                    else:
+                        counts[taker] = counts[taker] + 1
+                        weights[taker] = weights[taker] + weights[j]
                         queries.receiver[j] = -1
             if together:
-                counts[i] = count
                 weights[i] = weight
                 queries.position[i] = middle
                 queries.normal[i] = facing
@@ -92,6 +121,7 @@ def merge(
     spots: np.ndarray | None,
     size: PixelSize,
     launcher: Launcher,
+    rays: int = 1,
 ) -> np.ndarray:
     """Puts visible points of the same spot on the same object together, in place, as far as they are close and alike.
 
@@ -103,12 +133,13 @@ def merge(
         spots: The part of its pixel that each point lies in, shape [n]; None where pixels have one part.
         size: What a spot stands for.
         launcher: Where.
+        rays: So many points of a spot on an object that are not put together are looked up as one of them.
 
     Returns:
         How many points each row stands for, shape [n].
     """
     counts = launcher.zeros(queries.receiver.shape[0], wp.int32)
     parts = launcher.array(np.zeros(0) if spots is None else spots, wp.int32)
-    inputs = [launcher.array(begins, wp.int32), parts, size, queries, weights, counts]
+    inputs = [launcher.array(begins, wp.int32), parts, size, rays, queries, weights, counts]
     launcher(merge_rows, len(begins) - 1, inputs)
     return counts.numpy()

@@ -6,7 +6,7 @@ in pixels where anything moving is met each sample looks at its own part of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from tpdwarp.view.camera import Camera, camera_of, pixel_size
 from tpdwarp.view.domes import DomeArrays, dome_arrays
 from tpdwarp.view.lights import LightArrays, light_arrays
 from tpdwarp.view.merging import merge
+from tpdwarp.view.mixed_pixels import mixed_pixels, rays_of_sample
 from tpdwarp.view.sampling import block_order, film_positions, part_count, parts_of, samples_by_time, time_count
 from tpdwarp.view.visibility import PathFlag, VisiblePoints, visible_points
 
@@ -53,7 +54,7 @@ class QueryBatch:
         queries: Where they are.
         pixels: Pixel of each, shape [n]: its place in the image, or in the list of pixels looked at.
         weights: Irradiance times this is radiance at the camera, shape [n, 3].
-        first: Samples whose first path ends there, shape [n]; none where a later one does.
+        first: Samples whose first path ends there, shape [n], or parts of samples; none where a later one does.
         window: Middle and length of the part of the shutter they stand for.
         times: When in the shutter (−½ … ½) each stands there, and the middle of its own window, shape [n, 2]; None
             where all look over the same one.
@@ -76,10 +77,12 @@ class SeenPoints:
     Attributes:
         points: The paths.
         pixels: Pixel of each, shape [n].
+        shares: The part of a sample that each of them stands for, shape [n], or all of them.
     """
 
     points: VisiblePoints
     pixels: np.ndarray
+    shares: np.ndarray | float = 1.0
 
     def counts(self) -> dict[str, int]:
         """How many paths were not seen as they are, by what is wrong with them."""
@@ -128,6 +131,12 @@ def _chosen(rows: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndarr
     return {name: values[mask] for name, values in rows.items()}
 
 
+def _of_rays(batch: QueryBatch, share: float) -> QueryBatch:
+    """The points of a batch, each of which stands for that part of a sample."""
+    weights = (share * batch.weights).astype(np.float32)
+    return replace(batch, weights=weights, first=(share * batch.first).astype(np.float32))
+
+
 class CameraView:
     """The camera samples of one shutter.
 
@@ -167,18 +176,28 @@ class CameraView:
         self._pixel = pixel_size(camera_of(middle, width, height, normalization), settings.samples)
         # Photon mapping does not average over pixels.
         self._merges = settings.samples > 1 and settings.estimator != "tdpm"
+        self._rays = rays_of_sample(settings.samples) if self._merges else 1
 
     def look(self) -> Iterator[SeenPoints | QueryBatch]:
         """Follows all camera paths: what each pass saw, and the queries that come of it, as they are complete."""
         pixel_count = max(1, BATCH_SAMPLES // self._settings.samples)
         for first in range(0, len(self._pixels), pixel_count):
             batch = slice(first, first + pixel_count)
-            yield from self._look_at(self._pixels[batch], self._numbers[batch])
+            mixed = yield from self._look_at(self._pixels[batch], self._numbers[batch])
+            pixel_count = max(1, BATCH_SAMPLES // (self._rays * self._settings.samples))
+            for chosen in np.split(batch.start + mixed, range(pixel_count, len(mixed), pixel_count)):
+                if len(chosen):
+                    yield from self._look_closer(self._pixels[chosen], self._numbers[chosen])
 
-    def _look_at(self, pixels: np.ndarray, numbers: np.ndarray) -> Iterator[SeenPoints | QueryBatch]:
-        """Some pixels, at all times of the shutter.
+    def _look_at(
+        self, pixels: np.ndarray, numbers: np.ndarray
+    ) -> Generator[SeenPoints | QueryBatch, None, np.ndarray]:
+        """Some pixels, at all times of the shutter, but for first paths of those that see several surfaces.
 
         The first paths of all times lie in one array, a row for each sample, pixel by pixel.
+
+        Returns:
+            The pixels that see several surfaces, by index.
         """
         samples, seed, launcher = self._settings.samples, self._settings.seed, self._launcher
         with self._clock.stage("view"):
@@ -199,9 +218,14 @@ class CameraView:
                     still, moving = self._told_apart(points, place[points.items], disturbed)
                     later.add(points, np.flatnonzero(still), points.items, slices, False)
                     moving_rows.add(points, np.flatnonzero(moving), points.items, slices, True)
-        yield SeenPoints(seen, pixel_of)
+        with self._clock.stage("view"):
+            mixed = self._mixed(seen)
+            once = ~mixed[place]
+        yield SeenPoints(seen, pixel_of, once if mixed.any() else 1.0)
         with self._clock.stage("view"):
             still, moving = self._told_apart(seen, place, disturbed)
+            still &= once
+            moving &= once
         if self._merges and self._times > 1 and moving.any():
             yield from self._moving_batches(seen, moving, slices, spots, numbers)
         with self._clock.stage("view"):
@@ -219,6 +243,66 @@ class CameraView:
             yield from self._batches_by_time(_chosen(rows, alone), numbers)
         yield from self._batches_by_time(moving_rows.joined(), numbers)
         yield from self._batches_by_time(apart.joined(), numbers)
+        return np.flatnonzero(mixed)
+
+    def _mixed(self, seen: VisiblePoints) -> np.ndarray:
+        """Which pixels see several surfaces, so that more rays are to tell how much of each; of the paths of all."""
+        samples = self._settings.samples
+        if self._rays == 1:
+            return np.zeros(len(seen.items) // samples, bool)
+        return mixed_pixels(seen.queries, samples, self._pixel, self._launcher).numpy() == 1
+
+    def _look_closer(self, pixels: np.ndarray, numbers: np.ndarray) -> Iterator[SeenPoints | QueryBatch]:
+        """First paths of some pixels, more of them at each sample's time of the shutter (:mod:`.mixed_pixels`).
+
+        They lie in one array, pixel by pixel, those of each sample together.
+        """
+        samples, seed, rays, launcher = self._settings.samples, self._settings.seed, self._rays, self._launcher
+        share = 1.0 / rays
+        with self._clock.stage("view"):
+            place = np.repeat(np.arange(len(pixels), dtype=np.int32), samples * rays)
+            films = film_positions(pixels, self._size[0], samples * rays, seed)
+            spots = self._spots(films, pixels[place])
+            device_films = launcher.array(films.astype(np.float32), wp.vec2)
+            seen = VisiblePoints.empty(place, self._smooth, self._settings.aovs, True, launcher)
+        slices = np.zeros(len(place), np.int32)
+        for number, (places, chosen) in enumerate(samples_by_time(self._times, pixels, samples, seed)):
+            of_samples = (places * samples + chosen).astype(np.int32)[:, None] * rays
+            items = (of_samples + np.arange(rays, dtype=np.int32)).ravel()
+            slices[items] = number
+            for _ in self._visible(number, device_films, items, seen, only_first=True):
+                pass
+        yield SeenPoints(seen, numbers[place], share)
+        with self._clock.stage("view"):
+            disturbed = np.zeros(len(pixels), bool)
+            still, moving = self._told_apart(seen, place, disturbed)
+            apart = still & disturbed[place] if self._times > 1 else np.zeros_like(still)
+            by_time = [self._of_samples(seen, mask, slices, spots, mask is moving) for mask in (moving, apart)]
+        for batch in self._still_batches(seen, still & ~apart, spots, numbers, rays):
+            yield _of_rays(batch, share)
+        for rows in by_time:
+            for batch in self._batches_by_time(rows, numbers, rays):
+                yield _of_rays(batch, share)
+
+    def _of_samples(
+        self, seen: VisiblePoints, chosen: np.ndarray, slices: np.ndarray, spots: np.ndarray | None, moves: bool
+    ) -> dict[str, np.ndarray]:
+        """The ``chosen`` [n] of the rays, those of a sample that meet one surface put together."""
+        rows = np.flatnonzero(chosen)
+        queries = rows_of(seen.queries, rows, self._launcher)
+        weights = self._launcher.array(seen.arrays.weight.numpy()[rows], wp.vec3)
+        begins = np.flatnonzero(np.diff(rows // self._rays, prepend=-1, append=-1)).astype(np.int32)
+        parts = None if spots is None else spots[rows]
+        counts = self._merged(queries, weights, begins, parts, self._rays)
+        taken = np.flatnonzero(counts)
+        if not len(taken):
+            return {}
+        names = ["position", "normal", "receiver", *(["motion"] if moves else [])]
+        if has_shading_normals(queries):
+            names.append("shading_normal")
+        columns = {name: getattr(queries, name).numpy()[taken] for name in names}
+        columns |= {"weight": weights.numpy()[taken], "item": rows[taken], "slice": slices[rows[taken]]}
+        return columns | {"first": counts[taken]}
 
     def _told_apart(
         self, points: VisiblePoints, place: np.ndarray, disturbed: np.ndarray
@@ -238,10 +322,10 @@ class CameraView:
         return still, moving
 
     def _still_batches(
-        self, seen: VisiblePoints, still: np.ndarray, spots: np.ndarray | None, numbers: np.ndarray
+        self, seen: VisiblePoints, still: np.ndarray, spots: np.ndarray | None, numbers: np.ndarray, rays: int = 1
     ) -> Iterator[QueryBatch]:
         """The ``still`` points of first paths in one batch over the whole shutter."""
-        samples = self._settings.samples
+        samples = rays * self._settings.samples
         if not still.any():
             return
         with self._clock.stage("view"):
@@ -250,7 +334,7 @@ class CameraView:
             counts = still.astype(np.int32)
             if self._merges:
                 begins = np.arange(len(numbers) + 1, dtype=np.int32) * samples
-                counts = self._merged(seen.queries, seen.arrays.weight, begins, spots)
+                counts = self._merged(seen.queries, seen.arrays.weight, begins, spots, rays)
             batch = self._rows_that_count(seen.queries, seen.arrays.weight.numpy(), counts, np.repeat(numbers, samples))
         yield batch
 
@@ -319,7 +403,9 @@ class CameraView:
         if len(batch.pixels):
             yield batch
 
-    def _batches_by_time(self, rows: dict[str, np.ndarray], numbers: np.ndarray) -> Iterator[QueryBatch]:
+    def _batches_by_time(
+        self, rows: dict[str, np.ndarray], numbers: np.ndarray, rays: int = 1
+    ) -> Iterator[QueryBatch]:
         """Points that look at their own time and part of the shutter, so many in each batch as memory allows."""
         count = len(rows["item"]) if rows else 0
         for begin in range(0, count, BATCH_ROWS):
@@ -327,7 +413,7 @@ class CameraView:
                 some = {name: values[begin : begin + BATCH_ROWS] for name, values in rows.items()}
                 queries, weights = self._queries(some)
                 times, length = self._windows(some["slice"])
-                pixels = numbers[some["item"] // self._settings.samples]
+                pixels = numbers[some["item"] // (rays * self._settings.samples)]
                 moves = "motion" in some
                 own = times if moves or length < 1.0 else None
                 batch = QueryBatch(queries, pixels, weights.numpy(), some["first"], (0.0, length), own, moves)
@@ -347,7 +433,7 @@ class CameraView:
         return parts_of(films, pixels, self._size[0], parts).astype(np.int32)
 
     def _visible(
-        self, number: int, films: wp.array, items: np.ndarray, seen: VisiblePoints
+        self, number: int, films: wp.array, items: np.ndarray, seen: VisiblePoints, *, only_first: bool = False
     ) -> Iterator[VisiblePoints]:
         """Follows the paths of ``items`` at time slice ``number``: first ones go to ``seen``, later ones come back."""
         count = len(self._scenes)
@@ -365,6 +451,7 @@ class CameraView:
             textures=loaded.textures, domes=self._domes_of(loaded), samples=self._settings.samples,
             aovs=self._settings.aovs,
             smallest_throughput=self._settings.view_cutoff,
+            only_first=only_first,
         )  # fmt: skip
         while True:
             with self._clock.stage("view"):
@@ -400,9 +487,9 @@ class CameraView:
         return side * np.abs((places - np.array(size.eye)) @ np.array(size.back))
 
     def _merged(
-        self, queries: QueryArrays, weights: wp.array, begins: np.ndarray, spots: np.ndarray | None
+        self, queries: QueryArrays, weights: wp.array, begins: np.ndarray, spots: np.ndarray | None, rays: int = 1
     ) -> np.ndarray:
-        return merge(queries, weights, begins, spots, self._pixel, self._launcher)
+        return merge(queries, weights, begins, spots, self._pixel, self._launcher, rays)
 
     def _queries(self, columns: dict[str, np.ndarray]) -> tuple[QueryArrays, wp.array]:
         """Queries with their weights, from host arrays."""

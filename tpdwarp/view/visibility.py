@@ -679,6 +679,7 @@ def visible_points(
     samples: int = 1,
     smallest_throughput: float = SMALLEST_THROUGHPUT,
     aovs: tuple[str, ...] = (),
+    only_first: bool = False,
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays; one batch a pass, refracted paths first.
 
@@ -695,6 +696,7 @@ def visible_points(
         samples: Samples a pixel; textures are averaged over the part of it that each stands for.
         smallest_throughput: Reflected branches that carry less are not followed.
         aovs: Channel groups wanted beside the beauty.
+        only_first: Whether nothing that branches is followed.
     """
     masks = np.zeros(len(items), np.int32)
     sources, states = np.zeros(0, np.int32), launcher.zeros(0, ViewState)
@@ -746,6 +748,8 @@ def visible_points(
             find_surfaces(*lit, *found, aovs, launcher, moves, segments, out.surfaces)
         if not here:
             yield out
+        if only_first:
+            return
         reported = out.arrays.reported.numpy()[rows]
         items, masks = reported_paths(items, masks, reported)
         sources, states = kept_rows(reported), kept
