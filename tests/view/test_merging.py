@@ -22,7 +22,7 @@ STILL = Shutter(0, 0, 0)
 SIDE = 0.1
 
 
-def looked_up(spots, positions, receivers=0, normals=(0, 0, 1), parts=None) -> list[dict]:
+def looked_up(spots, positions, receivers=0, normals=(0, 0, 1), parts=None, rays=1) -> list[dict]:
     """What is left of visible points, one row each; weights count from one, so that what is put together shows."""
     count = len(spots)
     order = np.argsort(spots, kind="stable")
@@ -35,7 +35,7 @@ def looked_up(spots, positions, receivers=0, normals=(0, 0, 1), parts=None) -> l
     size = PixelSize()
     size.right, size.up, size.back, size.orthographic = (SIDE, 0, 0), (0, SIDE, 0), (0, 0, 1), 1
     lying = None if parts is None else np.array(parts, np.int32)[order]
-    counts = merge(rows, weights, begins, lying, size, ONE_THREAD)
+    counts = merge(rows, weights, begins, lying, size, ONE_THREAD, rays)
     assert counts.sum() == count
     kept = np.flatnonzero(counts)
     np.testing.assert_array_equal(kept, np.flatnonzero(rows.receiver.numpy() >= 0))

@@ -1,0 +1,101 @@
+"""What pixels see of several surfaces is as much of each as lies in them, and light is looked up no oftener for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.view.scenes import SUN, WATER, floor, looking_down, quad, steady
+from tests.view.test_merging import SIDE, looked_up
+from tpdwarp.clock import Clock
+from tpdwarp.rendering.context import RenderContext
+from tpdwarp.rendering.frame import render_frame
+from tpdwarp.scene.description import Material, MeshAtShutter, Shutter
+from tpdwarp.settings import Settings
+from tpdwarp.view.merging import LARGEST_DISTANCE
+from tpdwarp.view.mixed_pixels import RAYS_OF_PIXEL, rays_of_sample
+from tpdwarp.view.queries import CameraView, QueryBatch, SeenPoints
+
+ACROSS, FINER = 32, 64
+STILL = Shutter(0.0, 0.0, 0.0)
+CORNERS = np.array([[-0.81, -0.73, 0.2], [0.77, -0.41, 0.2], [-0.13, 0.83, 0.2]])
+PLATE = MeshAtShutter("/plate", CORNERS, np.array([[0, 1, 2]], np.int32), materials=(Material(),))
+
+
+def covered() -> np.ndarray:
+    """How much of each pixel the plate covers, by many points, [height, width]."""
+    at = (np.arange(ACROSS * FINER) + 0.5) / (0.5 * ACROSS * FINER) - 1.0
+    x, y = at[None, :], -at[:, None]
+    inside = np.ones((ACROSS * FINER,) * 2, bool)
+    for a, b in zip(CORNERS, np.roll(CORNERS, -1, axis=0), strict=True):
+        inside &= (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) > 0.0
+    return inside.reshape(ACROSS, FINER, ACROSS, FINER).mean(axis=(1, 3))
+
+
+def context(meshes: list[MeshAtShutter], **options) -> RenderContext:
+    source = steady(meshes, (SUN,), looking_down())
+    return RenderContext(source, Settings(**{"photons": 1024, "threads": 1, "samples": 4} | options))
+
+
+def seen_by(meshes: list[MeshAtShutter], **options) -> list[SeenPoints | QueryBatch]:
+    given = context(meshes, **options)
+    scenes = given.scenes(STILL, Clock())
+    return list(CameraView(scenes, given.settings, given.normalization, given.launcher, ACROSS, ACROSS, Clock()).look())
+
+
+@pytest.mark.parametrize("samples", [2, 4, 9])
+def test_edges_cover_as_much_of_a_pixel_as_they_do(samples):
+    wanted = covered()
+    frame = render_frame(context([PLATE], samples=samples, aovs=("cryptomatte",)), STILL, ACROSS, ACROSS)
+    off = frame.channels["A"] - wanted
+    # What no sample of a pixel meets nobody knows of.
+    known = (frame.channels["A"] > 0.0) & (frame.channels["A"] < 1.0)
+    assert known.sum() >= 40
+    # Of as many positions as samples a twentieth to a fifth.
+    assert np.sqrt(np.mean(off[known] ** 2)) < 0.02
+    np.testing.assert_allclose(frame.channels["CryptoObject00.g"], frame.channels["A"], atol=1e-6)
+
+
+def test_light_from_photons_fills_as_much_of_a_pixel_as_what_it_falls_on():
+    """Even light through flat water on a plate, which has all of it up to its edges."""
+    water = quad("/water", (-3, -3), (3, 3), 0.9, WATER)
+    frame = render_frame(context([PLATE, water], photons=1 << 14, aovs=("caustic",)), STILL, ACROSS, ACROSS)
+    caustic = frame.channels["caustic.R"]
+    even = np.median(caustic[covered() == 1.0])
+    assert even > 0.0
+    part = caustic / even
+    off = part - covered()
+    known = (part > 1.0 / RAYS_OF_PIXEL) & (part < 1.0 - 1.0 / RAYS_OF_PIXEL)
+    assert known.sum() > 40 and np.sqrt(np.mean(off[known] ** 2)) < 0.02
+
+
+def test_all_of_each_pixel_is_looked_up_and_each_surface_once():
+    seen = seen_by([PLATE, floor()])
+    batches = [batch for batch in seen if isinstance(batch, QueryBatch)]
+    pixels = np.concatenate([batch.pixels for batch in batches])
+    first = np.concatenate([np.float64(batch.first) for batch in batches])
+    np.testing.assert_allclose(np.bincount(pixels, first), 4.0)
+    part = covered()
+    surfaces = 1 + ((part > 0.0) & (part < 1.0)).ravel()
+    rows = np.bincount(pixels)
+    assert (rows <= surfaces).all() and (rows == 2).sum() > 20
+
+
+def test_what_moves_and_single_samples_take_no_more_rays():
+    assert rays_of_sample(1) == 1 == rays_of_sample(2 * RAYS_OF_PIXEL)
+    assert rays_of_sample(4) == RAYS_OF_PIXEL // 4
+    assert all(seen.shares == 1.0 for seen in seen_by([PLATE, floor()], samples=1) if isinstance(seen, SeenPoints))
+
+
+def test_points_on_two_steps_of_one_object_are_not_put_together():
+    height = 1.1 * float(LARGEST_DISTANCE) * SIDE
+    found = looked_up([0] * 4, [(0, 0, 0), (0, 0.01, height), (0.01, 0, 0), (0, 0, height)])
+    assert sorted(row["position"][2] for row in found) == pytest.approx([0.0, height])
+
+
+def test_of_rays_that_meet_a_surface_far_apart_some_stand_for_the_others():
+    places = [(9.0 * k, 0, 0) for k in range(8)]
+    found = looked_up([0] * 8, places, rays=4)
+    assert [row["count"] for row in found] == [4, 4]
+    assert [row["weight"] for row in found] == [1 + 2 + 3 + 4, 5 + 6 + 7 + 8]
+    np.testing.assert_allclose([row["position"] for row in found], [places[0], places[4]])
