@@ -1,8 +1,8 @@
 """How far footprints reach, placed in a part of the shutter: what need not be weighed, and what bounds of them hold.
 
-Boxes along the axes of the scene, which a tree is built over, are met by three times as many footprints as reach into
-them. Queries that see the whole shutter ask where each reaches then before they place it, of numbers that lie together
-in memory; others ask for its course (:mod:`.courses`) or place it.
+Of footprints whose boxes along the axes of the scene meet a run of queries, on solids up to two in three do not reach
+into it. Queries that see the whole shutter ask how far each reaches then before they place it, of numbers that lie
+together in memory.
 """
 
 from __future__ import annotations
