@@ -7,8 +7,9 @@ from typing import Any
 
 import warp as wp
 
-# Loops of more steps are not unrolled before vector instructions are made of them: those over lanes, of which LLVM
-# finds few again once they are sixteen lines.
+# Loops of more steps are not unrolled: those over lanes, of which LLVM finds few again once they are sixteen lines; and
+# those around rays, whose steps are hundreds of lines: what hides a light would not be inlined, and to copy the scene
+# for each call takes as long as its ray.
 MOST_UNROLLED = 4
 # Functions of up to so many instructions, as LLVM weighs them, become part of those that call them. Chosen by
 # measurement: camera rays over open water take .8 of the time that they take with half as many, and with twice as many
@@ -39,7 +40,7 @@ def lanes_in_vectors() -> dict[str, Any]:
 def calls_inlined() -> dict[str, Any]:
     """Of modules whose functions take large structures: Warp passes them by value, and to copy one takes longer than
     a ray."""
-    return _with_flags(INLINED)
+    return {"max_unroll": MOST_UNROLLED, **_with_flags(INLINED)}
 
 
 def _with_flags(*flags: str) -> dict[str, Any]:

@@ -15,8 +15,10 @@ from tpdwarp.footprints.cell_parts import told_apart
 from tpdwarp.footprints.courses import courses_of
 from tpdwarp.footprints.light_images import axes_in_light, images_of
 from tpdwarp.footprints.photon_rows import PhotonRows, stacked
+from tpdwarp.footprints.reach import whole_reaches
 from tpdwarp.footprints.shaping import FootprintArrays, Mirrors, PixelSize, footprint_kernel
 from tpdwarp.footprints.time_slots import most_slots, sweeps_in
+from tpdwarp.footprints.weights import GatherForm
 from tpdwarp.photons.photon_map import PhotonMap
 
 # Pieces that a leaf of the tree holds: a tree of a million is built in half the time that it takes with one in each and
@@ -47,11 +49,19 @@ class Footprints:
     clamped: int
     growth_limited: int
     launcher: Launcher
+    _reaches: dict[GatherForm, wp.array] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
         """Number of footprints."""
         return self.durations.shape[0]
+
+    def reaches(self, form: GatherForm) -> wp.array:
+        """How far each reaches over the whole shutter; found once."""
+        if form not in self._reaches:
+            given = self.arrays, self.durations, form, self.moves, self.curved, self.launcher
+            self._reaches[form] = whole_reaches(*given)
+        return self._reaches[form]
 
     @cached_property
     def courses(self) -> wp.array:

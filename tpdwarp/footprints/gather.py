@@ -26,7 +26,7 @@ from tpdwarp.footprints.lanes import Lanes, LaneVectors, greatest, in_lane, lane
 from tpdwarp.footprints.leaves import LEAF, LeafArrays, leaves_of
 from tpdwarp.footprints.parabolas import Parabola, parabola_at
 from tpdwarp.footprints.placing import PlacedFootprint, TimeWindow, place_footprint, shading_ratio
-from tpdwarp.footprints.reach import misses, reach_of
+from tpdwarp.footprints.reach import Reach, misses, reach_of
 from tpdwarp.footprints.runs import LARGEST_DEVIATION, Run, next_run
 from tpdwarp.footprints.shaping import FootprintArrays
 from tpdwarp.footprints.weights import GatherForm, footprint_weight
@@ -288,6 +288,7 @@ def gather_kernel(
         footprints: FootprintArrays,
         pieces: wp.array(dtype=Piece),
         courses: wp.array(dtype=Course),
+        reaches: wp.array(dtype=Reach),
         durations: wp.array(dtype=wp.float32),
         run_size: float,
         windows: wp.array(dtype=TimeWindow),
@@ -320,6 +321,10 @@ def gather_kernel(
                     if wp.static(query_moves):
                         if wanted:
                             wanted = not passes_by(courses[piece.footprint], run.window, run.middle, run.half)
+                    else:
+                        if wanted and reaches.shape[0] > 0:
+                            known = reaches[piece.footprint]
+                            wanted = not misses(known, run.middle - known.center, run.half)
                     if wanted:
                         # ---- Clip the shutter, place the footprint on its trajectory
                         j = piece.footprint
@@ -329,7 +334,7 @@ def gather_kernel(
                         last = run.stop
                         moved = placed.since * run.window.motion - placed.center
                         reach = reach_of_form(placed)
-                        if not placed.overlap or misses(placed, reach, run.middle + moved, run.half):
+                        if not placed.overlap or misses(reach, run.middle + moved, run.half):
                             last = start
                         summed = bool(False)
                         if wp.static(parabolas):
@@ -363,7 +368,7 @@ def gather_kernel(
                             stop = wp.min(last, (leaf + 1) * LEAF)
                             missed = bool(False)
                             if wp.static(not query_moves):
-                                missed = misses(placed, reach, leaves.middle[leaf] - placed.center, leaves.half[leaf])
+                                missed = misses(reach, leaves.middle[leaf] - placed.center, leaves.half[leaf])
                             if not missed:
                                 add_to_leaf(leaves, leaf, first, stop, placed, dxdt, is_image, summed, sums, out)
                             first = stop
@@ -413,14 +418,17 @@ def gathered(
     lanes = lanes_of(launcher)
     leaves = leaves_of(queries, count, lanes, lookup.query_moves, launcher)
     group_size = lanes if launcher.device.is_cuda else GROUP
-    looks = time_windows(lookup.windows() if windows is None else windows, launcher)
+    windows = lookup.windows() if windows is None else windows
+    looks = time_windows(windows, launcher)
+    whole = not lookup.query_moves and bool((windows[:, 2] >= 1.0).all())
     for footprints in maps:
         every = footprints.footprints
         moves = every.moves or lookup.query_moves
         shaded = every.shaded and has_shading_normals(queries)
         kernel = gather_kernel(form, lanes, moves, every.curved, shaded, lookup.query_moves, lookup.with_motion)
         photons = [footprints.bvh.id, every.arrays, footprints.pieces.rows]
-        photons += [every.courses if lookup.query_moves else launcher.zeros(0, Course), every.durations]
+        photons.append(every.courses if lookup.query_moves else launcher.zeros(0, Course))
+        photons += [every.reaches(form) if whole else launcher.zeros(0, Reach), every.durations]
         sums = launcher.rows(LeafSums.of(lanes), leaves.middle.shape[0])
         inputs = [*photons, footprints.run_size, looks, group_size, count, queries, leaves, sums, out]
         launcher(kernel, -(-count // group_size), inputs, smallest_chunk=1)

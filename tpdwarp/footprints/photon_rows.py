@@ -57,10 +57,11 @@ def stacked(parts: Sequence[PhotonRows], name: str, *, own: bool = False) -> np.
     first = parts[0].values(name)
     if len(parts) == 1 and parts[0].rows is None and not parts[0].changed and not own:
         return first
-    out = np.empty((sum(map(len, parts)), *first.shape[1:]), first.dtype)
+    counts = [len(part) for part in parts]
+    out = np.empty((sum(counts), *first.shape[1:]), first.dtype)
     start = 0
-    for part in parts:
-        here = out[start : start + len(part)]
+    for part, count in zip(parts, counts, strict=True):
+        here = out[start : start + count]
         if name in part.changed:
             here[:] = part.changed[name]
         elif part.rows is None:
@@ -70,5 +71,5 @@ def stacked(parts: Sequence[PhotonRows], name: str, *, own: bool = False) -> np.
             np.take(part.values(name), part.rows, axis=0, out=here, mode="clip")
         if name == "flux" and part.part is not None:
             here *= part.part[:, None]
-        start += len(part)
+        start += count
     return out

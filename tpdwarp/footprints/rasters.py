@@ -19,7 +19,7 @@ from tpdwarp.footprints.gather import BOX_MARGIN, PLAIN_LOOKUP, gathered, time_w
 from tpdwarp.footprints.irradiance import Lookup, QueryArrays, has_shading_normals
 from tpdwarp.footprints.placing import PLANE_ROUNDING, TimeWindow
 from tpdwarp.footprints.planes import SAME_NORMAL, Plane
-from tpdwarp.footprints.shaping import tangent_frame
+from tpdwarp.footprints.shaping import TangentFrame, tangent_frame
 from tpdwarp.footprints.ways import MOST_PIECES
 from tpdwarp.footprints.weights import GatherForm
 
@@ -69,10 +69,8 @@ class RasterArrays:
 
 
 @wp.func
-def on_plane(rasters: RasterArrays, plane: int, x: wp.vec3) -> wp.vec2:
-    """Coordinates of x on a plane, from the corner where its rasters begin."""
-    n = rasters.normal[plane]
-    frame = tangent_frame(n)
+def on_plane(rasters: RasterArrays, plane: int, frame: TangentFrame, x: wp.vec3) -> wp.vec2:
+    """Coordinates of x on a plane with its ``frame``, from the corner where its rasters begin."""
     d = x - rasters.foot[plane]
     return wp.vec2(wp.dot(frame.e1, d) + REACH, wp.dot(frame.e2, d) + REACH)
 
@@ -129,7 +127,7 @@ def find_lit_tiles(
             n = rasters.normal[plane]
             if wp.abs(wp.dot(n, middle - rasters.foot[plane])) <= wp.dot(wp.abs(n), half):
                 frame = tangent_frame(n)
-                place = on_plane(rasters, plane, middle)
+                place = on_plane(rasters, plane, frame, middle)
                 reach = wp.vec2(wp.dot(wp.abs(frame.e1), half), wp.dot(wp.abs(frame.e2), half))
                 first = (place - reach) / side
                 last = (place + reach) / side
@@ -191,9 +189,10 @@ def find_planes(
             flat = wp.dot(n, queries.normal[i]) > FLAT
             if shaded != 0:
                 flat = flat and wp.dot(n, queries.shading_normal[i]) > FLAT
+            frame = tangent_frame(n)
             for end in range(2):
                 at = x + (window.center - window.time + (float(end) - 0.5) * window.length) * motion
-                place = on_plane(rasters, plane, at)
+                place = on_plane(rasters, plane, frame, at)
                 # Two coarsest squares more, for the corners around it.
                 inside = wp.min(place) > MARGIN and wp.max(place) < 2.0 * REACH - MARGIN
                 flat = flat and inside and wp.abs(wp.dot(n, at - rasters.foot[plane])) <= PLANE_ROUNDING
@@ -201,16 +200,22 @@ def find_planes(
                 planes[i] = plane
     plane = planes[i]
     if plane >= 0:
+        frame = tangent_frame(rasters.normal[plane])
         for level in range(rasters.side.shape[0]):
             side = rasters.side[level]
             count = place_count(motion, window, side)
             for number in range(count):
-                place = on_plane(rasters, plane, place_on_way(x, motion, window, number, count))
+                place = on_plane(rasters, plane, frame, place_on_way(x, motion, window, number, count))
                 first = corner_below(place, side)
-                for corner in range(4):
-                    tile = tile_around(rasters, plane, level, first, corner)
-                    if rasters.slots[tile] == UNKNOWN:
-                        wanted[tile] = 1
+                tile = tile_of(rasters, plane, level, first[0], first[1])
+                # Tiles are no narrower than all of the corners: they lie in this one and the next along either axis.
+                more_u = wp.where(first[0] % TILE_U > TILE_U - STENCIL, 2, 1)
+                more_v = wp.where(first[1] % TILE_V > TILE_V - STENCIL, 2, 1)
+                for v in range(more_v):
+                    for u in range(more_u):
+                        needed = tile + u + rasters.tiles_across[level] * v
+                        if rasters.slots[needed] == UNKNOWN:
+                            wanted[needed] = 1
 
 
 @wp.kernel(enable_backward=False)
@@ -309,11 +314,13 @@ def add_rasters(
         if queries.motion.shape[0] > 0:
             motion = queries.motion[i]
         total = irradiance[i]
+        frame = tangent_frame(rasters.normal[plane])
         for level in range(rasters.side.shape[0]):
             count = place_count(motion, window, rasters.side[level])
             for number in range(count):
                 at = place_on_way(queries.position[i], motion, window, number, count)
-                total += interpolated(rasters, plane, level, on_plane(rasters, plane, at)) / float(count)
+                place = on_plane(rasters, plane, frame, at)
+                total += interpolated(rasters, plane, level, place) / float(count)
         irradiance[i] = total
 
 

@@ -14,6 +14,8 @@ from tpdwarp.view.visibility import VisiblePoints
 # Depth [scene units] where nothing is seen: finite, so that depths can be compared and filtered. Chosen,
 # not derived.
 BACKGROUND_DEPTH = 1.0e10
+# Pixels that are developed together: arrays of as many stay in caches. Chosen, not derived.
+BAND = 1 << 14
 
 
 class Film:
@@ -132,51 +134,71 @@ class Film:
 
     def channels(self) -> dict[str, np.ndarray]:
         """Beauty and the asked AOVs, each [height, width] float32 (limited to its range), rows from the top."""
+        count = self.width * self.height
+        mattes = {} if self._mattes is None else self._mattes.channels(1.0 / self.samples)
+        out: dict[str, np.ndarray] = {}
+        for first in range(0, count, BAND):
+            band = slice(first, min(first + BAND, count))
+            for name, values in self._channels_in(band, mattes).items():
+                out.setdefault(name, np.empty(count, np.float32))[band] = to_float32(values)
+        return {name: values.reshape(self.height, self.width) for name, values in out.items()}
+
+    def _channels_in(self, band: slice, mattes: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Those of a ``band`` of pixels, each [n].
+
+        Args:
+            mattes: Channels of all pixels that are known already.
+        """
         per_sample = 1.0 / self.samples
         area = self._norm.scale**2 * self._norm.power
-        direct = self._get("direct", 3) * (per_sample * self._scale * area)
-        caustic = self._get("caustic", 3) * (per_sample * self._scale * area)
+        coverage, depth = self._coverage[band], self._depth[band]
+
+        def sums(name: str, width: int) -> np.ndarray:
+            return self._sums[name][:, band] if name in self._sums else np.zeros((width, len(coverage)))
+
+        direct = sums("direct", 3) * (per_sample * self._scale * area)
+        caustic = sums("caustic", 3) * (per_sample * self._scale * area)
         beauty = direct + caustic
-        out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": (self._coverage - self._beyond) * per_sample}
-        hits, diffuse = np.maximum(self._coverage, 1e-30), np.maximum(self._diffuse, 1e-30)
+        out = {"R": beauty[0], "G": beauty[1], "B": beauty[2], "A": (coverage - self._beyond[band]) * per_sample}
+        hits, diffuse = np.maximum(coverage, 1e-30), np.maximum(self._diffuse[band], 1e-30)
         for group in self._groups:
             for name, factor in (("caustic", per_sample * self._scale * area), ("irradiance", area / diffuse)):
                 if name == "caustic" or name in self._aovs:
-                    value = self._get(f"{name}_{group}", 3) * factor
+                    value = sums(f"{name}_{group}", 3) * factor
                     out.update({f"{name}_{group}.{c}": value[k] for k, c in enumerate("RGB")})
         for aov in self._aovs:
             if aov in ("caustic", "direct", "irradiance"):
                 value = {"caustic": caustic, "direct": direct}.get(aov)
                 if value is None:
-                    value = self._get("irradiance", 3) * (area / diffuse)
+                    value = sums("irradiance", 3) * (area / diffuse)
                 out.update({f"{aov}.{c}": value[k] for k, c in enumerate("RGB")})
             elif aov == "Z":
-                seen = np.isfinite(self._depth)
-                out["Z"] = np.where(seen, np.where(seen, self._depth, 0.0) / self._norm.scale, BACKGROUND_DEPTH)
+                seen = np.isfinite(depth)
+                out["Z"] = np.where(seen, np.where(seen, depth, 0.0) / self._norm.scale, BACKGROUND_DEPTH)
             elif aov == "photons":
-                out["photons"] = self._get("photons", 1)[0] / diffuse
+                out["photons"] = sums("photons", 1)[0] / diffuse
             elif aov == "id":
-                out["id"] = self._ids
-            elif self._mattes is not None and aov == "cryptomatte":
-                out.update(self._mattes.channels(per_sample))
+                out["id"] = self._ids[band]
+            elif aov == "cryptomatte":
+                out.update({name: values[band] for name, values in mattes.items()})
             elif aov == "vector":
-                value = self._get("vector", 2) / hits
+                value = sums("vector", 2) / hits
                 out.update({f"vector.{c}": value[k] for k, c in enumerate("XY")})
             elif aov in ("albedo", "shadow"):
                 factor = 1.0 / diffuse if aov == "albedo" else per_sample * self._scale * area
-                value = self._get(aov, 3) * factor
+                value = sums(aov, 3) * factor
                 out.update({f"{aov}.{c}": value[k] for k, c in enumerate("RGB")})
             else:
-                value = self._get(aov, 3)
+                value = sums(aov, 3)
                 if aov == "motion":
-                    value = value / (np.maximum(self._motion_weight, 1e-30) * self._norm.scale)
+                    value = value / (np.maximum(self._motion_weight[band], 1e-30) * self._norm.scale)
                 elif aov == "P":
                     origin = np.asarray(self._norm.origin)[:, None]
-                    value = np.where(self._coverage > 0, value / hits / self._norm.scale + origin, 0.0)
+                    value = np.where(coverage > 0, value / hits / self._norm.scale + origin, 0.0)
                 else:
                     value = value / np.maximum(np.linalg.norm(value, axis=0), 1e-30)
                 out.update({f"{aov}.{c}": value[k] for k, c in enumerate("XYZ")})
-        return {name: to_float32(v).reshape(self.height, self.width) for name, v in out.items()}
+        return out
 
     def _name(self, pixels: np.ndarray, depths: np.ndarray, objects: np.ndarray) -> None:
         """Names pixels by the nearest object that a sample of theirs saw."""
@@ -191,9 +213,6 @@ class Film:
         sums = self._sums.setdefault(name, np.zeros((values.shape[1], self.width * self.height)))
         for k in range(values.shape[1]):
             _add_up(sums[k], values[:, k], pixels)
-
-    def _get(self, name: str, width: int) -> np.ndarray:
-        return self._sums.get(name, np.zeros((width, self.width * self.height)))
 
 
 def _add_up(sums: np.ndarray, values: np.ndarray, pixels: np.ndarray) -> None:
