@@ -371,6 +371,15 @@ def test_light_that_passes_pickets_between_two_keyframes_shines_on_them(tmp_path
     assert np.sqrt(np.mean((found - truth) ** 2)) < 0.05 * truth.mean()
 
 
+@pytest.mark.parametrize(("name", "wanted"), [("stick-over-a-bowl", 0.05), ("mirror-beside-a-dome", 0.1)])
+def test_light_that_is_covered_or_leaves_between_keyframes_is_as_much_as_there_is(name, wanted, tmp_path):
+    """.305 with 1.082 of the light where a stick shadows what it does at keyframes alone; .124 with .983 of it where
+    cells of a mirror ride as those beside them, whose light falls on nothing in the middle of the shutter."""
+    found, truth = of_stranger(name, tmp_path)
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.012)
+    assert np.sqrt(np.mean((found - truth) ** 2)) < wanted * truth.mean()
+
+
 def test_a_soft_cone_that_turns_away_takes_with_it_what_it_lit():
     """Its rim passes over a pane faster than sparse keyframes tell by how much the light bends there."""
     pane = quad("/pane", (-0.5, -0.5), (0.5, 0.5), 1.0, glass(1.33))

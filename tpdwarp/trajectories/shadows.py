@@ -102,7 +102,7 @@ def _places(
 def _along_edges(
     triangles: np.ndarray, ends: Sequence[np.ndarray], window: Window, beside: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places along what edges of triangles have near ``window``, no more than a cell apart, their ways, both [n, 3], and
+    """Places along what edges of triangles have near ``window``, at most a cell apart, their ways, both [n, 3], and
     unit directions of the edges on the lattice, shape [n, 2].
 
     Args:
@@ -131,5 +131,5 @@ def _along_edges(
     step = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
     along = first[edge] + (last - first)[edge] * step / np.maximum(counts[edge] - 1, 1)
     places, ways = (values[a[edge]] + along[:, None] * (values[b] - values[a])[edge] for values in (middle, way))
-    edges = (away[met] / np.maximum(np.linalg.norm(away[met], axis=1, keepdims=True), np.finfo(np.float64).tiny))[edge]
-    return places, ways, edges
+    directions = away[met] / np.linalg.norm(away[met], axis=1, keepdims=True).clip(np.finfo(np.float64).tiny)
+    return places, ways, directions[edge]
