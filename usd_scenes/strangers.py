@@ -2,7 +2,8 @@
 
 Each is one frame whose shutter is open for all of it. Unlike :mod:`.solids`, whose vertices go straight, bodies move by
 xformOps with time samples, so that what turns goes along arcs. The truth of those that glide is brute force, that of
-the others many instants (``scripts/benchmarks/strangers.py``). The camera is orthographic, looks straight down, and
+some that turn brute force in pieces of the shutter, that of the others many instants
+(``scripts/benchmarks/strangers.py``). The camera is orthographic, looks straight down, and
 stands below what is specular.
 """
 
@@ -39,17 +40,44 @@ class Stranger:
     moves: dict[str, Sequence[Op]]
 
     @property
-    def gliding(self) -> Scene | None:
-        """The same with vertices that go straight, as brute force takes them; None where bodies do anything else."""
+    def glides(self) -> bool:
+        """Whether all vertices go straight, as brute force takes them."""
         ops = [op for ops in self.moves.values() for op in ops]
-        if any(kind != "translate" or set(samples) != {0.0, 1.0} for kind, samples in ops):
-            return None
+        return all(len(way) == 1 or (kind == "translate" and set(way) == {0.0, 1.0}) for kind, way in ops)
+
+    def pieces(self, count: int) -> list[Scene]:
+        """The scene in equal pieces of the shutter, in each of which vertices go straight from where they are as it
+        opens to where they are as it closes, as brute force takes them."""
+        return [self._over(number / count, (number + 1) / count) for number in range(count)]
+
+    def _over(self, opens: float, closes: float) -> Scene:
         meshes = []
         for mesh in self.scene.meshes:
-            way = [samples for _, samples in self.moves.get(mesh.name, ())]
-            start, end = (sum((np.array(samples[time]) for samples in way), np.zeros(3)) for time in (0.0, 1.0))
-            meshes.append(replace(mesh, points=(mesh.points[0] + start, mesh.points[1] + end)))
+            own = [mesh.points, mesh.normals]
+            for place, values in enumerate(own):
+                if values is not None:
+                    ends = ((1.0 - s) * values[0] + s * values[1].astype(np.float64) for s in (opens, closes))
+                    moved = zip(ends, (opens, closes), strict=True)
+                    ops = self.moves.get(mesh.name, ())
+                    own[place] = tuple(_moved(end, ops, time, place == 1) for end, time in moved)
+            meshes.append(replace(mesh, points=own[0], normals=own[1]))
         return replace(self.scene, meshes=tuple(meshes), view_is_clear=False)
+
+
+def _moved(values: np.ndarray, ops: Sequence[Op], time: float, normals: bool) -> np.ndarray:
+    """Points, or normals, of a body [n, 3] where its xformOps put them at a time, 0 … 1."""
+    for kind, samples in reversed(ops):
+        times = sorted(samples)
+        tracks = np.array([np.atleast_1d(samples[at]) for at in times], dtype=float).T
+        value = np.array([np.interp(time, times, track) for track in tracks])
+        if kind == "translate":
+            values = values if normals else values + value
+        elif kind == "scale":
+            values = values / value if normals else values * value
+        else:
+            axis = tuple(float(letter == kind[-1]) for letter in "XYZ")
+            values = values @ shapes.rotation(axis, float(value[0])).T
+    return values / np.linalg.norm(values, axis=1, keepdims=True) if normals else values
 
 
 def write(name: str, folder: Path) -> Path:
@@ -172,6 +200,43 @@ def hollow_lens_over_stairs() -> Stranger:
     return _over("hollow-lens-over-stairs", _stairs(5, 0.3, 0.1), _mesh("Lens", concave_lens(0.45, 0.9, 0.06)))
 
 
+def stick_over_a_bowl() -> Stranger:
+    """A stick, narrower than a sixth of its way, passes above a lens whose light falls into a hollow half ball."""
+    points, triangles, normals = shapes.sphere(128, 96)
+    lower = triangles[np.all(points[triangles][:, :, 2] < 1e-6, axis=1)][:, ::-1]
+    bowl = _mesh("Bowl", (shapes.moved(0.8 * points, (0.0, 0.0, 0.9)), lower, -normals), DIFFUSE)
+    tilt = shapes.rotation((0.0, 1.0, 0.0), 10.0).T
+    points, triangles, normals = shapes.lens(0.45, 0.9)
+    lens = _mesh("Lens", (shapes.moved(points @ tilt, (0.0, 0.0, 1.5)), triangles, normals @ tilt))
+    points, triangles = shapes.box((0.08, 2.0, 0.08))
+    stick = _mesh("Stick", (points @ shapes.rotation((0.0, 0.0, 1.0), 15.0).T, triangles), DIFFUSE)
+    way: list[Op] = [("translate", {0.0: (-0.3, 0.0, 2.1), 1.0: (0.2, 0.1, 2.1)})]
+    meshes = [_floor(), bowl, lens, stick]
+    return _stranger("stick-over-a-bowl", meshes, [_sun(8.0)], {stick.name: way}, (0.0, 0.0, 1.15), 1.4)
+
+
+def mirror_beside_a_dome() -> Stranger:
+    """A hollow mirror turns by 30 degrees: its light goes over a half ball and leaves the scene before mid shutter."""
+    points, triangles, normals = shapes.sphere()
+    dome = _mesh("Dome", (shapes.moved(0.5 * points, (0.0, 0.0, 0.1)), triangles, normals), DIFFUSE)
+
+    def hollow(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return 0.25 * (x**2 + y**2), 0.5 * x, 0.5 * y
+
+    mirror = _mesh("Mirror", shapes.sheet(0.9, 24, hollow), MIRROR, tint=0.9)
+    turn: list[Op] = [("translate", {0.0: (1.1, 0.0, 0.7)}), ("rotateY", {0.0: -75.0, 1.0: -45.0})]
+    sun = Light("/World/Sun", 1.0, direction=np.array([0.8, 0.0, -1.0]) / np.linalg.norm([0.8, 0.0, -1.0]))
+    return _stranger("mirror-beside-a-dome", [_floor(), dome, mirror], [sun], {mirror.name: turn}, (0.1, 0.0, 3.0), 1.6)
+
+
+def prism_spinning() -> Stranger:
+    """A glass prism spins by 200 degrees about a slanting axis."""
+    prism = _mesh("Prism", shapes.prism(0.5, 0.9))
+    turn: list[Op] = [("rotateZ", {0.0: 0.0, 1.0: 200.0}), ("rotateX", {0.0: 20.0})]
+    moves: list[Op] = [("translate", {0.0: (0.0, 0.0, 0.8)}), *turn]
+    return _stranger("prism-200", [_floor(), prism], [_sun(20.0)], {prism.name: moves}, (0.1, 0.0, 0.25), 2.4)
+
+
 STRANGERS: dict[str, Callable[[], Stranger]] = {
     "pendulum-lens": pendulum_lens,
     "mirror-ring-90": mirror_ring_turning,
@@ -184,6 +249,9 @@ STRANGERS: dict[str, Callable[[], Stranger]] = {
     "lens-over-a-box": lens_over_a_box,
     "rod-over-a-fence": rod_over_a_fence,
     "hollow-lens-over-stairs": hollow_lens_over_stairs,
+    "stick-over-a-bowl": stick_over_a_bowl,
+    "mirror-beside-a-dome": mirror_beside_a_dome,
+    "prism-200": prism_spinning,
 }
 
 

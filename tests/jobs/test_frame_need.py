@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from pxr import Gf, Usd, UsdGeom
 
 import tpdwarp
 from tests.small_stage import write_stage
@@ -51,3 +52,17 @@ def test_the_estimate_is_within_a_factor_of_two(tmp_path, options):
     )
     estimate = tpdwarp.info(stage, frames=1, **options)["memory_of_a_frame"]["bytes"]
     assert estimate / 2 < int(done.stdout) < estimate * 2
+
+
+def test_the_look_at_what_a_frame_needs_is_of_that_frame(tmp_path, caplog):
+    path = write_stage(tmp_path / "stage.usda", frames=1)
+    stage = Usd.Stage.Open(str(path))
+    many = UsdGeom.PointInstancer.Define(stage, "/World/Many")
+    UsdGeom.Cube.Define(stage, "/World/Many/Cube").CreateSizeAttr(0.01)
+    many.CreatePrototypesRel().SetTargets(["/World/Many/Cube"])
+    many.CreateProtoIndicesAttr([0])
+    many.CreatePositionsAttr().Set([Gf.Vec3f(0, 0, 1)], 1)
+    many.CreateVelocitiesAttr().Set([Gf.Vec3f(0, 0, 1)], 1)
+    stage.Save()
+    tpdwarp.render(path, tmp_path / "a.exr", frames=1, exposure=1.0, **SMALL)
+    assert not [record for record in caplog.records if "outside the animation" in record.getMessage()]

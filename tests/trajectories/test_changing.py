@@ -84,6 +84,23 @@ def test_the_board_takes_away_as_much_light_as_it_covers_on_average():
     assert energy.deposited + energy.escaped + energy.lost_total == pytest.approx(energy.sent, rel=1e-6)
 
 
+@pytest.mark.parametrize(("half", "middle"), [(1.0, 0.0), (0.06, 0.14)])
+def test_a_stick_takes_light_wherever_it_passes_between_keyframes(half, middle):
+    """It is narrower than its way from one keyframe to the next; past the narrow water it comes and goes in between."""
+    width, way = 0.08, 0.6
+    stick = quad("/stick", (middle - width / 2, -3), (middle + width / 2, 3), 2.0, motion=(way, 0, 0))
+    water = quad("/water", (-half, -2), (half, 2), 1.0, glass(1.33))
+    source = steady([floor(), water, stick], (sun(),), looking_down((-1, 1, -0.125, 0.125), height=0.5))
+    frame = rendered(source, photons=16384)
+    x = (np.arange(128) + 0.5) / 64 - 1
+    ends = [np.clip((x - middle + side * width / 2) / way, -0.5, 0.5) for side in (-1, 1)]
+    exact = (1 - fresnel_reflectance(0.0, 1.0, 1.33)) * (1 - (ends[1] - ends[0]))
+    found, inside = irradiance(frame).mean(axis=0), np.abs(x) < half - 0.02
+    # Where only keyframes show it the most is .13: it shadows nothing between them, and what it shadows then too long.
+    assert np.abs(found - exact)[inside].max() < 0.03
+    assert found[inside].mean() == pytest.approx(exact[inside].mean(), rel=0.005)
+
+
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.45, 0.8])
 def test_an_edge_along_the_motion_takes_part_of_a_cell_wherever_it_lies(place):
     """It is at the same place at all times, so that no keyframe sees it change."""
@@ -352,6 +369,15 @@ def test_light_that_passes_pickets_between_two_keyframes_shines_on_them(tmp_path
     """It crosses a picket in a sixth of the shutter, beside which it falls at all keyframes: .109 of the mean."""
     found, truth = of_stranger("rod-over-a-fence", tmp_path)
     assert np.sqrt(np.mean((found - truth) ** 2)) < 0.05 * truth.mean()
+
+
+@pytest.mark.parametrize(("name", "wanted"), [("stick-over-a-bowl", 0.05), ("mirror-beside-a-dome", 0.1)])
+def test_light_that_is_covered_or_leaves_between_keyframes_is_as_much_as_there_is(name, wanted, tmp_path):
+    """.305 with 1.082 of the light where a stick shadows what it does at keyframes alone; .124 with .983 of it where
+    cells of a mirror ride as those beside them, whose light falls on nothing in the middle of the shutter."""
+    found, truth = of_stranger(name, tmp_path)
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.012)
+    assert np.sqrt(np.mean((found - truth) ** 2)) < wanted * truth.mean()
 
 
 def test_a_soft_cone_that_turns_away_takes_with_it_what_it_lit():

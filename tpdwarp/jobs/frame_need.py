@@ -64,7 +64,7 @@ def need_of(
     Raises:
         InputError: The scene cannot be used there.
     """
-    meshes = source.at(Shutter.still(shutter.middle)).meshes
+    meshes = source.at(Shutter(shutter.frame, shutter.middle, shutter.middle)).meshes
     in_strips = settings.estimator == "tpd" and not shared
     at_once = min(settings.photons, PHOTONS_OF_STRIP) if in_strips else settings.photons
     return FrameNeed(sum(len(mesh.triangles) for mesh in meshes), settings.photons, pixels, at_once)

@@ -59,7 +59,7 @@ def power_curves(source: SceneSource, shutter: Shutter, paths: Sequence[str]) ->
     def curve(number: int) -> PowerCurve | None:
         found = PowerCurve.of(lambda begin, end: powers(begin, end)[number])
         (first, *others) = found.pieces or (None,)
-        if first is None or (not others and abs(first.gain) < SAME_POWER):
+        if first is None or (not others and first.duration == 1.0 and abs(first.gain) < SAME_POWER):
             return None
         return PowerCurve(tuple(sized(piece, paths[number]) for piece in found.pieces))
 

@@ -64,7 +64,8 @@ from tpdwarp.trajectories.retraced import (
     typical_area,
 )
 from tpdwarp.trajectories.rifts import LARGEST_DRIFT_APART, gradients, rift_cells
-from tpdwarp.trajectories.swept import swept_cells
+from tpdwarp.trajectories.shadows import shadowed_ways
+from tpdwarp.trajectories.swept import mark_ways, swept_cells
 
 # Flux of nothing, to divide by.
 _TINY = np.finfo(np.float64).tiny
@@ -286,6 +287,7 @@ def _suspects(
         riders: dict[int, ChosenCells] = {}
         windows: dict[int, Window] = {}
         shifts: dict[int, np.ndarray] = {}
+        known: dict[int, np.ndarray] = {}
         of_lattices = {part: CellsOfLattices(photons, sparse) for part, photons in maps.items()}
         emitted = emitted_cells(sparse, keyframes.middle.scene)
         for number in numbers_of(list(of_lattices.values())):
@@ -295,9 +297,12 @@ def _suspects(
             inside = window.cells(np.ones(window.size, bool))
             inside = inside[sparse.lattices[number].holds(inside)]
             shifts[number] = shifts_over(of_lattices[0.0], number, window)
+            known[number] = window.grid(dtype=bool)
+            known[number][window.at(of_lattices[0.0].of(number)[1])] = True
             riders[number] = ChosenCells(inside, shifts[number][window.at(inside)])
         drift = max((END * np.abs(cells.offset).max() for cells in riders.values()), default=0.0)
-    if drift > LARGEST_DRIFT:
+    drifted = drift > LARGEST_DRIFT
+    if drifted:
         for part in sorted(maps.keys() - {0.0}):
             maps[part] = keyframes.traced(part, sparse, chosen=riding(riders, sparse, part), aimed=False)
     with clock.stage("trace"):
@@ -310,10 +315,25 @@ def _suspects(
             (CellsOfLattices(_over_shutter(maps[part], part), sparse), matters(maps[part], typical, LEAST_SHARE))
             for part in (-END, 0.0, END)
         ]
+        of_maps = {part: CellsOfLattices(photons, sparse) for part, photons in maps.items()}
+        in_time = {
+            -END: (keyframes.opening, KEYFRAME_DURATION),
+            0.0: (keyframes.middle, 1.0),
+            END: (keyframes.closing, KEYFRAME_DURATION),
+        }
         for number, window in windows.items():
             lattices = plan.lattices[number], sparse.lattices[number]
             # Halfway to the next keyframe.
             passed = [swept_cells(*at_keyframe, number, window, 0.5 * END) for at_keyframe in at_keyframes]
+            passed += [
+                _ways_of_lost(CellsOfLattices(maps[part], sparse), number, window, part, shifts[number], known[number])
+                for part in (-END, END)
+            ]
+            lit = {part: _lit(of_maps[part], number, window) for part in in_time}
+            at_any_time = np.any(list(lit.values()), axis=0)
+            for part, (loaded, duration) in in_time.items():
+                given = loaded.scene, sparse, number, window, part if drifted else 0.0, shifts[number]
+                passed.append(shadowed_ways(*given, at_any_time & ~lit[part], duration, 0.5 * END))
             passed = np.any(passed, axis=0)
             if passed.any():
                 swept[number] = _finer(*lattices, window, passed, shifts[number]).cell
@@ -343,6 +363,37 @@ def _at_middle(found: CellsOfLattices, number: int, part: float, emitted: Emitte
     shift = shift_over_shutter(found.photons.shift[rows], part)
     there = np.rint(cells - part * shift.astype(np.float64))
     return np.concatenate([cells, there[emitted.holds(there)].astype(np.int64)])
+
+
+def _lit(found: CellsOfLattices, number: int, window: Window) -> np.ndarray:
+    """Which cells of ``window`` of a lattice have a photon, shape [u, v]."""
+    lit = window.grid(dtype=bool)
+    cells = found.of(number)[1]
+    lit[window.at(cells[window.holds(cells)])] = True
+    return lit
+
+
+def _ways_of_lost(
+    found: CellsOfLattices, number: int, window: Window, part: float, shifts: np.ndarray, known: np.ndarray
+) -> np.ndarray:
+    """Which cells of ``window`` light of a part of the shutter goes through until its middle, shape [u, v], that no
+    photon is ``known`` of then.
+
+    What a mirror throws past all receivers in the middle says nothing of how its cells ride there: they ride as those
+    beside them, and their light goes through others meanwhile.
+
+    Args:
+        found: Photons of that part, of cells that ride along ``shifts`` [u, v, 2].
+    """
+    rows, cells = found.of(number)
+    inside = window.holds(cells)
+    inside[inside] = ~known[window.at(cells[inside])]
+    rows, cells = rows[inside], cells[inside]
+    u, v = window.at(cells)
+    ways = shift_over_shutter(found.photons.shift[rows], part).astype(np.float64) - shifts[u, v]
+    passed = window.grid(dtype=bool)
+    mark_ways(passed, np.stack([u, v], axis=1), abs(part) * ways)
+    return passed
 
 
 def _at_keyframes(keyframes: ShutterKeyframes) -> dict[float, PhotonMap]:

@@ -53,7 +53,7 @@ def swept_cells(found: CellsOfLattices, important: np.ndarray, number: int, wind
         apart = (photons.path[one] != photons.path[other]) & _off_planes(photons, one, other)
         cell = np.stack([u, v], axis=1)[apart]
         for side in (one[apart], other[apart]):
-            _mark(swept, cell, share * edge_ways(photons, side))
+            mark_ways(swept, cell, share * edge_ways(photons, side))
     return swept
 
 
@@ -76,14 +76,15 @@ def _off_planes(photons: PhotonMap, one: np.ndarray, other: np.ndarray) -> np.nd
     return off > LEAST_OFF_PLANE * np.linalg.norm(offset, axis=1)
 
 
-def _mark(swept: np.ndarray, cells: np.ndarray, ways: np.ndarray) -> None:
-    """Marks the cells of a grid that lie as far as ``ways`` [n, 2] to either side of ``cells`` [n, 2]."""
+def mark_ways(swept: np.ndarray, cells: np.ndarray, ways: np.ndarray) -> None:
+    """Marks the cells of a grid [u, v] that lie as far as ``ways`` [n, 2] to either side of ``cells`` [n, 2]."""
     length = np.abs(ways).max(axis=1, initial=0.0)
     far = length > SHORTEST_WAY
     cells, ways = cells[far], ways[far]
     if not len(cells):
         return
-    most = float(max(swept.shape))
+    # Ways may begin beside the grid.
+    most = float(max(swept.shape) + np.maximum(-cells, cells - swept.shape).max(initial=0))
     ways = ways * np.minimum(1.0, most / length[far])[:, None]
     steps = int(np.ceil(np.abs(ways).max()))
     for step in np.linspace(-1.0, 1.0, 2 * steps + 1):

@@ -15,11 +15,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.row_numbers import row_numbers
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.trajectories.passing import Existence
-from tpdwarp.trajectories.retraced import LEAST_LIGHT, LEAST_SHARE, RetracedCells
+from tpdwarp.trajectories.retraced import (
+    LEAST_LIGHT,
+    LEAST_SHARE,
+    CellsOfLattices,
+    RetracedCells,
+    Window,
+    grown,
+)
 
 # A photon that goes further than this in its part, in lengths of its footprint, is not where it begins or ends to
 # within what its cell blurs. Chosen, not derived.
@@ -56,7 +64,7 @@ def unclear_cells(
             found[part] += _beyond(maps[part], there, changing.ends.cells, weight, light)
     if any(found):
         _go_on_along_paths(found, maps, changing, least)
-    return [changing.of_photons(photons) for photons in found]
+    return [_with_unseen(photons, there, changing) for photons, there in zip(found, maps, strict=True)]
 
 
 def _go_on_along_paths(
@@ -81,6 +89,40 @@ def _go_on_along_paths(
             going_on = [photons.rows(cells.holds(photons)) for photons in between[min(here, there)]]
             if _amount(going_on) > least:
                 found[there] += going_on
+
+
+def _with_unseen(found: list[PhotonMap], there: PhotonMap, changing: RetracedCells) -> RetracedCells:
+    """The ``changing`` cells of photons ``found`` in a part, and those beside them that their paths are not seen in.
+
+    Light that comes and goes within the part is seen in some cells at the part's instant, and not in as many others:
+    where only the former were traced again, it would be less than there is.
+
+    Args:
+        there: All photons of the part.
+    """
+    cells = changing.of_photons(found)
+    if not len(cells):
+        return cells
+    of_found, of_all = ([CellsOfLattices(photons, changing.plan) for photons in maps] for maps in (found, [there]))
+    wanted = {}
+    for number, mine in changing.cells.items():
+        window = Window.around(mine.cell, margin=1)
+        sets = []
+        for maps in (of_found, of_all):
+            pairs = [(each.photons.path[each.of(number)[0]], each.of(number)[1]) for each in maps]
+            sets.append([np.concatenate(columns) for columns in zip(*pairs, strict=True)])
+        (paths, of_paths), (seen_paths, of_seen) = sets
+        unseen = window.grid(dtype=bool)
+        unseen[window.at(of_paths)] = True
+        for path in np.unique(paths):
+            at, seen = window.grid(dtype=bool), window.grid(dtype=bool)
+            at[window.at(of_paths[paths == path])] = True
+            seen[window.at(of_seen[seen_paths == path])] = True
+            unseen |= grown(at) & ~seen
+        rows = unseen[window.at(mine.cell)]
+        if rows.any():
+            wanted[number] = ChosenCells(mine.cell[rows], mine.offset[rows])
+    return changing.parted(RetracedCells(wanted, changing.plan))[0]
 
 
 def _rushing(maps: list[PhotonMap], least: float) -> list[list[PhotonMap]]:
