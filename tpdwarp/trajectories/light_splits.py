@@ -53,8 +53,10 @@ PILOT_PHOTONS = 4096
 # Photons that a part has at least. Chosen, not derived.
 FEWEST_PHOTONS = 256
 # So many of lights that something specular cuts. Chosen, not derived: with 65 536 a rectangle, a tube and a sphere
-# half in water err by .042, .072 and .110 in 127 parts, by .057, .104 and .106 in 217, which take twice as long.
+# half in water err by .042, .072 and .110 in 127 parts, by .057, .104 and .106 in 217, which take twice as long; of
+# fewer photons, which so many parts would have, a tube errs by .41 in 19 parts, by less than .18 in 61.
 FEWEST_OF_CUT = 512
+PARTS_OF_CUT = 61
 # Rings of pieces around the middle one of a disc, at most: 397 parts, each of which is a lattice to trace. Chosen, not
 # derived: a sphere just above a ball errs by .057 in 169 parts with 262 144 photons, as with 65 536, by .041 in 397.
 MOST_RINGS = 11
@@ -179,8 +181,10 @@ def foreseen_splits(tracer: PhotonTracer) -> Foreseen:
             cut = cut or bool(cut_lights(loaded.scene))
             if not cut:
                 totals, looks = totals + _errors(tracer, loaded, counts, clock), looks + 1
-    fewest = FEWEST_OF_CUT if cut else FEWEST_PHOTONS
-    counts = counts[counts <= max(1.0, share * photons / fewest)]
+    most = share * photons / FEWEST_PHOTONS
+    if cut:
+        most = max(min(most, PARTS_OF_CUT), share * photons / FEWEST_OF_CUT)
+    counts = counts[counts <= max(1.0, most)]
     if cut:
         return Foreseen(counts, CHANGED_ERROR / np.sqrt(counts), int(counts[-1]))
     errors = totals[: len(counts)] / max(1, looks)
