@@ -9,16 +9,24 @@ import numpy as np
 import pytest
 
 from tests.estimators.frames import irradiance
-from tests.photons.shapes import floor, glass
+from tests.photons.shapes import floor, glass, mesh
 from tests.photons.traced import sun
 from tests.view.scenes import Source, looking_down, quad, steady
 from tpdwarp.photons.record import PART_IDS
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame, trace_frame
-from tpdwarp.scene.description import Shutter
+from tpdwarp.scene.description import (
+    EmissionProfile,
+    Extent,
+    ExtentShape,
+    LightAtShutter,
+    LightKind,
+    Shutter,
+)
 from tpdwarp.settings import Settings
 from tpdwarp.trajectories.edges import FINER, FIRST_PART, place_in_finer_cell
 from tpdwarp.trajectories.parts import LAST_PART
+from usd_scenes import shapes
 from usd_scenes.oracle.closed_forms import fresnel_reflectance
 
 SETTINGS = Settings(photons=4096, segments=1, samples=1, aovs=("irradiance",))
@@ -71,6 +79,22 @@ def test_finer_cells_start_at_places_of_their_own_along_either_side():
     for axis in (0, 1):
         np.testing.assert_allclose(np.sort(along[:, axis]), (np.arange(FINER**2) + 0.5) / FINER**2, atol=1e-6)
     assert math.isclose(place_in_finer_cell(cells).sum(), 0.0, abs_tol=1e-5)
+
+
+def test_few_photons_of_each_of_many_lights_send_as_much_through_a_ball_as_many_of_one():
+    """Of a ball's silhouette, where light grazes, some cells send much of theirs and some little."""
+    points, triangles, normals = shapes.sphere()
+    points = 0.4 * points + np.array([0.0, 0.0, 0.6])
+    ball = mesh("/ball", points, triangles, glass(), normals=normals)
+    extent = Extent(ExtentShape.RECT, 0.0, np.array([[2e-3, 0.0, 0.0], [0.0, 1.5e-3, 0.0]]))
+    lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0, 4.0, 4.0), np.array([0.1, 0.05, 1.5]))
+    lamp = replace(lamp, profile=EmissionProfile.COSINE, extent=extent)
+    context = RenderContext(steady([floor(), ball], (lamp,), looking_down((-1, 1, -1, 1), height=0.1)), SETTINGS)
+    settings = replace(SETTINGS, photons=1 << 16)
+    many, one = (trace_frame(context.with_settings(replace(settings, light_splits=n)), STILL) for n in (91, 1))
+    assert many.photons.ids.max() >= FIRST_PART * PART_IDS, "no cell at an edge is traced again"
+    assert many.energy.sent == pytest.approx(one.energy.sent, rel=2e-3)
+    assert many.energy.deposited == pytest.approx(one.energy.deposited, rel=2e-3)
 
 
 def test_photons_of_finer_cells_at_any_instant_have_ids_of_their_own():

@@ -223,7 +223,7 @@ def test_a_cone_is_seen_from_each_place_on_its_light(shape):
 
 
 @pytest.mark.parametrize(("height", "is_cut"), [(1.0, True), (3.0, False)])
-def test_a_lamp_that_the_water_cuts_has_the_most_parts(height, is_cut):
+def test_a_lamp_that_the_water_cuts_has_as_many_parts_as_have_enough_photons(height, is_cut):
     """No photon from its middle, which is under water, lands where its upper half shines."""
     lamp = LightAtShutter("/lamp", LightKind.POINT, (4.0,) * 3, np.array([0.3, 0.2, height]))
     light = replace(lamp, extent=Extent(ExtentShape.ROUND, 0.3))
@@ -231,6 +231,23 @@ def test_a_lamp_that_the_water_cuts_has_the_most_parts(height, is_cut):
     context = RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1))
     parts = render_frame(context, Shutter(0, 0, 0), 8, 8).energy.counts.get("parts of each light with extent", 1)
     assert (parts == candidates(1 << 14)[-1]) == is_cut
+
+
+def test_lights_that_share_photons_have_as_few_parts_as_leave_each_of_theirs_enough():
+    """Eight panels just above the water, each of which has an eighth of the photons."""
+    extent = Extent(ExtentShape.RECT, 0.0, SPANS)
+    panels = [
+        LightAtShutter(f"/lamp{k}", LightKind.POINT, (4.0,) * 3, np.array([0.2 * k - 0.7, 0.2, 1.4])) for k in range(8)
+    ]
+    lights = tuple(replace(panel, profile=EmissionProfile.COSINE, extent=extent) for panel in panels)
+
+    def parts(*lights):
+        source = steady([floor(), bumpy("/water", WATER, 1.0, False)], lights, looking_down(height=0.6))
+        context = RenderContext(source, Settings(photons=1 << 14, samples=1, threads=1))
+        return render_frame(context, Shutter(0, 0, 0), 8, 8).energy.counts.get("parts of each light with extent", 1)
+
+    most = (1 << 14) // 8 // FEWEST_PHOTONS
+    assert 1 < parts(*lights) <= most < parts(lights[0])
 
 
 def test_glass_that_turns_the_middle_of_a_sun_back_is_lit_by_its_rim():

@@ -420,6 +420,7 @@ class LightAtShutter:
             of the frame.
         meshed: Whether a mesh that shines stands in its place for who looks at it in a mirror.
         shown: Of a light that shines by the area it shows: along a unit ω, by the length of shown · ω, shape [3, 3].
+        reshaped: Whether its shaping, which is that of mid shutter, changes over the shutter.
     """
 
     path: str
@@ -438,6 +439,7 @@ class LightAtShutter:
     shaped_about: np.ndarray | None = None
     meshed: bool = False
     shown: np.ndarray | None = None
+    reshaped: bool = False
 
     @property
     def cone_axis(self) -> np.ndarray:
@@ -453,12 +455,12 @@ class LightAtShutter:
 
     @property
     def moves(self) -> bool:
-        """Whether its light moves; what shines alike in all directions may turn in its place."""
+        """Whether its light moves, or goes elsewhere; what shines alike in all directions may turn in its place."""
         turns = np.any(self.axes_motion) and (
             self.kind == LightKind.DISTANT or self.shaping is not None or self.profile != EmissionProfile.UNIFORM
         )
         grows = self.extent is not None and (self.extent.radius_motion or np.any(self.extent.spans_motion))
-        return bool(np.any(self.position_motion) or turns or grows)
+        return bool(np.any(self.position_motion) or turns or grows or self.reshaped)
 
 
 @dataclass(frozen=True, eq=False)

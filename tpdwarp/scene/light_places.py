@@ -256,10 +256,31 @@ def _points_where_touched(
     triangles = specular_triangles(scene, box.min(axis=0), box.max(axis=0))
     if not len(triangles) or not is_crossed(light.position, np.array([part.position for part in parts]), triangles):
         return parts
+    # The faces of a tube are turned against each other, piece by piece along it.
+    in_middle = light.extent.shape == ExtentShape.CYLINDER
     return [
-        replace(part, extent=None) if is_crossed(part.position, near, triangles) else part
+        (replace(part, extent=None) if in_middle else _as_point(part))
+        if is_crossed(part.position, near, triangles)
+        else part
         for part, near in zip(parts, ends, strict=True)
     ]
+
+
+def _as_point(part: LightAtShutter) -> LightAtShutter:
+    """A part of a light as a point somewhere on it.
+
+    Points in the middles of parts lie in rows, and how many of them stand above a surface that is level with these is
+    known to a row alone. Those of all parts are spread evenly over the light and over its parts.
+    """
+    extent, (u, v) = part.extent, (phase_of(part.path) + 0.5) % 1.0
+    place = np.array([2.0 * u - 1.0, 2.0 * v - 1.0])
+    if extent.shape == ExtentShape.DISK:
+        place = math.sqrt(u) * np.array([math.cos(2.0 * math.pi * v), math.sin(2.0 * math.pi * v)])
+    point = _at(part, place, extent.spans, extent.spans_motion)
+    ball = part.ball
+    if ball is not None:
+        ball = replace(ball, place=ball.place + point.position - part.position)
+    return replace(point, extent=None, ball=ball)
 
 
 def _around(light: LightAtShutter) -> np.ndarray:

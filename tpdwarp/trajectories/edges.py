@@ -23,7 +23,7 @@ from tpdwarp.photons.emission import ChosenCells
 from tpdwarp.photons.energy import EnergyAccount
 from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.photon_map import PhotonMap
-from tpdwarp.photons.row_numbers import distinct_rows
+from tpdwarp.photons.row_numbers import distinct_rows, row_numbers
 from tpdwarp.photons.tracer import PhotonTracer
 from tpdwarp.photons.vectors import lengths
 from tpdwarp.scene.device.loading import LoadedScene
@@ -46,9 +46,12 @@ from tpdwarp.trajectories.retraced import (
     typical_area,
 )
 
-# Cells at an edge on the light are traced again where a photon beside it carries more than this: a silhouette of glass,
+# Cells at an edge on the light are traced again where photons beside it carry more than this: a silhouette of glass,
 # where light grazes, gains nothing. Chosen on cube and torus: .2 costs the torus a third more for nothing.
 LEAST_BORDER = 0.5
+# Photons at an edge are looked at together in squares of so many cells. Chosen, not derived: an edge passes about as
+# many of them, each anywhere.
+NEARBY = 16
 # Finer cells along either side of one that an edge at rest goes through. Chosen on a board under a lens (16 k photons):
 # with 3 it errs by .022, with 4 by .019, with 5 by .017 for a third more CPU time.
 FINER = 4
@@ -187,21 +190,41 @@ def in_coarse_cells(photons: PhotonMap, fine: EmissionPlan, plan: EmissionPlan) 
 def _beside_edges(
     photons: PhotonMap, plan: EmissionPlan, emitted: dict[int, EmittedCells], important: np.ndarray
 ) -> Cells:
-    """Cells on both sides of edges beside which a photon that is ``important`` [n] has no neighbour on its path."""
+    """Cells on both sides of edges: there photons, most of them ``important`` [n], have no neighbour on their path."""
     _, lattice, planned = plan.paths_of(photons.ids)
-    important, cells = important & planned, cell_of(photons)
-    found: dict[int, list[np.ndarray]] = {}
-    last: dict[int, list[np.ndarray]] = {}
+    cells = cell_of(photons)
+    lonely = []
     for axis, (a, b) in enumerate(neighbours(photons, plan)):
         for step, beside in ((1, a), (-1, b)):
-            alone = important.copy()
+            alone = planned.copy()
             alone[beside] = False
-            for number in np.unique(lattice[alone]):
-                here = cells[alone & (lattice == number)]
-                there = here.copy()
-                there[:, axis] += step
-                inside = emitted[int(number)].holds(there)
-                found.setdefault(int(number), []).extend([here[inside], there[inside]])
-                last.setdefault(int(number), []).append(here[~emitted[int(number)].window.holds(there)])
+            lonely.append((axis, step, np.flatnonzero(alone)))
+    rows = np.unique(np.concatenate([rows for _, _, rows in lonely]))
+    chosen = np.zeros(len(photons), bool)
+    chosen[rows] = _mostly(important[rows], lattice[rows], photons.path[rows], cells[rows])
+    found: dict[int, list[np.ndarray]] = {}
+    last: dict[int, list[np.ndarray]] = {}
+    for axis, step, rows in lonely:
+        rows = rows[chosen[rows]]
+        for number in np.unique(lattice[rows]):
+            here = cells[rows[lattice[rows] == number]]
+            there = here.copy()
+            there[:, axis] += step
+            inside = emitted[int(number)].holds(there)
+            found.setdefault(int(number), []).extend([here[inside], there[inside]])
+            last.setdefault(int(number), []).append(here[~emitted[int(number)].window.holds(there)])
     edges = {number: parts for number, parts in found.items() if any(map(len, parts))}
     return {number: distinct_rows(np.concatenate([*parts, *last[number]])) for number, parts in edges.items()}
+
+
+def _mostly(important: np.ndarray, lattice: np.ndarray, path: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Which photons at edges lie near others at the edge of their path half of which are important, shape [n].
+
+    Of the photon itself that depends on where in its cell the edge passes: light is faint where it grazes, just inside
+    of a silhouette. Cells whose middle a body all but leaves out stand for all of themselves, those whose middle it
+    just misses for nothing; with only the latter traced again, a ball in 91 lattices sends 1 % too much light.
+    """
+    square = row_numbers(lattice, path, *(cells // NEARBY).T)
+    others = np.bincount(square)[square] - 1
+    of_others = np.bincount(square, important)[square] - important
+    return np.where(others > 0, of_others >= 0.5 * others, important)

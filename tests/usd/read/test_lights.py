@@ -600,3 +600,19 @@ def test_frames_in_which_only_a_lamp_moves_are_no_frames_outside_the_animation(t
     scene = StageScene.open(write("cardioid", tmp_path), Settings(camera=CAMERA))
     assert scene.at(Shutter(FRAME, FRAME, FRAME + 1)).lights[0].moves
     assert not [message for message in scene.warnings.messages if "outside the animation" in message]
+
+
+def test_a_cone_is_that_of_mid_shutter_and_is_said_to_change_within_it(small):
+    lamp = sphere(small, 0.1)
+    angle = UsdLux.ShapingAPI.Apply(lamp.GetPrim()).CreateShapingConeAngleAttr()
+    angle.Set(10.0, 1.0)
+    angle.Set(30.0, 2.0)
+    still, opening = (read(small, shutter)[0] for shutter in (Shutter.still(1), Shutter(1.0, 1.25, 1.75)))
+    assert still.shaping.angle == pytest.approx(math.radians(10.0)) and not still.moves
+    assert opening.shaping.angle == pytest.approx(math.radians(20.0)) and opening.reshaped and opening.moves
+    # What brightens and keeps its cone goes nowhere else.
+    angle.Clear()
+    angle.Set(30.0)
+    lamp.GetIntensityAttr().Set(4.0, 1.0)
+    lamp.GetIntensityAttr().Set(8.0, 2.0)
+    assert not read(small, Shutter(1.0, 1.25, 1.75))[0].moves

@@ -193,13 +193,14 @@ class Light:
         position, axes, position_motion, axes_motion = frame_over(
             self.prim, shutter, self._transforms, self._animation, self._warnings, unsheared
         )
-        shaping, profile = None, EmissionProfile.UNIFORM
+        shaping, profile, reshaped = None, EmissionProfile.UNIFORM, False
         if self.kind == LightKind.POINT:
             profile, _ = PROFILES[self._shape]
-            shaping = self._shaping(shutter.frame)
+            shaping = self._shaping(shutter.middle)
+            reshaped = self.power_varies and self._shaping(shutter.open) != self._shaping(shutter.close)
         extent = self._extent(shutter)
         place = position, axes, position_motion, axes_motion
-        return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent)
+        return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent, reshaped=reshaped)
 
     def all_over(self, shutter: Shutter) -> list[LightAtShutter]:
         """The lights that it is over ``shutter``: none, itself, or one for each part of a rectangle's picture."""
