@@ -96,6 +96,20 @@ def test_instances_move_along_velocities(small):
     np.testing.assert_allclose(scene.at(Shutter(2, 1, 2)).meshes[1].motions, np.tile([0, 1.0, 0], (4, 1)), rtol=1e-6)
 
 
+def test_instances_fly_on_by_velocities_where_the_animation_is_one_moment(small):
+    many = instancer(small, positions=())
+    small.mesh("/Many/Ball")
+    many.CreateProtoIndicesAttr([0])
+    many.GetPositionsAttr().Set([Gf.Vec3f(0, 0, 1)], 1)
+    many.GetVelocitiesAttr().Set([Gf.Vec3f(48, 0, 0)], 1)
+    small.stage.SetStartTimeCode(1)
+    small.stage.SetEndTimeCode(1)
+    wanted = many.ComputeInstanceTransformsAtTime(1.5, 1)[0].ExtractTranslation()
+    (found,) = small.open().at(Shutter(1, 1, 2)).meshes
+    np.testing.assert_allclose(found.points, CORNERS + np.array(wanted), atol=1e-6)
+    np.testing.assert_allclose(found.motions, np.tile([2.0, 0, 0], (4, 1)), atol=1e-6)
+
+
 def test_instances_that_change_in_number_without_velocities_are_held_and_said(small):
     many = instancer(small, positions=())
     small.mesh("/Many/Ball")

@@ -88,3 +88,10 @@ def test_touched_holds_every_time_evaluated(shutter):
 def test_blur_scale_shrinks_the_shutter_about_its_frame():
     scaled = blur_scaled(Shutter(2, 1.5, 3), 0.5)
     assert (scaled.frame, scaled.open, scaled.close) == (2, 1.75, 2.5)
+
+
+def test_an_animation_of_one_moment_goes_on_as_its_state_says_and_other_frames_hold_it():
+    moment = (2.0, 2.0)
+    assert over(Shutter(2, 2, 3), span=moment) == (6.25, 5.0)
+    assert touched(Shutter(2, 1.5, 2.5), moment) == (1.5, 2.5)
+    assert over(Shutter(3, 3, 4), span=moment) == (4.0, None)

@@ -6,6 +6,7 @@ The rules, the same for meshes, lights and cameras:
   cubic motion, the derivative at the middle times the exposure.
 - A shutter that reaches past the end of the animation continues with the backward difference over the exposure (over
   one frame for a still), and before the start with the forward difference: nothing stops dead at the last frame.
+- An animation of one moment, as velocities at one sample make it, goes on as they say.
 - A frame that itself lies outside the animation holds the nearest end.
 """
 
@@ -74,6 +75,8 @@ def blur_scaled(shutter: Shutter, scale: float) -> Shutter:
 def touched(shutter: Shutter, span: tuple[float, float]) -> tuple[float, float]:
     """First and last time code at which :func:`over_shutter` evaluates a state."""
     low, high = span
+    if low == high == shutter.frame:
+        return shutter.open, shutter.close
     first, last = (min(max(time, low), high) for time in (shutter.open, shutter.close))
     if low <= shutter.frame <= high:
         if shutter.close > high:
@@ -92,6 +95,8 @@ def _continued(
     state: Callable[[float], State], shutter: Shutter, span: tuple[float, float]
 ) -> Callable[[float], State]:
     low, high = span
+    if low == high == shutter.frame:
+        return state
     reach = _reach(shutter, span)
     inside = low <= shutter.frame <= high and reach > 0
     known: dict[float, State] = {}
