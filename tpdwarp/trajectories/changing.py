@@ -297,8 +297,7 @@ def _suspects(
             inside = window.cells(np.ones(window.size, bool))
             inside = inside[sparse.lattices[number].holds(inside)]
             shifts[number] = shifts_over(of_lattices[0.0], number, window)
-            known[number] = window.grid(dtype=bool)
-            known[number][window.at(of_lattices[0.0].of(number)[1])] = True
+            known[number] = _lit(of_lattices[0.0], number, window)
             riders[number] = ChosenCells(inside, shifts[number][window.at(inside)])
         drift = max((END * np.abs(cells.offset).max() for cells in riders.values()), default=0.0)
     drifted = drift > LARGEST_DRIFT
@@ -326,7 +325,7 @@ def _suspects(
             # Halfway to the next keyframe.
             passed = [swept_cells(*at_keyframe, number, window, 0.5 * END) for at_keyframe in at_keyframes]
             passed += [
-                _ways_of_lost(CellsOfLattices(maps[part], sparse), number, window, part, shifts[number], known[number])
+                _ways_of_lost(of_maps[part], number, window, part, shifts[number], known[number])
                 for part in (-END, END)
             ]
             lit = {part: _lit(of_maps[part], number, window) for part in in_time}
