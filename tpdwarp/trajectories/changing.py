@@ -157,8 +157,7 @@ def changing_cells(
             if ride.torn is not None:
                 cells = [ride.torn, *([chosen[number]] if number in chosen else [])]
                 chosen[number] = distinct_rows(np.concatenate(cells))
-            elif ride.rests and np.abs(ride.shifts).max() <= max(ride.window.size):
-                # What goes farther than it is wide, out of all measure, leaves the light.
+            elif ride.rests:
                 chosen[number] = _lit_meanwhile(keyframes, plan, number, here.of(number)[1])
         # The ends are traced with the flux of the whole exposure, as keyframes are.
         shares = [flux_in(photons, plan, chosen) / max(flux_in(photons, plan), _TINY)]
@@ -413,9 +412,8 @@ def _lit_meanwhile(keyframes: ShutterKeyframes, plan: EmissionPlan, number: int,
         rows, there = found.of(number)
         places.append(there)
         ways.append(share * shift_over_shutter(photons.shift[rows], part))
-    window = Window.around(np.concatenate(places), margin=1)
-    beside = np.ceil(np.minimum(np.abs(np.concatenate(ways)).max(axis=0, initial=0.0), window.size)).astype(np.int64)
-    window = Window(window.first - beside, window.size + 2 * beside)
+    around = [there + side * way for there, way in zip(places, ways, strict=True) for side in (-1.0, 1.0)]
+    window = Window.around(np.floor(np.concatenate([*places, *around])).astype(np.int64), margin=1)
     lit = window.grid(dtype=bool)
     for there, way in zip(places, ways, strict=True):
         lit[window.at(there)] = True
