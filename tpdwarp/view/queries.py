@@ -277,8 +277,7 @@ class CameraView:
             disturbed = np.zeros(len(pixels), bool)
             still, moving = self._told_apart(seen, place, disturbed)
             apart = still & disturbed[place] if self._times > 1 else np.zeros_like(still)
-            each = seen, slices, spots
-            by_time = self._of_samples(*each, moving, moves=True), self._of_samples(*each, apart, moves=False)
+            by_time = [self._of_samples(seen, mask, slices, spots, mask is moving) for mask in (moving, apart)]
         for batch in self._still_batches(seen, still & ~apart, spots, numbers, rays):
             yield _of_rays(batch, share)
         for rows in by_time:
@@ -286,7 +285,7 @@ class CameraView:
                 yield _of_rays(batch, share)
 
     def _of_samples(
-        self, seen: VisiblePoints, slices: np.ndarray, spots: np.ndarray | None, chosen: np.ndarray, *, moves: bool
+        self, seen: VisiblePoints, chosen: np.ndarray, slices: np.ndarray, spots: np.ndarray | None, moves: bool
     ) -> dict[str, np.ndarray]:
         """The ``chosen`` [n] of the rays, those of a sample that meet one surface put together."""
         rows = np.flatnonzero(chosen)
