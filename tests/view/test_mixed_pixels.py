@@ -12,6 +12,7 @@ from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, MeshAtShutter, Shutter
 from tpdwarp.settings import Settings
+from tpdwarp.view import queries
 from tpdwarp.view.merging import LARGEST_DISTANCE
 from tpdwarp.view.mixed_pixels import RAYS_OF_PIXEL, rays_of_sample
 from tpdwarp.view.queries import CameraView, QueryBatch, SeenPoints
@@ -99,3 +100,12 @@ def test_of_rays_that_meet_a_surface_far_apart_some_stand_for_the_others():
     assert [row["count"] for row in found] == [4, 4]
     assert [row["weight"] for row in found] == [1 + 2 + 3 + 4, 5 + 6 + 7 + 8]
     np.testing.assert_allclose([row["position"] for row in found], [places[0], places[4]])
+
+
+def test_pictures_of_several_batches_are_those_of_one(monkeypatch):
+    """Of pixels that see several surfaces in one batch, the next ones have all of theirs."""
+    whole = render_frame(context([PLATE, floor()]), STILL, ACROSS, ACROSS).channels
+    monkeypatch.setattr(queries, "BATCH_SAMPLES", 4 * ACROSS * ACROSS // 3)
+    parted = render_frame(context([PLATE, floor()]), STILL, ACROSS, ACROSS).channels
+    for name, values in whole.items():
+        np.testing.assert_array_equal(parted[name], values, err_msg=name)

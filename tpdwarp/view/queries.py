@@ -184,8 +184,8 @@ class CameraView:
         for first in range(0, len(self._pixels), pixel_count):
             batch = slice(first, first + pixel_count)
             mixed = yield from self._look_at(self._pixels[batch], self._numbers[batch])
-            pixel_count = max(1, BATCH_SAMPLES // (self._rays * self._settings.samples))
-            for chosen in np.split(batch.start + mixed, range(pixel_count, len(mixed), pixel_count)):
+            closer_count = max(1, BATCH_SAMPLES // (self._rays * self._settings.samples))
+            for chosen in np.split(first + mixed, range(closer_count, len(mixed), closer_count)):
                 if len(chosen):
                     yield from self._look_closer(self._pixels[chosen], self._numbers[chosen])
 
