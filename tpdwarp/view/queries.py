@@ -91,6 +91,14 @@ class SeenPoints:
         return {name: number for name, number in numbers.items() if number}
 
 
+def _columns_of(queries: QueryArrays, rows: np.ndarray, moves: bool) -> dict[str, np.ndarray]:
+    """Where some queries are and what they lie on, on the host, with their motion or not."""
+    names = ["position", "normal", "receiver", *(["motion"] if moves else [])]
+    if has_shading_normals(queries):
+        names.append("shading_normal")
+    return {name: getattr(queries, name).numpy()[rows] for name in names}
+
+
 @dataclass
 class _Rows:
     """Visible points as host arrays, collected pass by pass."""
@@ -108,10 +116,7 @@ class _Rows:
         """
         if not len(chosen):
             return
-        names = ["position", "normal", "receiver", *(["motion"] if moves else [])]
-        if has_shading_normals(points.queries):
-            names.append("shading_normal")
-        values = {name: getattr(points.queries, name).numpy()[chosen] for name in names}
+        values = _columns_of(points.queries, chosen, moves)
         values["weight"] = points.arrays.weight.numpy()[chosen]
         values["item"] = items[chosen]
         values["slice"] = slices[values["item"]]
@@ -277,7 +282,8 @@ class CameraView:
             disturbed = np.zeros(len(pixels), bool)
             still, moving = self._told_apart(seen, place, disturbed)
             apart = still & disturbed[place] if self._times > 1 else np.zeros_like(still)
-            by_time = [self._of_samples(seen, mask, slices, spots, mask is moving) for mask in (moving, apart)]
+            each = seen, slices, spots
+            by_time = self._of_samples(*each, moving, moves=True), self._of_samples(*each, apart, moves=False)
         for batch in self._still_batches(seen, still & ~apart, spots, numbers, rays):
             yield _of_rays(batch, share)
         for rows in by_time:
@@ -285,7 +291,7 @@ class CameraView:
                 yield _of_rays(batch, share)
 
     def _of_samples(
-        self, seen: VisiblePoints, chosen: np.ndarray, slices: np.ndarray, spots: np.ndarray | None, moves: bool
+        self, seen: VisiblePoints, slices: np.ndarray, spots: np.ndarray | None, chosen: np.ndarray, *, moves: bool
     ) -> dict[str, np.ndarray]:
         """The ``chosen`` [n] of the rays, those of a sample that meet one surface put together."""
         rows = np.flatnonzero(chosen)
@@ -297,10 +303,7 @@ class CameraView:
         taken = np.flatnonzero(counts)
         if not len(taken):
             return {}
-        names = ["position", "normal", "receiver", *(["motion"] if moves else [])]
-        if has_shading_normals(queries):
-            names.append("shading_normal")
-        columns = {name: getattr(queries, name).numpy()[taken] for name in names}
+        columns = _columns_of(queries, taken, moves)
         columns |= {"weight": weights.numpy()[taken], "item": rows[taken], "slice": slices[rows[taken]]}
         return columns | {"first": counts[taken]}
 
