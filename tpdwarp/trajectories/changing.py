@@ -157,6 +157,9 @@ def changing_cells(
             if ride.torn is not None:
                 cells = [ride.torn, *([chosen[number]] if number in chosen else [])]
                 chosen[number] = distinct_rows(np.concatenate(cells))
+            elif ride.rests and np.abs(ride.shifts).max() <= max(ride.window.size):
+                # What goes farther than it is wide, out of all measure, leaves the light.
+                chosen[number] = _lit_meanwhile(keyframes, plan, number, here.of(number)[1])
         # The ends are traced with the flux of the whole exposure, as keyframes are.
         shares = [flux_in(photons, plan, chosen) / max(flux_in(photons, plan), _TINY)]
         whole = max(flux_in(keyframes.photons(0.0), keyframes.plan), _TINY)
@@ -393,6 +396,32 @@ def _ways_of_lost(
     passed = window.grid(dtype=bool)
     mark_ways(passed, np.stack([u, v], axis=1), abs(part) * ways)
     return passed
+
+
+def _lit_meanwhile(keyframes: ShutterKeyframes, plan: EmissionPlan, number: int, cells: np.ndarray) -> np.ndarray:
+    """The cells of a lattice of ``plan`` that light goes through at any time of the shutter, shape [n, 2].
+
+    What bends or turns so unevenly that no cell rides along with it leaves those that it stands for in the middle.
+
+    Args:
+        cells: Those in the middle [n, 2].
+    """
+    sparse, share = keyframes.plan, 0.5 * END
+    places, ways = [], []
+    for part, photons in _at_keyframes(keyframes).items():
+        found = CellsOfLattices(photons, sparse)
+        rows, there = found.of(number)
+        places.append(there)
+        ways.append(share * shift_over_shutter(photons.shift[rows], part))
+    window = Window.around(np.concatenate(places), margin=1)
+    beside = np.ceil(np.minimum(np.abs(np.concatenate(ways)).max(axis=0, initial=0.0), window.size)).astype(np.int64)
+    window = Window(window.first - beside, window.size + 2 * beside)
+    lit = window.grid(dtype=bool)
+    for there, way in zip(places, ways, strict=True):
+        lit[window.at(there)] = True
+        mark_ways(lit, there - window.first, way)
+    lattices = plan.lattices[number], sparse.lattices[number]
+    return distinct_rows(np.concatenate([cells, _finer(*lattices, window, lit, window.grid(2)).cell]))
 
 
 def _at_keyframes(keyframes: ShutterKeyframes) -> dict[float, PhotonMap]:

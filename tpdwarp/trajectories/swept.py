@@ -77,17 +77,27 @@ def _off_planes(photons: PhotonMap, one: np.ndarray, other: np.ndarray) -> np.nd
 
 
 def mark_ways(swept: np.ndarray, cells: np.ndarray, ways: np.ndarray) -> None:
-    """Marks the cells of a grid [u, v] that lie as far as ``ways`` [n, 2] to either side of ``cells`` [n, 2]."""
-    length = np.abs(ways).max(axis=1, initial=0.0)
-    far = length > SHORTEST_WAY
-    cells, ways = cells[far], ways[far]
+    """Marks the cells of a grid [u, v] that lie as far as ``ways`` [n, 2] to either side of ``cells`` [n, 2].
+
+    Ways may begin beside the grid, and be as long as they like: of each only what lies in the grid is gone along.
+    """
+    far = np.abs(ways).max(axis=1, initial=0.0) > SHORTEST_WAY
+    cells, ways = cells[far].astype(np.float64), ways[far].astype(np.float64)
     if not len(cells):
         return
-    # Ways may begin beside the grid.
-    most = float(max(swept.shape) + np.maximum(-cells, cells - swept.shape).max(initial=0))
-    ways = ways * np.minimum(1.0, most / length[far])[:, None]
-    steps = int(np.ceil(np.abs(ways).max()))
-    for step in np.linspace(-1.0, 1.0, 2 * steps + 1):
-        u, v = np.rint(cells + step * ways).astype(np.int64).T
+    # ---- From where to where each lies in the grid, as parts of it
+    across = np.where(ways == 0.0, np.finfo(np.float64).tiny, ways)
+    with np.errstate(over="ignore"):
+        sides = np.stack([(side - cells) / across for side in (np.full(2, -0.5), np.array(swept.shape) - 0.5)])
+    first = sides.min(axis=0).max(axis=1).clip(-1.0, 1.0)
+    last = sides.max(axis=0).min(axis=1).clip(-1.0, 1.0)
+    met = last > first
+    if not met.any():
+        return
+    begin, way = cells[met] + first[met, None] * ways[met], (last - first)[met, None] * ways[met]
+    # Halves of a whole way have as many.
+    steps = 2 * int(np.ceil(0.5 * np.abs(way).max()))
+    for step in np.linspace(0.0, 1.0, steps + 1):
+        u, v = np.rint(begin + step * way).astype(np.int64).T
         inside = (u >= 0) & (v >= 0) & (u < swept.shape[0]) & (v < swept.shape[1])
         swept[u[inside], v[inside]] = True
