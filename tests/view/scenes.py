@@ -81,12 +81,14 @@ def see(
     moves: bool = False,
     time: float = 0.0,
     samples: int = 1,
+    rays: int = 1,
     **compiled: bool,
 ) -> list[Seen]:
     """What camera rays through ``films`` [n, 2] see at ``time`` in the shutter, pass by pass.
 
     Args:
-        samples: How many of the films that follow each other are of one pixel.
+        samples: How many of the films that follow each other are of one pixel, or of ``rays``.
+        rays: How many films stand for each of these.
         **compiled: Requirements that the kernel is compiled for, whatever the scene has, so that tests share it.
     """
     norm = Normalization.of(scene)
@@ -100,7 +102,7 @@ def see(
         textures = TextureStore(ONE_THREAD).arrays(scene.meshes, geometry.materials, norm.scale, norm.power)
     positions = ONE_THREAD.array(np.asarray(films, np.float32), wp.vec2)
     items = np.arange(len(films), dtype=np.int32)
-    options = {"moves": moves, "textures": textures, "samples": samples}
+    options = {"moves": moves, "textures": textures, "samples": samples, "rays": rays}
     passes = visible_points(surfaces, *lights, camera, positions, items, needs, ONE_THREAD, **options)
     found = []
     for batch in passes:

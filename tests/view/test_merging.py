@@ -15,7 +15,8 @@ from tpdwarp.rendering.frame import render_frame
 from tpdwarp.scene.description import Material, Shutter
 from tpdwarp.settings import Settings
 from tpdwarp.view.merging import LARGEST_DISTANCE, SMALLEST_COSINE, merge
-from tpdwarp.view.queries import CameraView, QueryBatch
+from tpdwarp.view.queries import CameraView
+from tpdwarp.view.query_batches import QueryBatch
 from usd_scenes.oracle import Wave, irradiance_average
 
 STILL = Shutter(0, 0, 0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,20 +17,22 @@ from tpdwarp.settings import Settings
 from tpdwarp.view import queries
 from tpdwarp.view.merging import LARGEST_DISTANCE
 from tpdwarp.view.mixed_pixels import RAYS_OF_PIXEL, rays_of_sample
-from tpdwarp.view.queries import CameraView, QueryBatch, SeenPoints
+from tpdwarp.view.queries import CameraView
+from tpdwarp.view.query_batches import QueryBatch, SeenPoints
 
 ACROSS, FINER = 32, 64
 STILL = Shutter(0.0, 0.0, 0.0)
+OPEN = Shutter(0.0, 0.0, 1.0)
 CORNERS = np.array([[-0.81, -0.73, 0.2], [0.77, -0.41, 0.2], [-0.13, 0.83, 0.2]])
 PLATE = MeshAtShutter("/plate", CORNERS, np.array([[0, 1, 2]], np.int32), materials=(Material(),))
 
 
-def covered() -> np.ndarray:
+def covered(corners: np.ndarray = CORNERS) -> np.ndarray:
     """How much of each pixel the plate covers, by many points, [height, width]."""
     at = (np.arange(ACROSS * FINER) + 0.5) / (0.5 * ACROSS * FINER) - 1.0
     x, y = at[None, :], -at[:, None]
     inside = np.ones((ACROSS * FINER,) * 2, bool)
-    for a, b in zip(CORNERS, np.roll(CORNERS, -1, axis=0), strict=True):
+    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         inside &= (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) > 0.0
     return inside.reshape(ACROSS, FINER, ACROSS, FINER).mean(axis=(1, 3))
 
@@ -38,9 +42,9 @@ def context(meshes: list[MeshAtShutter], **options) -> RenderContext:
     return RenderContext(source, Settings(**{"photons": 1024, "threads": 1, "samples": 4} | options))
 
 
-def seen_by(meshes: list[MeshAtShutter], **options) -> list[SeenPoints | QueryBatch]:
+def seen_by(meshes: list[MeshAtShutter], shutter: Shutter = STILL, **options) -> list[SeenPoints | QueryBatch]:
     given = context(meshes, **options)
-    scenes = given.scenes(STILL, Clock())
+    scenes = given.scenes(shutter, Clock())
     return list(CameraView(scenes, given.settings, given.normalization, given.launcher, ACROSS, ACROSS, Clock()).look())
 
 
@@ -55,6 +59,36 @@ def test_edges_cover_as_much_of_a_pixel_as_they_do(samples):
     # Of as many positions as samples a twentieth to a fifth.
     assert np.sqrt(np.mean(off[known] ** 2)) < 0.02
     np.testing.assert_allclose(frame.channels["CryptoObject00.g"], frame.channels["A"], atol=1e-6)
+
+
+def test_edges_that_move_cover_as_much_of_a_pixel_as_they_do_over_the_shutter():
+    way = np.array([0.31, -0.17, 0.0])
+    moving = replace(PLATE, motions=np.tile(way, (3, 1)))
+    at = (np.arange(200) + 0.5) / 200 - 0.5
+    wanted = np.mean([covered(CORNERS + time * way) for time in at], axis=0)
+    frame = render_frame(context([moving]), OPEN, ACROSS, ACROSS)
+    known = (frame.channels["A"] > 0.0) & (frame.channels["A"] < 1.0)
+    assert known.sum() >= 200
+    # Of four positions, each at another time, .1.
+    assert np.sqrt(np.mean((frame.channels["A"] - wanted)[known] ** 2)) < 0.035
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_surface_seen_directly_and_through_glass_is_looked_up_for_either(moves):
+    """Of each pixel at the edge of flat water, as much of the floor is seen through it as it covers."""
+    pane = replace(PLATE, materials=(WATER,), motions=np.full((3, 3), 1e-6) if moves else None)
+    seen = [batch for batch in seen_by([pane, floor()], OPEN if moves else STILL) if isinstance(batch, QueryBatch)]
+    part = covered().ravel()
+    through = np.zeros_like(part)
+    for batch in seen:
+        # Less light comes through the surface, and more radiance within.
+        weights = batch.weights[:, 0] / np.maximum(batch.first, 1e-30)
+        dimmed = (batch.first > 0) & (np.abs(weights / weights.max() - 1.0) > 0.01)
+        np.add.at(through, batch.pixels[dimmed], batch.first[dimmed] / 4)
+    known = (through > 0.0) & (through < 1.0)
+    assert known.sum() > 40
+    off = np.minimum(np.abs(through - part), np.abs(1.0 - through - part))[known]
+    assert np.sqrt(np.mean(off**2)) < 0.03
 
 
 def test_light_from_photons_fills_as_much_of_a_pixel_as_what_it_falls_on():

@@ -17,7 +17,8 @@ from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.scene.device.loading import LoadedScene, SceneLoader
 from tpdwarp.settings import Settings
 from tpdwarp.view.camera import camera_of, pixel_size
-from tpdwarp.view.queries import CameraView, QueryBatch
+from tpdwarp.view.queries import CameraView
+from tpdwarp.view.query_batches import QueryBatch
 
 # Pixels of the picture that is looked at, about. Chosen, not derived: a side of the picture is 64 of them.
 PIXELS = 4096

@@ -32,7 +32,8 @@ from tpdwarp.scene.description import CameraAtShutter, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.view.camera import camera_of, pixel_size
 from tpdwarp.view.film import Film
-from tpdwarp.view.queries import CameraView, QueryBatch, SeenPoints
+from tpdwarp.view.queries import CameraView
+from tpdwarp.view.query_batches import QueryBatch, SeenPoints
 from tpdwarp.view.sampling import region_order
 
 # So many times as many cells are tried as paths are wanted, for many miss what is specular. Chosen, not derived.

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from tpdwarp.estimators.estimator import Part
-from tpdwarp.view.queries import CameraView, QueryBatch, SeenPoints
+from tpdwarp.view.queries import CameraView
+from tpdwarp.view.query_batches import QueryBatch, SeenPoints
 
 # Of what is looked up at most so much is kept; what is more is seen again for each strip. Chosen, not derived: a
 # picture of 1920 × 1080 pixels at rest takes a third of it.

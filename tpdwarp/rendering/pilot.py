@@ -16,7 +16,8 @@ from tpdwarp.scene.description import SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene, SceneLoader
 from tpdwarp.settings import Settings
 from tpdwarp.view.film import Film
-from tpdwarp.view.queries import CameraView, QueryBatch
+from tpdwarp.view.queries import CameraView
+from tpdwarp.view.query_batches import QueryBatch
 from tpdwarp.view.sampling import pixel_grid
 
 # Pixels of a frame that the pilot looks at. Chosen, not derived: the root mean square of so many errors is known to 1 %

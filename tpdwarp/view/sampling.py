@@ -112,6 +112,24 @@ def samples_by_time(
         yield chosen, np.full(len(chosen), number // stride)
 
 
+def rays_by_time(times: int, count: int, samples: int, rays: int) -> Iterator[np.ndarray]:
+    """For each of ``times`` slices of the shutter, which of so many rays a sample of ``count`` pixels look at it.
+
+    Rays are numbered pixel by pixel and sample by sample, as :func:`film_positions` has them. Those of a sample are
+    spread over all slices of its part of the shutter, so that those of any slice lie everywhere in the pixel.
+    """
+    stride = times // samples if times > 1 else 1
+    ray = np.arange(rays)
+    slices = (ray + ray // part_count(samples * rays)) % stride
+    first = np.arange(count) * samples * rays
+    for number in range(times):
+        if times == 1:
+            yield np.arange(count * samples * rays, dtype=np.int32)
+            return
+        sample, within = divmod(number, stride)
+        yield (first[:, None] + sample * rays + np.flatnonzero(slices == within)).ravel().astype(np.int32)
+
+
 def _uniform(index: np.ndarray, seed: int) -> np.ndarray:
     """A fixed pseudo-random number in [0, 1) for each index (PCG output hash, Jarzynski & Olano 2020)."""
     with np.errstate(over="ignore"):

@@ -49,7 +49,7 @@ from tpdwarp.view.domes import DomeArrays, dome_irradiance, dome_radiance
 from tpdwarp.view.ggx import lobe_at, mirrored_by_a_facet, share_of_facet
 from tpdwarp.view.glossy_lights import area_reflection, dome_reflection, lights_along, point_reflection
 from tpdwarp.view.lights import FAR, LightArrays, point_irradiance, share_that_arrives
-from tpdwarp.view.shared_branches import follows, samples_served
+from tpdwarp.view.shared_branches import MOST_FOR_OTHERS, follows, samples_served
 from tpdwarp.view.surface_aovs import SURFACE_AOVS, SurfaceArrays, SurfaceExtras, find_surfaces, surface_extras
 from tpdwarp.view.view_state import KEPT_STATES, ViewState, keep_state, kept_rows, view_state
 
@@ -78,6 +78,7 @@ class PathFlag(IntFlag):
     NOT_FINITE = 4  # has a motion that is none, and counts as at rest
     CULLED = 8  # had a branch below the cutoff
     OFF_METAL = 16  # comes from rough metal, which has seen lights and domes
+    TURNED = 32  # was reflected or refracted
 
 
 # Kernels know no enumerations.
@@ -86,8 +87,9 @@ TOO_FAST = wp.constant(int(PathFlag.TOO_FAST))
 NOT_FINITE = wp.constant(int(PathFlag.NOT_FINITE))
 CULLED = wp.constant(int(PathFlag.CULLED))
 OFF_METAL = wp.constant(int(PathFlag.OFF_METAL))
+TURNED = wp.constant(int(PathFlag.TURNED))
 # What goes on with a branch.
-INHERITED = wp.constant(int(PathFlag.MET_MOTION | PathFlag.OFF_METAL))
+INHERITED = wp.constant(int(PathFlag.MET_MOTION | PathFlag.OFF_METAL | PathFlag.TURNED))
 
 
 @wp.struct
@@ -213,6 +215,7 @@ def visible_kernel(
         radiance_power: float,
         sample_side: float,
         samples: int,
+        most_for_others: float,
         # Out
         queries: QueryArrays,
         out: VisibleArrays,
@@ -417,13 +420,13 @@ def visible_kernel(
                                 mirror = interface_at(surfaces, hit, beam.w, False, 1.0, wp.static(moves))
                                 mirror.n = wp.normalize(facing - beam.w)
                                 turned = scatter(beam, hit, mirror, True, False, wp.static(moves))
-                                served = samples_served(off, samples)
+                                served = samples_served(off, samples, most_for_others)
                                 bit = 1 << decision
                                 if (mask & bit) != 0:
                                     # It is the branch, begun at the camera again.
                                     throughput = float(served) * off
                                     beam = turned
-                                    flags = flags | OFF_METAL
+                                    flags = flags | OFF_METAL | TURNED
                                     blurred = WIDEST_MIRROR
                                     decision += 1
                                     straight = False
@@ -436,7 +439,7 @@ def visible_kernel(
                                         of_branch = view_state(
                                             turned, float(served) * off, stream, 0.0, FAR, passed_by, travelled,
                                             depth_scale, out.first_depth[i], inside, decision + 1, bounce + 1,
-                                            (flags & MET_MOTION) | OFF_METAL,
+                                            (flags & MET_MOTION) | OFF_METAL | TURNED,
                                         )  # fmt: skip
                                         kept = keep_state(states, tid, kept, of_branch)
                     irradiance = wp.vec3(0.0, 0.0, 0.0)
@@ -500,6 +503,7 @@ def visible_kernel(
                     if bounce == bounces:
                         break
                     straight = False
+                    flags = flags | TURNED
                     dielectric = wp.static(refraction)
                     if wp.static(both):
                         dielectric = interaction == DIELECTRIC
@@ -541,7 +545,7 @@ def visible_kernel(
                         reflected = branch.reflected
                         throughput = branch.throughput
                         if reflected and branch.decided != 0:
-                            throughput *= float(samples_served(throughput, samples))
+                            throughput *= float(samples_served(throughput, samples, most_for_others))
                         if not reflected:
                             if not sheet:
                                 throughput = throughput * wp.pow(at.eta, radiance_power)
@@ -551,7 +555,7 @@ def visible_kernel(
                                     passing = transmittance_at(textures, material, hit, across, down)
                                 throughput = wp.cw_mul(throughput, passing)
                         if branch.reported != 0:
-                            served = samples_served(branch.other, samples)
+                            served = samples_served(branch.other, samples, most_for_others)
                             if follows(films[item], item % samples, mask | branch.reported, served):
                                 reported = reported | branch.reported
                                 # ---- What is reflected goes on from here
@@ -559,7 +563,7 @@ def visible_kernel(
                                 of_branch = view_state(
                                     other, float(served) * branch.other, stream, 0.0, FAR, passed_by, travelled,
                                     depth_scale, out.first_depth[i], inside, decision + 1, bounce + 1,
-                                    flags & MET_MOTION,
+                                    (flags & MET_MOTION) | TURNED,
                                 )  # fmt: skip
                                 kept = keep_state(states, tid, kept, of_branch)
                         if wp.max(branch.culled) > 0.0:
@@ -642,6 +646,11 @@ class VisiblePoints:
     surfaces: SurfaceArrays | None = None
 
     @property
+    def turned(self) -> np.ndarray:
+        """1 for paths that were reflected or refracted, else 0, shape [n] int32."""
+        return (self.arrays.flags.numpy() & PathFlag.TURNED) // PathFlag.TURNED
+
+    @property
     def extras(self) -> SurfaceExtras | None:
         """What AOVs ask for besides, on the host."""
         return None if self.surfaces is None else surface_extras(self.arrays.albedo, self.surfaces)
@@ -679,7 +688,7 @@ def visible_points(
     samples: int = 1,
     smallest_throughput: float = SMALLEST_THROUGHPUT,
     aovs: tuple[str, ...] = (),
-    only_first: bool = False,
+    rays: int = 1,
 ) -> Iterator[VisiblePoints]:
     """Follows camera rays; one batch a pass, refracted paths first.
 
@@ -696,7 +705,7 @@ def visible_points(
         samples: Samples a pixel; textures are averaged over the part of it that each stands for.
         smallest_throughput: Reflected branches that carry less are not followed.
         aovs: Channel groups wanted beside the beauty.
-        only_first: Whether nothing that branches is followed.
+        rays: How many of ``films`` stand for each of these.
     """
     masks = np.zeros(len(items), np.int32)
     sources, states = np.zeros(0, np.int32), launcher.zeros(0, ViewState)
@@ -741,15 +750,14 @@ def visible_points(
         lit = [surfaces, lights, area_lights, camera]
         scene = [*lit, textures or TextureArrays(), domes or DomeArrays(), films]
         limits = [needs.bounces, smallest_throughput, float(segments), 2.0 if scales_radiance else 0.0]
-        inputs = [*scene, *paths, *limits, samples**-0.5, samples, out.queries, out.arrays, kept]
+        sharing = [(samples * rays) ** -0.5, samples * rays, MOST_FOR_OTHERS * rays]
+        inputs = [*scene, *paths, *limits, *sharing, out.queries, out.arrays, kept]
         launcher(kernel, len(items), inputs, in_turn=True)
         if out.surfaces is not None:
             found = out.queries, out.arrays, device_rows
             find_surfaces(*lit, *found, aovs, launcher, moves, segments, out.surfaces)
         if not here:
             yield out
-        if only_first:
-            return
         reported = out.arrays.reported.numpy()[rows]
         items, masks = reported_paths(items, masks, reported)
         sources, states = kept_rows(reported), kept
