@@ -21,11 +21,8 @@ import numpy as np
 from tpdwarp.photons.energy import BELOW_CUTOFF, EnergyAccount
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.trajectories.keyframes import KeyframeState
-from tpdwarp.trajectories.retraced import LEAST_SHARE, RetracedCells
+from tpdwarp.trajectories.retraced import FAINT_BRANCH, RetracedCells
 
-# Branches that carry less of their cell's flux are faint. Half of what counts as a change, so that what counts is not
-# cut off; the blob errs by .0962 with it, by .0967 with all of that and by .0957 without (16 k photons).
-FAINT_BRANCH = 0.5 * LEAST_SHARE
 # Of the light of cells so much has to go on from the opening to the closing of the shutter for mid shutter to speak for
 # their faint branches. Chosen: between the prism that turns through the end of total reflection, of which none does (it
 # errs by .073 then, not by .055, with 4 096 photons), and a ball behind a slab, of which .39 does.
