@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -108,12 +109,21 @@ class Launcher:
         _cache.load(kernel.module, self.device, 1)
         chunk = max(smallest_chunk, -(-count // (self.threads * CHUNKS_PER_THREAD)))
 
+        # Arguments are packed once for all chunks, which takes longer than to trace a few paths.
+        given = [0, *([0] if in_turn else []), *inputs]
+        packed = wp.launch(kernel, dim=1, inputs=given, device=self.device, record_cmd=True)
+
         def run(base: int) -> None:
             items = min(chunk, count - base)
+            # Each thread sets arguments of its own.
+            command = copy(packed)
+            command.params = list(packed.params)
+            command.set_param_at_index(0, base)
             if in_turn:
-                wp.launch(kernel, dim=1, inputs=[base, items, *inputs], device=self.device)
+                command.set_param_at_index(1, items)
             else:
-                wp.launch(kernel, dim=items, inputs=[base, *inputs], device=self.device)
+                command.set_dim(items)
+            command.launch()
 
         bases = range(0, count, chunk)
         # A single chunk is done sooner than handed over.

@@ -26,6 +26,7 @@ from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.changing import changing_cells
 from tpdwarp.trajectories.edges import FINER, edge_cells, finer_in_time, in_coarse_cells, resting_edges, traced_finer
+from tpdwarp.trajectories.faint_branches import count_faint_branches, cutoff_in_parts
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.parts import traced_in_parts
@@ -271,9 +272,10 @@ def _along_keyframes(
     # What is traced again is beside the rest all the same.
     photons = bent(photons, plan, tracer, pixel, clock)
     if changing:
-        _, replaced = tracer.trace(seen, plan, clock, chosen=changing.at_middle(), **tagged)
+        entered = {"smallest_branch": cutoff_in_parts(photons, changing, states, tracer.settings.branch_cutoff)}
+        again, replaced = tracer.trace(seen, plan, clock, chosen=changing.at_middle(), **tagged, **entered)
         account.subtract(replaced)
-        stays = ~changing.holds(photons)
+        stays = ~np.isin(photons.ids, again.ids)
         photons, states = photons.rows(stays), tuple(state.rows(stays) for state in states)
     stay = photons.rows(changing.holds(photons, NEIGHBOURS_ASKED)) if changing else None
     photons, fitted = fit_trajectories(photons, plan, keyframes, clock, states)
@@ -282,8 +284,10 @@ def _along_keyframes(
     if changing:
         shutter, apart = seen.scene.shutter, [cells for cells in finer_in_time(changing, resting) if cells]
         bend = partial(_bent_beside, stay, plan, tracer, pixel, clock)
-        parts, more = traced_in_parts(tracer, keyframes, apart, shutter, weight, light, bend, clock, **options)
+        given = tracer, keyframes, apart, shutter, weight, light, bend, clock
+        parts, more = traced_in_parts(*given, **options, **entered)
         account.add(more)
+        count_faint_branches(account, replaced, more)
         traced += [(part, cells.plan) for cells, of_cells in zip(apart, parts, strict=True) for part in of_cells]
         account.counts["cells traced again in time"] = len(changing)
         if changing.limited:

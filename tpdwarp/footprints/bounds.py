@@ -127,14 +127,15 @@ def whole_sweeps(footprints: FootprintArrays) -> Sweeps:
     return out
 
 
-def pieces_of(sweeps: Sweeps, rows: np.ndarray, launcher: Launcher) -> Pieces:
+def pieces_of(sweeps: Sweeps, rows: np.ndarray, launcher: Launcher, most: int = MOST_PIECES) -> Pieces:
     """The pieces of some footprints: as many as a footprint is longer than wide, or than others are wide.
 
     Args:
         rows: Which of them, shape [n].
+        most: How many a footprint has at most.
     """
     along, across = sweeps.half_extent.numpy()[rows, :2].T
-    counts = np.ceil(along / np.maximum(across, np.median(across))).clip(1, MOST_PIECES).astype(np.int32)
+    counts = np.ceil(along / np.maximum(across, np.median(across))).clip(1, most).astype(np.int32)
     ends = np.cumsum(counts, dtype=np.int32)
     count = int(ends[-1])
     owners, first, chosen = (

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from tpdwarp.device import Launcher
-from tpdwarp.footprints.bounds import Pieces, Sweeps, pieces_of, whole_sweeps
+from tpdwarp.footprints.bounds import MOST_PIECES, Pieces, Sweeps, pieces_of, whole_sweeps
 from tpdwarp.footprints.cell_parts import told_apart
 from tpdwarp.footprints.courses import courses_of
 from tpdwarp.footprints.light_images import axes_in_light, images_of
@@ -89,21 +89,23 @@ class FootprintMap:
     _slots: dict[tuple[int, int], FootprintMap] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, footprints: Footprints, rows: np.ndarray | None = None) -> FootprintMap:
+    def of(cls, footprints: Footprints, rows: np.ndarray | None = None, most_pieces: int = MOST_PIECES) -> FootprintMap:
         """Builds the BVH.
 
         Args:
             rows: Which footprints it holds, by index; None for all.
+            most_pieces: Into how many pieces the longest are cut. Where queries see the whole shutter one is enough:
+                they ask for the reach of what they find.
         """
         if rows is None:
             rows = np.arange(footprints.count, dtype=np.int32)
-        return cls._over(footprints, rows, whole_sweeps(footprints.arrays))
+        return cls._over(footprints, rows, whole_sweeps(footprints.arrays), most_pieces)
 
     @classmethod
-    def _over(cls, footprints: Footprints, rows: np.ndarray, sweeps: Sweeps) -> FootprintMap:
+    def _over(cls, footprints: Footprints, rows: np.ndarray, sweeps: Sweeps, most_pieces: int) -> FootprintMap:
         if not len(rows):
             return cls(footprints, rows, None, None, 0.0)
-        pieces = pieces_of(sweeps, rows, footprints.launcher)
+        pieces = pieces_of(sweeps, rows, footprints.launcher, most_pieces)
         # On the CPU it is built in half the time that the default takes, and walked through no slower.
         constructor = None if footprints.launcher.device.is_cuda else "cubql"
         bvh = wp.Bvh(pieces.lower, pieces.upper, constructor=constructor, leaf_size=PIECES_OF_LEAF)
@@ -127,8 +129,9 @@ class FootprintMap:
         if (slot, count) not in self._slots:
             every = self.footprints
             sweeps, rows = sweeps_in(every.arrays, every.courses, self.rows, slot, count, every.launcher)
+            there = FootprintMap._over(every, rows, sweeps, MOST_PIECES)
             # Ways of queries are cut to the size of runs: were it smaller here, queries would see less of the shutter.
-            self._slots[slot, count] = replace(FootprintMap._over(every, rows, sweeps), run_size=self.run_size)
+            self._slots[slot, count] = replace(there, run_size=self.run_size)
         return self._slots[slot, count]
 
 

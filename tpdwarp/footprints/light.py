@@ -11,6 +11,7 @@ import warp as wp
 
 from tpdwarp.device import Launcher
 from tpdwarp.footprints.background import SplitLight, split_light
+from tpdwarp.footprints.bounds import MOST_PIECES
 from tpdwarp.footprints.footprint_map import FootprintMap, Footprints, shape_footprints
 from tpdwarp.footprints.gather import gathered, irradiance_of
 from tpdwarp.footprints.irradiance import Irradiance, Lookup, QueryArrays, rows_of, scattered
@@ -88,7 +89,6 @@ class FootprintLight:
         self._wide = WideFootprints(np.arange(self._shaped.count))
         if form.smooth:
             self._wide = wide_footprints(self._shaped, pixel, launcher)
-        self._fine = self._maps_of(self._wide.others)
         self._smooth = [
             Rasters(planes, levels, form, launcher)
             for planes, levels in ((split.planes, faint), (self._wide.planes, self._levels(self._wide.still)))
@@ -97,25 +97,26 @@ class FootprintLight:
         levels = self._levels(self._wide.moving)
         self._sweeping = [Rasters(self._wide.planes, levels, form, launcher)] if levels else []
 
-    def _map_of(self, rows: np.ndarray) -> FootprintMap:
-        return FootprintMap.of(self._shaped, rows)
-
-    def _maps_of(self, rows: np.ndarray) -> list[FootprintMap]:
+    def _maps_of(self, rows: np.ndarray, most_pieces: int = MOST_PIECES) -> list[FootprintMap]:
         """Those of about a size together, for a walk through a tree serves queries as far apart as footprints are
         large."""
         extents = self._shaped.arrays.half_extent.numpy()[rows, :2].max(axis=1)
         sizes = np.floor(np.log2(np.maximum(extents, np.finfo(np.float32).tiny)) / OCTAVES)
-        return [self._map_of(rows[chosen]) for chosen in _by_size(sizes)]
+        return [FootprintMap.of(self._shaped, rows[chosen], most_pieces) for chosen in _by_size(sizes)]
 
     def _levels(self, sides: dict[float, np.ndarray]) -> list[tuple[float, FootprintMap]]:
-        return [(side, self._map_of(rows)) for side, rows in sorted(sides.items())]
+        return [(side, FootprintMap.of(self._shaped, rows)) for side, rows in sorted(sides.items())]
+
+    @cached_property
+    def _fine(self) -> list[FootprintMap]:
+        """What queries look at that see the whole shutter."""
+        return self._maps_of(self._wide.others, most_pieces=1)
 
     @cached_property
     def _all_that_moves(self) -> list[FootprintMap]:
         """What queries look at that move, or see part of the shutter: wide footprints too, unless they stand still."""
-        if not self._wide.moving:
-            return self._fine or [self._map_of(self._wide.others)]
-        return self._maps_of(np.concatenate([self._wide.others, *self._wide.moving.values()]))
+        rows = np.concatenate([self._wide.others, *self._wide.moving.values()])
+        return self._maps_of(rows) or [FootprintMap.of(self._shaped, rows)]
 
     @property
     def longest_way(self) -> float:

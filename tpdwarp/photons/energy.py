@@ -11,6 +11,9 @@ STARVED = f"lights with fewer than {FEWEST_OF_SEVERAL} photons"
 # The error that is foreseen of light with extent in a bad number of parts, as it is counted.
 COARSE_PARTS = "foreseen error of light with extent in so many parts, per mille"
 
+# The cause by which flux of branches counts as lost that are too faint to be followed.
+BELOW_CUTOFF = "branch below cutoff"
+
 
 @dataclass
 class EnergyAccount:

@@ -7,7 +7,7 @@ from enum import IntEnum
 import numpy as np
 import warp as wp
 
-from tpdwarp.photons.energy import EnergyAccount
+from tpdwarp.photons.energy import BELOW_CUTOFF, EnergyAccount
 
 
 class Fate(IntEnum):
@@ -94,7 +94,7 @@ def add_sums(account: EnergyAccount, sums: np.ndarray, unit: float) -> None:
     for name in ("sent", "deposited", "escaped", "absorbed"):
         setattr(account, name, getattr(account, name) + watts(name))
     for cause, name in (
-        ("branch below cutoff", "culled"),
+        (BELOW_CUTOFF, "culled"),
         ("too many bounces", "too_deep"),
         ("not finite", "not_finite"),
     ):

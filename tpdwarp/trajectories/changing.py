@@ -130,9 +130,7 @@ def changing_cells(
         }
     ends: list[PhotonMap] = []
     if suspects:
-        ends = [
-            keyframes.traced(part, plan, chosen=riding(suspects, plan, part), aimed=False) for part in (OPENS, CLOSES)
-        ]
+        ends = [keyframes.bright(part, plan, riding(suspects, plan, part)) for part in (OPENS, CLOSES)]
     with clock.stage("trace"):
         typical = max(finest, *map(typical_area, [photons, *ends]))
     with clock.stage("trace"):

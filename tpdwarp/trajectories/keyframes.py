@@ -8,7 +8,7 @@ too few photons to say; those cells are traced at either end themselves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -17,8 +17,8 @@ import warp as wp
 
 from tpdwarp.clock import Clock
 from tpdwarp.device import Launcher
-from tpdwarp.photons.emission import ChosenCells
-from tpdwarp.photons.lattices import EmissionPlan
+from tpdwarp.photons.emission import ChosenCells, Patch
+from tpdwarp.photons.lattices import EmissionPlan, Lattice
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap, row_index
 from tpdwarp.photons.power_curves import PowerCurve
@@ -30,7 +30,7 @@ from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.brightening import lights_change, power_curves, steady_lights
 from tpdwarp.trajectories.grids import Riders, StateArrays, grids_of, interpolate
 from tpdwarp.trajectories.neighbours import neighbours
-from tpdwarp.trajectories.retraced import LEAST_SHARE, CellsOfLattices, riding
+from tpdwarp.trajectories.retraced import FAINT_BRANCH, LEAST_SHARE, CellsOfLattices, riding
 
 # Part of the shutter over which keyframes take D_t x at either end of it. Chosen, not derived: a difference over it
 # errs by its square over 24, 7e-4 of D_ttt x.
@@ -228,7 +228,7 @@ class ShutterKeyframes:
         if self._ends is None or self._ends[0] is not plan:
             with self._clock.stage("trace"):
                 cells = _with_shifts(photons.rows(rows), plan)
-            ends = [self.traced(part, plan, chosen=riding(cells, plan, part), aimed=False) for part in (-END, END)]
+            ends = [self.bright(part, plan, riding(cells, plan, part)) for part in (-END, END)]
             self._ends = plan, ends
         # Of photons of which some were asked for before, no others are unknown.
         ends = self._ends[1]
@@ -281,6 +281,13 @@ class ShutterKeyframes:
         photons, account = self.tracer.trace(loaded, plan, self._clock, jittered=False, tags=tags, **options)
         self.emitted += account.counts.get("emitted", 0)
         return photons
+
+    def bright(
+        self, part: float, plan: EmissionPlan, chosen: Callable[[Lattice, Patch], ChosenCells]
+    ) -> PhotonMap:
+        """The same of ``chosen`` cells without their faint branches, which are no reason to look at a cell."""
+        cutoff = max(FAINT_BRANCH, self.tracer.settings.branch_cutoff)
+        return self.traced(part, plan, chosen=chosen, aimed=False, smallest_branch=cutoff)
 
     def _loaded(self, part: float) -> LoadedScene:
         """The scene at a part of the shutter, as of :meth:`traced`."""
