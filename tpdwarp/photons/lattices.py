@@ -493,6 +493,7 @@ def _candidates(
     normalization: Normalization,
     shape: LatticeShape = OWN_AXES,
 ) -> list[_Candidate]:
+    views = [(_as_wide_as_ever(light), there) for light, there in views]
     first, first_seen = views[0]
     if first.kind == LightKind.DISTANT:
         faces, limit = [None], math.inf
@@ -524,6 +525,14 @@ def _candidates(
             if number not in seen
         ]
     return found
+
+
+def _as_wide_as_ever(light: LightAtShutter) -> LightAtShutter:
+    """A light with its cone as wide as it is at any time: one that opens and closes between two stills would fill so
+    many times the cells of its lattice that this has to be another one for a while, which has no keyframes."""
+    if light.shaping is None or light.shaping.widest <= light.shaping.angle:
+        return light
+    return replace(light, shaping=replace(light.shaping, angle=light.shaping.widest))
 
 
 def _radius(scene: SceneAtShutter, normalization: Normalization) -> float:

@@ -389,12 +389,15 @@ class Shaping:
         focus: Exponent of the cosine.
         profile: Factors at :data:`PROFILE_COUNT` angles θ spread evenly over 0 … π, between which it is linear; empty
             for a factor of 1 everywhere.
+        widest: The largest ``angle`` that it has in the animation, if that is larger: emission lattices are laid out
+            for it, of which a narrower cone takes a part.
     """
 
     angle: float
     softness: float = 0.0
     focus: float = 0.0
     profile: tuple[float, ...] = ()
+    widest: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -610,6 +610,13 @@ def test_a_cone_is_that_of_mid_shutter_and_is_said_to_change_within_it(small):
     still, opening = (read(small, shutter)[0] for shutter in (Shutter.still(1), Shutter(1.0, 1.25, 1.75)))
     assert still.shaping.angle == pytest.approx(math.radians(10.0)) and not still.moves
     assert opening.shaping.angle == pytest.approx(math.radians(20.0)) and opening.reshaped and opening.moves
+    # It may be as wide at either end.
+    angle.Set(10.0, 1.25)
+    angle.Set(30.0, 1.5)
+    angle.Set(10.0, 1.75)
+    there_and_back = read(small, Shutter(1.0, 1.25, 1.75))[0]
+    assert there_and_back.reshaped and there_and_back.shaping.widest == pytest.approx(math.radians(30.0))
+    assert not read(small, Shutter(1.0, 1.6, 1.6))[0].reshaped
     # What brightens and keeps its cone goes nowhere else.
     angle.Clear()
     angle.Set(30.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdLux
@@ -197,7 +198,8 @@ class Light:
         if self.kind == LightKind.POINT:
             profile, _ = PROFILES[self._shape]
             shaping = self._shaping(shutter.middle)
-            reshaped = self.power_varies and self._shaping(shutter.open) != self._shaping(shutter.close)
+            times = self._ends_and_samples(shutter) if self.power_varies else []
+            reshaped = any(self._shaping(time) != shaping for time in times)
         extent = self._extent(shutter)
         place = position, axes, position_motion, axes_motion
         return LightAtShutter(self.path, self.kind, power, *place, shaping, profile, extent, reshaped=reshaped)
@@ -294,8 +296,16 @@ class Light:
             return None
         # A rim of 180° is no rim, however soft.
         softness = min(given["softness"], 1.0) if given["angle"] < 180.0 else 0.0
-        angle = math.radians(given["angle"]) if given["angle"] < 180.0 else 2.0 * math.pi
-        return Shaping(angle, softness, given["focus"], () if profile is None else profile[1])
+        factors = () if profile is None else profile[1]
+        return Shaping(_cone(given["angle"]), softness, given["focus"], factors, self._widest_cone)
+
+    @cached_property
+    def _widest_cone(self) -> float:
+        """The largest opening that its cone ever has [rad], as it stands in :class:`Shaping`."""
+        attribute = self._input("shaping:cone:angle")
+        if not attribute or not attribute.ValueMightBeTimeVarying():
+            return 0.0
+        return max((_cone(self._size(attribute, time)) for time in sample_times(attribute)), default=0.0)
 
     def _profile(self, frame: float) -> tuple[float, tuple[float, ...]] | None:
         """The largest intensity of the light's IES profile, and the profile by that; None where it has none."""
@@ -339,14 +349,17 @@ class Light:
         total = sum((weight * np.array(self.power(time)) for time, weight in self._nodes(shutter)), np.zeros(3))
         return tuple(map(float, total / shutter.exposure))
 
+    def _ends_and_samples(self, shutter: Shutter) -> list[float]:
+        """When a shutter opens and closes, and the times of samples of what varies in between, in order."""
+        varying = [attribute for attribute in self._inputs if attribute.ValueMightBeTimeVarying()]
+        times = {time for attribute in (*varying, *self._visibilities) for time in sample_times(attribute)}
+        return [shutter.open, *sorted(t for t in times if shutter.open < t < shutter.close), shutter.close]
+
     def _nodes(self, shutter: Shutter) -> list[tuple[float, float]]:
         """Times at which it is visible while a shutter is open, and the time [frames] that each of them stands for."""
-        varying = [attribute for attribute in self._inputs if attribute.ValueMightBeTimeVarying()]
-        # Between samples everything is smooth or held, so that these nodes see what there is.
-        times = {time for attribute in (*varying, *self._visibilities) for time in sample_times(attribute)}
-        edges = [shutter.open, *sorted(t for t in times if shutter.open < t < shutter.close), shutter.close]
         nodes = []
-        for first, last in itertools.pairwise(edges):
+        # Between samples everything is smooth or held, so that these nodes see what there is.
+        for first, last in itertools.pairwise(self._ends_and_samples(shutter)):
             for node, weight in zip(GAUSS_NODES, GAUSS_WEIGHTS, strict=True):
                 nodes.append((0.5 * (first + last) + 0.5 * node * (last - first), 0.5 * weight * (last - first)))
         return [(time, weight) for time, weight in nodes if self.visible(time)]
@@ -508,6 +521,11 @@ class Light:
 def is_light(prim: Usd.Prim) -> bool:
     """Whether a prim is a light that is rendered."""
     return prim.IsA(UsdLux.DistantLight) or any(prim.IsA(kind) for kind in AREAS)
+
+
+def _cone(angle: float) -> float:
+    """Half the opening [rad] of a cone that is authored as ``angle`` [degrees]: from 180° on it has no rim."""
+    return math.radians(angle) if angle < 180.0 else 2.0 * math.pi
 
 
 def changing_visibilities(prim: Usd.Prim) -> list[Usd.Attribute]:

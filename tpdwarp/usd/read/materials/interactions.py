@@ -47,7 +47,7 @@ def interaction_of(physical: Physical, path: str, warnings: WarnOnce) -> Materia
         warnings(physical.sources.get(name, path), message)
 
     if max(physical.emission) > 0 and not physical.unlit:
-        warn("emission", "light that a surface gives off is seen, but lights nothing (MeshLightAPI makes it a light)")
+        warn("emission", "light that a surface gives off is seen, but lights nothing (without MeshLightAPI)")
     if physical.presence < NEARLY:
         return None
     there = replace(_present(physical, path, warn), presence=physical.presence)
