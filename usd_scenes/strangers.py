@@ -247,6 +247,25 @@ def paddle_under_a_blob() -> Stranger:
     return _stranger("paddle-under-a-blob", meshes, [_sun(0.0)], {paddle.name: turn}, (0.0, 0.0, 0.95), 1.6)
 
 
+def cloth_under_a_lens() -> Stranger:
+    """A cloth waves in the light of a lens that rests, whose focus it meets now above and now below."""
+
+    def cloth(phase: float) -> shapes.Shape:
+        def height(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            rows, columns = 6.0 * x + phase, 4.0 * y - 0.5 * phase
+            slopes = 0.72 * np.cos(rows) * np.cos(columns), -0.48 * np.sin(rows) * np.sin(columns)
+            return 0.12 * np.sin(rows) * np.cos(columns), *slopes
+
+        return shapes.sheet(2.4, 64, height)
+
+    (start, triangles, first), (end, _, last) = cloth(0.0), cloth(1.4)
+    ends = [tuple(np.float32(value) for value in pair) for pair in ((start, end), (first, last))]
+    sheet = Mesh("/World/Cloth", ends[0], triangles.astype(np.int32), DIFFUSE, normals=ends[1])
+    points, triangles, normals = shapes.lens(0.6, 0.9)
+    lens = _mesh("Lens", (shapes.moved(points, (0.0, 0.0, 0.9)), triangles, normals))
+    return _stranger("cloth-under-a-lens", [sheet, lens], [_sun(15.0)], {}, (0.15, 0.0, 0.5), 1.6)
+
+
 def slab_under_a_lens() -> Stranger:
     """A slab of glass slides into the converging light of a lens that rests."""
     points, triangles, normals = shapes.lens(0.5, 1.0)
@@ -274,6 +293,7 @@ STRANGERS: dict[str, Callable[[], Stranger]] = {
     "mirror-beside-a-dome": mirror_beside_a_dome,
     "prism-200": prism_spinning,
     "paddle-under-a-blob": paddle_under_a_blob,
+    "cloth-under-a-lens": cloth_under_a_lens,
     "slab-under-a-lens": slab_under_a_lens,
 }
 
