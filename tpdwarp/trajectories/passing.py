@@ -35,8 +35,9 @@ from tpdwarp.trajectories.retraced import LEAST_LIGHT, RetracedCells, Window, ce
 # may be another edge, at rest. Chosen on a board that uncovers half a glass torus in the last fifth of a shutter, 16 k
 # photons: with 32 it errs by .26, with 12 by .20, with 6 by .12 for a third more CPU time.
 FARTHEST = 6
-# Cells that stay as they are from one part to the next tell of an edge farther off. Chosen on a stick that passes above
-# a lens (``scripts/benchmarks/strangers.py stick-over-a-bowl``): with 6 it errs by .037, with 12 by .026.
+# Cells that stay as they are from one part to the next tell of edges that go by as many cells between. Chosen on a
+# stick that passes above a lens (``scripts/benchmarks/strangers.py stick-over-a-bowl``): with 6 it errs by .037, with
+# 12 by .025.
 FARTHEST_KEPT = 12
 # Deviation [cells] of the normal weights with which cells around one tell how far it lies from an edge, and how many
 # cells these go. Chosen on a board over still water (``scripts/benchmarks/solids.py board-over-water``, 16 k photons):
@@ -218,7 +219,7 @@ def _extents(
         d, beyond = inside[part, u, v].astype(np.float64), outside[other, u, v].astype(np.float64)
         near = (d <= FARTHEST) & (beyond <= FARTHEST)
         of_kept = np.stack([of[np.minimum(part, other), u, v] for of in kept])
-        told = (of_kept <= FARTHEST_KEPT).all(axis=0) & dark[other, u, v] & (power[part, u, v] > 0.0)
+        told = (of_kept.sum(axis=0) <= FARTHEST_KEPT) & dark[other, u, v] & (power[part, u, v] > 0.0)
         d[told], beyond[told] = of_kept[:, told]
         near |= told
         unknown[side, part, u, v] = ~near
