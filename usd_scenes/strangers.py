@@ -237,6 +237,46 @@ def prism_spinning() -> Stranger:
     return _stranger("prism-200", [_floor(), prism], [_sun(20.0)], {prism.name: moves}, (0.1, 0.0, 0.25), 2.4)
 
 
+def paddle_under_a_blob() -> Stranger:
+    """A board turns by 50 degrees in the light of a bumpy glass ball that rests: what is lit turns, not what bends."""
+    points, triangles, normals = shapes.blob()
+    blob = _mesh("Blob", (shapes.moved(0.5 * points, (0.0, 0.0, 1.5)), triangles, normals))
+    paddle = _mesh("Paddle", shapes.box((1.0, 0.5, 0.04)), DIFFUSE)
+    turn: list[Op] = [("translate", {0.0: (0.0, 0.0, 0.6)}), ("rotateY", {0.0: -25.0, 1.0: 25.0})]
+    meshes = [_floor(), blob, paddle]
+    return _stranger("paddle-under-a-blob", meshes, [_sun(0.0)], {paddle.name: turn}, (0.0, 0.0, 0.95), 1.6)
+
+
+def cloth_under_a_lens() -> Stranger:
+    """A cloth waves in the light of a lens that rests, whose focus it meets now above and now below."""
+
+    def cloth(phase: float) -> shapes.Shape:
+        def height(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            rows, columns = 6.0 * x + phase, 4.0 * y - 0.5 * phase
+            slopes = 0.72 * np.cos(rows) * np.cos(columns), -0.48 * np.sin(rows) * np.sin(columns)
+            return 0.12 * np.sin(rows) * np.cos(columns), *slopes
+
+        return shapes.sheet(2.4, 64, height)
+
+    (start, triangles, first), (end, _, last) = cloth(0.0), cloth(1.4)
+    ends = [tuple(np.float32(value) for value in pair) for pair in ((start, end), (first, last))]
+    sheet = Mesh("/World/Cloth", ends[0], triangles.astype(np.int32), DIFFUSE, normals=ends[1])
+    points, triangles, normals = shapes.lens(0.6, 0.9)
+    lens = _mesh("Lens", (shapes.moved(points, (0.0, 0.0, 0.9)), triangles, normals))
+    return _stranger("cloth-under-a-lens", [sheet, lens], [_sun(15.0)], {}, (0.15, 0.0, 0.5), 1.6)
+
+
+def slab_under_a_lens() -> Stranger:
+    """A slab of glass slides into the converging light of a lens that rests."""
+    points, triangles, normals = shapes.lens(0.5, 1.0)
+    lens = _mesh("Lens", (shapes.moved(points, (0.0, 0.0, 1.3)), triangles, normals))
+    points, triangles = shapes.box((0.7, 0.9, 0.1))
+    slab = _mesh("Slab", (points @ shapes.rotation((0.0, 0.0, 1.0), 20.0).T, triangles))
+    way: list[Op] = [("translate", {0.0: (-0.65, 0.0, 0.45), 1.0: (-0.15, 0.0, 0.45)})]
+    meshes = [_floor(), lens, slab]
+    return _stranger("slab-under-a-lens", meshes, [_sun(6.0)], {slab.name: way}, (0.1, 0.0, 0.3), 1.4)
+
+
 STRANGERS: dict[str, Callable[[], Stranger]] = {
     "pendulum-lens": pendulum_lens,
     "mirror-ring-90": mirror_ring_turning,
@@ -252,6 +292,9 @@ STRANGERS: dict[str, Callable[[], Stranger]] = {
     "stick-over-a-bowl": stick_over_a_bowl,
     "mirror-beside-a-dome": mirror_beside_a_dome,
     "prism-200": prism_spinning,
+    "paddle-under-a-blob": paddle_under_a_blob,
+    "cloth-under-a-lens": cloth_under_a_lens,
+    "slab-under-a-lens": slab_under_a_lens,
 }
 
 

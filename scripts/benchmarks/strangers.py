@@ -38,7 +38,7 @@ SAMPLES = 4
 # Photons of brute force, for bodies that glide: it takes light at edges as it falls.
 BRUTE_PHOTONS = 16_000_000
 # So have these that turn, in pieces of the shutter in which vertices go straight.
-BY_BRUTE_FORCE = ("mirror-beside-a-dome", "prism-200")
+BY_BRUTE_FORCE = ("mirror-beside-a-dome", "prism-200", "paddle-under-a-blob")
 PIECES = 64
 # Photons and instants of two truths, of which the second is kept. Light sweeps over 25 pixels at most, so that there
 # are five instants a pixel; of a sharp focus these still are stripes.

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.photons.shapes import box, glass
+from tests.photons.shapes import DIFFUSE, box, glass
 from tests.photons.traced import sun
 from tests.view.scenes import WATER, Source, bumpy, floor, looking_down
 from tpdwarp.clock import Clock
@@ -58,6 +58,23 @@ def test_bodies_have_a_segment_for_each_thirty_degrees(degrees, least):
     settings = Settings(photons=16384, segments="auto")
     count = RenderContext(Source(at), settings).segmentation.count(Shutter(0, 0, 1), Clock())
     assert count >= least and (least > 1 or count == 1)
+
+
+@pytest.mark.parametrize(("degrees", "aside", "least"), [(20.0, 0.0, 1), (50.0, 0.0, 2), (50.0, 3.0, 1)])
+def test_what_light_falls_on_has_a_segment_for_each_thirty_degrees_too(degrees, aside, least):
+    """A paddle that turns under a still box of glass; beside its light it is worth nothing."""
+    paddle = box("/paddle", (-0.5, -0.3, -0.02), (0.5, 0.3, 0.02), DIFFUSE)
+
+    def at(shutter: Shutter) -> SceneAtShutter:
+        first, middle, last = (
+            paddle.points @ rotation((0, 1.0, 0), degrees * (time - 0.5)).T + [aside, 0, 0.35]
+            for time in (shutter.open, shutter.middle, shutter.close)
+        )
+        body = replace(paddle, points=middle, motions=last - first if shutter.exposure else None)
+        return SceneAtShutter(shutter, (floor(), BODY, body), (sun(),), looking_down(height=0.05))
+
+    settings = Settings(photons=16384, segments="auto")
+    assert RenderContext(Source(at), settings).segmentation.count(Shutter(0, 0, 1), Clock()) == least
 
 
 def turning_panel(degrees: float) -> Source:

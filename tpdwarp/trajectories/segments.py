@@ -42,7 +42,7 @@ from tpdwarp.photons.lattices import EmissionPlan
 from tpdwarp.photons.path_tags import PathTags
 from tpdwarp.photons.photon_map import PhotonMap
 from tpdwarp.photons.tracer import PhotonTracer
-from tpdwarp.scene.description import SceneSource, Shutter
+from tpdwarp.scene.description import SceneAtShutter, SceneSource, Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.brightening import lights_change
 from tpdwarp.trajectories.changing import (
@@ -100,6 +100,8 @@ PASSING_BORDER = 0.03125
 # drift apart, too.) Two glass balls of radius .35 that cross each other by 1.0 err by .25 in one segment, .115 in two,
 # .026 in three and .032 in six (16 k photons).
 WIDEST_RIFT = 0.4
+# Less of the light that lands is not worth a segment for what it falls on. Chosen, not derived.
+LEAST_LIT = 0.02
 # Segments up to which it is asked whether cells ride apart. Chosen, not derived.
 MOST_TORN = 8
 # Parts into which longer shutters are cut to be looked at.
@@ -271,11 +273,10 @@ def best_segment_count(tracer: PhotonTracer, shutter: Shutter) -> int:
         whole = Shutter(frame, start, start + shutter.exposure)
         shutter_part = whole.segments(parts)[number % parts]
         scenes = _keyframe_scenes(tracer, shutter_part)
-        turns = parts * segments_needed([loaded.scene for loaded in scenes], 2.0 * END)
+        errors, rifts, lit = _errors_over(tracer, scenes, plan)
+        turns = parts * segments_needed([loaded.scene for loaded in scenes], 2.0 * END, lit)
         # Rounding is no segment more.
-        least = max(least, math.ceil(turns - 1e-3))
-        errors, rifts = _errors_over(tracer, scenes, plan)
-        least = max(least, math.ceil(parts * rifts / WIDEST_RIFT))
+        least = max(least, math.ceil(turns - 1e-3), math.ceil(parts * rifts / WIDEST_RIFT))
         if errors is not None:
             found.append(errors.over(parts))
     most = min(MOST_SEGMENTS, photons // FEWEST_PHOTONS)
@@ -292,9 +293,9 @@ def _keyframe_scenes(tracer: PhotonTracer, shutter: Shutter) -> list[LoadedScene
 
 def _errors_over(
     tracer: PhotonTracer, scenes: Sequence[LoadedScene], plan: EmissionPlan
-) -> tuple[SegmentErrors | None, float]:
+) -> tuple[SegmentErrors | None, float, frozenset[str]]:
     """Errors of the photons that land over the shutter of a frame, None where none do that keyframes say anything of;
-    and how wide the rifts between them are, as a part of their lattice.
+    how wide the rifts between them are, as a part of their lattice; and prim paths of what they fall on.
 
     Args:
         scenes: At the keyframes of that shutter, in the order of time.
@@ -304,9 +305,11 @@ def _errors_over(
     scenes = [middle, opening, closing]
     keyframes = ShutterKeyframes(tracer, plan, *scenes, PathTags(scenes[0].scene, plan.photons), clock)
     photons = _over_shutter(keyframes.photons(0.0))
+    at_ends = [keyframes.photons(part) for part in (-END, END)]
+    lit = _lit_receivers([photons, *at_ends], middle.scene)
     rifts = 0.0
     if sum(mesh.specular for mesh in middle.scene.meshes) > 1:
-        rifts = _widest_rift([photons, *(_over_shutter(keyframes.photons(part)) for part in (-END, END))], plan)
+        rifts = _widest_rift([photons, *map(_over_shutter, at_ends)], plan)
     before, after = keyframes.around(photons, plan)
     known = before.valid & after.valid
     # At borders of the lattice keyframes say nothing even in the middle of the shutter.
@@ -318,14 +321,25 @@ def _errors_over(
         known, before, after = begins, at_middle, at_middle
     rows = np.flatnonzero(known)
     if not len(rows):
-        return None, rifts
+        return None, rifts, lit
     known = photons.rows(rows)
     share = plan.photons / settings.photons
     passing = float(photons.flux[begins].sum() / photons.flux.sum())
     torn = np.zeros(len(photons))
     if curves and settings.emission == "lattice":
         torn = _torn(photons, plan, is_a_sheet_alone(keyframes))
-    return _errors(known, before.rows(rows), after.rows(rows), plan, share, curves, passing, torn[rows]), rifts
+    return _errors(known, before.rows(rows), after.rows(rows), plan, share, curves, passing, torn[rows]), rifts, lit
+
+
+def _lit_receivers(maps: Sequence[PhotonMap], scene: SceneAtShutter) -> frozenset[str]:
+    """Prim paths of the meshes on which as much of the light of some instants falls as matters."""
+    receivers = np.concatenate([photons.receiver for photons in maps])
+    flux = np.concatenate([photons.flux.sum(axis=1) for photons in maps])
+    mesh_of = np.repeat(np.arange(len(scene.meshes)), [len(mesh.objects) for mesh in scene.meshes])
+    light = np.bincount(mesh_of[receivers], flux, len(scene.meshes))
+    return frozenset(
+        mesh.path for mesh, share in zip(scene.meshes, light, strict=True) if share > LEAST_LIT * light.sum()
+    )
 
 
 def _over_shutter(photons: PhotonMap) -> PhotonMap:

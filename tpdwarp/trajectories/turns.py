@@ -1,8 +1,10 @@
-"""How far specular bodies, and lights that shine differently in different directions, turn within a shutter.
+"""How far bodies, and lights that shine differently in different directions, turn within a shutter.
 
 Light that a rigid body sends turns with it, and a photon goes along a curve of third order in time: where it turns far
 neither the curve nor what keyframes tell apart follows. Errors measured in each photon's own light do not show that, so
-that bodies that turn have at least a segment for each ``DEGREES_PER_SEGMENT``. Lights that turn have one for each half
+that bodies that turn have at least a segment for each ``DEGREES_PER_SEGMENT``. Points of what turns go straight within
+a segment besides, so that it seems to grow towards the ends of that, for the camera, for shadows, and for light that
+falls on it: so what is lit through glass or by mirrors counts, too. Lights that turn have one for each half
 of that: what a panel or a cone sends in one direction follows no curve of third order either, and its mean is not that
 of the middle; and so have lamps that go around a body, as seen from it. Cells ride evenly: bodies that, seen from a
 lamp, go or grow unevenly have as many as keep them from sliding off.
@@ -14,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -31,7 +33,8 @@ from tpdwarp.scene.device.shaping import is_shaped
 # Chosen, not derived (16 384 photons): a mirror ring that turns over by 90 degrees errs by .075 in three segments, .084
 # in two and .122 in six, .426 in one; a tumbler that falls and turns by 35 by .023 in one and in two, .027 in three; a
 # torus that turns by 45 by .048 in one, .057 in two and .066 in four (``scripts/benchmarks/strangers.py`` and
-# ``solids.py`` beside it).
+# ``solids.py`` beside it). Since light that rests is traced in parts, that ring errs less in one; but its own picture
+# and its shadow err by .080 then, by .036 and .026 in two and three.
 DEGREES_PER_SEGMENT = 30.0
 # Of lights: a lamp that goes around a lens by 33 degrees errs by .29 in one segment, by .044 in three.
 DEGREES_PER_SEGMENT_OF_LIGHTS = 15.0
@@ -46,16 +49,17 @@ RIGID = 0.02
 MOST_POINTS = 256
 
 
-def segments_needed(scenes: Sequence[SceneAtShutter], part: float) -> float:
+def segments_needed(scenes: Sequence[SceneAtShutter], part: float, lit: Collection[str] = ()) -> float:
     """How many segments the shutter has at least for what turns in it; not yet a whole number, for ``scenes`` may be
     those of a part of a longer shutter, and nothing where nothing turns.
 
     Args:
         scenes: The scene at consecutive times of the shutter, no more than half a turn apart.
         part: The part of the shutter between the first and the last of these.
+        lit: Prim paths of what light of what is specular falls on.
     """
     of_bodies = degrees = 0.0
-    for states in _bodies(scenes):
+    for states in _bodies(scenes, lit):
         if states[0].moves:
             turns = [turn_between(*pair) for pair in itertools.pairwise(states)]
             of_bodies = max(of_bodies, math.degrees(sum(turns)))
@@ -155,9 +159,10 @@ def _ways_to_bodies(
             yield away, 0.5 * float(np.linalg.norm(high - low))
 
 
-def _bodies(scenes: Sequence[SceneAtShutter]) -> Iterator[list[MeshAtShutter]]:
-    """Each mesh that is specular in the first of some scenes, in all of them; without those that some do not have."""
-    first = {mesh.path: [mesh] for mesh in scenes[0].meshes if mesh.specular}
+def _bodies(scenes: Sequence[SceneAtShutter], besides: Collection[str] = ()) -> Iterator[list[MeshAtShutter]]:
+    """Each mesh that is specular in the first of some scenes, or one of those ``besides``, in all of them; without
+    those that some do not have."""
+    first = {mesh.path: [mesh] for mesh in scenes[0].meshes if mesh.specular or mesh.path in besides}
     for scene in scenes[1:]:
         for mesh in scene.meshes:
             if mesh.path in first:
