@@ -12,6 +12,7 @@ import pytest
 from tests.estimators.frames import OPEN, STILL_SCENE, irradiance
 from tests.photons.shapes import MIRROR, ball, box, floor, glass, mesh, moving
 from tests.photons.traced import lamp, sun
+from tests.trajectories.test_fit import root_mean_square
 from tests.view.scenes import Source, looking_down, quad, steady, wave_source
 from tpdwarp.clock import Clock
 from tpdwarp.photons.path_tags import PathTags, facets_of
@@ -84,10 +85,12 @@ def test_the_board_takes_away_as_much_light_as_it_covers_on_average():
     assert energy.deposited + energy.escaped + energy.lost_total == pytest.approx(energy.sent, rel=1e-6)
 
 
-@pytest.mark.parametrize(("half", "middle"), [(1.0, 0.0), (0.06, 0.14)])
-def test_a_stick_takes_light_wherever_it_passes_between_keyframes(half, middle):
+@pytest.mark.parametrize(
+    ("half", "middle", "width"), [(1.0, 0.0, 0.08), (1.0, 0.0, 0.12), (1.0, 0.0, 0.16), (0.06, 0.14, 0.08)]
+)
+def test_a_stick_takes_light_wherever_it_passes_between_keyframes(half, middle, width):
     """It is narrower than its way from one keyframe to the next; past the narrow water it comes and goes in between."""
-    width, way = 0.08, 0.6
+    way = 0.6
     stick = quad("/stick", (middle - width / 2, -3), (middle + width / 2, 3), 2.0, motion=(way, 0, 0))
     water = quad("/water", (-half, -2), (half, 2), 1.0, glass(1.33))
     source = steady([floor(), water, stick], (sun(),), looking_down((-1, 1, -0.125, 0.125), height=0.5))
@@ -97,8 +100,10 @@ def test_a_stick_takes_light_wherever_it_passes_between_keyframes(half, middle):
     exact = (1 - fresnel_reflectance(0.0, 1.0, 1.33)) * (1 - (ends[1] - ends[0]))
     found, inside = irradiance(frame).mean(axis=0), np.abs(x) < half - 0.02
     # Where only keyframes show it the most is .13: it shadows nothing between them, and what it shadows then too long.
-    assert np.abs(found - exact)[inside].max() < 0.03
-    assert found[inside].mean() == pytest.approx(exact[inside].mean(), rel=0.005)
+    # Where one of its edges is taken for the other, the root mean square is .008 to .009.
+    assert np.abs(found - exact)[inside].max() < 0.035
+    assert root_mean_square((found - exact)[inside]) < 0.0065
+    assert found[inside].mean() == pytest.approx(exact[inside].mean(), rel=0.0025)
 
 
 @pytest.mark.parametrize("place", [0.0, 0.3, 0.45, 0.8])

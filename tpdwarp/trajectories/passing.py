@@ -35,6 +35,10 @@ from tpdwarp.trajectories.retraced import LEAST_LIGHT, RetracedCells, Window, ce
 # may be another edge, at rest. Chosen on a board that uncovers half a glass torus in the last fifth of a shutter, 16 k
 # photons: with 32 it errs by .26, with 12 by .20, with 6 by .12 for a third more CPU time.
 FARTHEST = 6
+# Cells that stay as they are from one part to the next tell of edges that go by as many cells between. Chosen on a
+# stick that passes above a lens (``scripts/benchmarks/strangers.py stick-over-a-bowl``): with 6 it errs by .037, with
+# 12 by .025.
+FARTHEST_KEPT = 12
 # Deviation [cells] of the normal weights with which cells around one tell how far it lies from an edge, and how many
 # cells these go. Chosen on a board over still water (``scripts/benchmarks/solids.py board-over-water``, 16 k photons):
 # with 1.1 it errs by .031, with 1.5 by .030, without by .032.
@@ -90,7 +94,8 @@ def parts_of_existence(maps: Sequence[PhotonMap], changing: RetracedCells) -> li
     numbers = row_numbers(lattice, mask, paths)
     lattice_of = np.zeros(int(numbers.max(initial=-1)) + 1, np.int64)
     lattice_of[numbers] = lattice
-    numbers = np.split(numbers, np.cumsum([len(photons) for photons in maps])[:-1])
+    first_of_parts = np.cumsum([len(photons) for photons in maps])[:-1]
+    numbers, lattices = np.split(numbers, first_of_parts), np.split(lattice, first_of_parts)
     flux = [photons.flux.sum(axis=1, dtype=np.float64) for photons in maps]
     calm = [np.where(_is_calm(photons), weights, 0.0) for photons, weights in zip(maps, flux, strict=True)]
     light = sum(np.bincount(of, weights, len(lattice_of)) for of, weights in zip(numbers, flux, strict=True))
@@ -104,11 +109,15 @@ def parts_of_existence(maps: Sequence[PhotonMap], changing: RetracedCells) -> li
         known, there = window.grid(dtype=bool), np.zeros((len(maps), *window.size), bool)
         known[window.at(cells.cell[window.holds(cells.cell)])] = True
         places = [window.at(cell) for cell in there_cells]
-        power = np.zeros(there.shape)
+        power, dark = np.zeros(there.shape), np.broadcast_to(known, there.shape).copy()
+        for part, (photons, lattice) in enumerate(zip(maps, lattices, strict=True)):
+            lit = cell_of(photons)[lattice == lattice_of[name]]
+            u, v = window.at(lit[window.holds(lit)])
+            dark[part, u, v] = False
         for part, (u, v) in enumerate(places):
             there[part, u, v] = True
             power[part, u, v] = calm[part][rows[part]] / lengths[part]
-        extent, unknown = _extents(there, known, power, lengths)
+        extent, unknown = _extents(there, known, power, lengths, dark)
         for part, (u, v) in enumerate(places):
             found[part].extent[rows[part]] = extent[part, u, v]
             found[part].before[rows[part]], found[part].after[rows[part]] = unknown[:, part, u, v]
@@ -170,7 +179,7 @@ def _from_edges(there: np.ndarray, tells: np.ndarray, passings: _Passings) -> np
 
 
 def _extents(
-    there: np.ndarray, known: np.ndarray, power: np.ndarray, lengths: np.ndarray
+    there: np.ndarray, known: np.ndarray, power: np.ndarray, lengths: np.ndarray, dark: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """How much of each part a path stands for, shape [parts, u, v], and where its begin or its end is not known, shape
     [2, parts, u, v].
@@ -180,6 +189,7 @@ def _extents(
         known: The cells that were traced, shape [u, v].
         power: Flux by time of what is there and does not go far, else 0, shape [parts, u, v].
         lengths: Of the parts, shape [parts].
+        dark: Which cells that were traced have light on no path in each part, shape [parts, u, v].
     """
     absent = known & ~there
     # What ends or begins between one part and the next.
@@ -197,14 +207,21 @@ def _extents(
             lost = wanted[part] & (nearest[part] > FARTHEST)
             if lost.any():
                 nearest[part][lost] = distances(sources[part], FARTHEST, lost)[lost]
+    # What stays as it is from one part to the next tells edges apart: the other side of a stick, or of a gap, that is
+    # narrower than its way leaves cells behind which have changed, too.
+    kept = [distances(of[:-1] & of[1:] & changes, FARTHEST_KEPT, ends | begins) for of in (absent, there)]
     # Where an edge at rest goes, on both sides of it, cells tell of that one.
     always, at_no_time = known & there.all(axis=0), known & ~there.any(axis=0)
     tells = known & ~(grown(always, 2) & at_no_time) & ~(grown(at_no_time, 2) & always)
     extents, unknown = np.ones(there.shape), np.zeros((2, *there.shape), bool)
     for side, passings in enumerate((_Passings.of(begins, 1, 0), _Passings.of(ends, 0, 1))):
         part, other, u, v = passings.part, passings.other, passings.u, passings.v
-        d, beyond = inside[part, u, v].astype(np.float64), outside[other, u, v]
+        d, beyond = inside[part, u, v].astype(np.float64), outside[other, u, v].astype(np.float64)
         near = (d <= FARTHEST) & (beyond <= FARTHEST)
+        of_kept = np.stack([of[np.minimum(part, other), u, v] for of in kept])
+        told = (of_kept.sum(axis=0) <= FARTHEST_KEPT) & dark[other, u, v] & (power[part, u, v] > 0.0)
+        d[told], beyond[told] = of_kept[:, told]
+        near |= told
         unknown[side, part, u, v] = ~near
         # Half way where no edge is near in either.
         share = np.where(near, d / (d + beyond), 0.5)
