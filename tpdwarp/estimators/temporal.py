@@ -287,7 +287,8 @@ def _along_keyframes(
         given = tracer, keyframes, apart, shutter, weight, light, bend, clock
         parts, more = traced_in_parts(*given, **options, **entered)
         account.add(more)
-        count_faint_branches(account, replaced, more)
+        if entered["smallest_branch"] > tracer.settings.branch_cutoff:
+            count_faint_branches(account, replaced, more)
         traced += [(part, cells.plan) for cells, of_cells in zip(apart, parts, strict=True) for part in of_cells]
         account.counts["cells traced again in time"] = len(changing)
         if changing.limited:
