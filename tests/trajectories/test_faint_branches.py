@@ -54,8 +54,10 @@ def test_faint_branches_are_neither_missing_nor_there_twice(tmp_path, monkeypatc
     for energy in (found.energy, followed.energy):
         gone = energy.deposited + energy.escaped + energy.absorbed + energy.lost_total
         assert gone == pytest.approx(energy.sent, rel=1e-6)
-    # Where light grazes a side, what is faint in the middle may not be before and after: a tenth of the faint light.
-    assert found.energy.sent == pytest.approx(followed.energy.sent, rel=4e-3)
+    # Light grazes a side of the cube: what is faint in the middle is not before and after. Counted in both, .0034 more
+    # would be sent.
+    assert found.energy.sent == pytest.approx(followed.energy.sent, rel=5e-4)
+    assert found.energy.deposited == pytest.approx(followed.energy.deposited, rel=4e-3)
     lost, all_lost = (energy.lost[BELOW_CUTOFF] / energy.sent for energy in (found.energy, followed.energy))
     assert lost == pytest.approx(all_lost, rel=0.1)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from tpdwarp.scene.description import Shutter
 from tpdwarp.scene.device.loading import LoadedScene
 from tpdwarp.trajectories.changing import changing_cells
 from tpdwarp.trajectories.edges import FINER, edge_cells, finer_in_time, in_coarse_cells, resting_edges, traced_finer
-from tpdwarp.trajectories.faint_branches import count_faint_branches, cutoff_in_parts
+from tpdwarp.trajectories.faint_branches import cutoff_in_parts, shining_on
 from tpdwarp.trajectories.fit import fit_trajectories
 from tpdwarp.trajectories.keyframes import ShutterKeyframes
 from tpdwarp.trajectories.parts import traced_in_parts
@@ -285,11 +286,14 @@ def _along_keyframes(
         shutter, apart = seen.scene.shutter, [cells for cells in finer_in_time(changing, resting) if cells]
         bend = partial(_bent_beside, stay, plan, tracer, pixel, clock)
         given = tracer, keyframes, apart, shutter, weight, light, bend, clock
-        parts, more = traced_in_parts(*given, **options, **entered)
+        parts, times, more = traced_in_parts(*given, **options, **entered)
         account.add(more)
+        in_parts = [(part, cells.plan) for cells, of_cells in zip(apart, parts, strict=True) for part in of_cells]
         if entered["smallest_branch"] > tracer.settings.branch_cutoff:
-            count_faint_branches(account, replaced, more)
-        traced += [(part, cells.plan) for cells, of_cells in zip(apart, parts, strict=True) for part in of_cells]
+            faint = changing.holds(photons)
+            shine = plan, in_parts, list(chain.from_iterable(times)), replaced, more, account
+            photons = shining_on(photons, faint, *shine)
+        traced = [(photons, plan), *in_parts]
         account.counts["cells traced again in time"] = len(changing)
         if changing.limited:
             account.counts["cells that ride too far apart to grow"] = changing.limited

@@ -171,13 +171,23 @@ def place_in_finer_cell(cell: np.ndarray) -> np.ndarray:
     return ((cell[:, ::-1] % FINER + 0.5) / FINER - 0.5).astype(np.float32)
 
 
-def in_coarse_cells(photons: PhotonMap, fine: EmissionPlan, plan: EmissionPlan) -> Iterator[PhotonMap]:
-    """Photons of finer cells as parts of those of ``plan``: one map for each place in a cell."""
-    mask, lattice, _ = fine.paths_of(photons.ids)
+def coarse_paths(ids: np.ndarray, fine: EmissionPlan, plan: EmissionPlan) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ids of the paths of ``plan`` that paths of finer cells are parts of, and which columns and rows of their lattices
+    these cells are; shape [n] each.
+
+    Args:
+        ids: Of paths of the finer cells.
+    """
+    mask, lattice, _ = fine.paths_of(ids)
     first = np.array([entry.first_id for entry in fine.lattices])[lattice]
     across = np.array([entry.wrap[0] for entry in fine.lattices])[lattice]
-    v, u = np.divmod(photons.ids % fine.id_count - first, across)
-    ids = mask * plan.id_count + first // FINER**2 + (v // FINER) * (across // FINER) + u // FINER
+    v, u = np.divmod(ids % fine.id_count - first, across)
+    return mask * plan.id_count + first // FINER**2 + (v // FINER) * (across // FINER) + u // FINER, u, v
+
+
+def in_coarse_cells(photons: PhotonMap, fine: EmissionPlan, plan: EmissionPlan) -> Iterator[PhotonMap]:
+    """Photons of finer cells as parts of those of ``plan``: one map for each place in a cell."""
+    ids, u, v = coarse_paths(photons.ids, fine, plan)
     coarse = replace(photons, ids=ids, emission=photons.emission / FINER, shift=photons.shift / FINER)
     place = u % FINER + FINER * (v % FINER)
     for number in range(FINER**2):

@@ -49,8 +49,9 @@ def traced_in_parts(
     bend: Callable[[RetracedCells, PhotonMap, Sequence[PhotonMap]], PhotonMap],
     clock: Clock,
     **options: Any,
-) -> tuple[list[list[PhotonMap]], EnergyAccount]:
-    """Photons of ``changing`` cells for each part of ``shutter``, by lattices, and where their flux went.
+) -> tuple[list[list[PhotonMap]], list[list[np.ndarray]], EnergyAccount]:
+    """Photons of ``changing`` cells for each part of ``shutter``, by lattices, for how much of the shutter each of them
+    shines, shape [n] each, and where their flux went.
 
     Args:
         keyframes: Whose tags tell paths apart.
@@ -117,7 +118,7 @@ def traced_in_parts(
     for each, maps in zip(found, shining, strict=True):
         before, after = (sum(float(p.flux.sum(dtype=np.float64)) for p in those) for those in (each.maps, maps))
         _count_gained(after - before, each.cells.plan, account)
-    return shining, account
+    return shining, [each.times() for each in found], account
 
 
 @dataclass
@@ -151,6 +152,10 @@ class _FoundInParts:
             replace(photons, flux=photons.flux * extent[:, None].astype(np.float32))
             for photons, extent in zip(joined_in_time(self.maps), self.extents, strict=True)
         ]
+
+    def times(self) -> list[np.ndarray]:
+        """For how much of the shutter each of the photons shines, shape [n] each."""
+        return [photons.duration * extent for photons, extent in zip(self.maps, self.extents, strict=True)]
 
 
 def _grown(photons: PhotonMap, cells: RetracedCells, part: float, energy: EnergyAccount) -> PhotonMap:
