@@ -53,10 +53,13 @@ def find_mixed(
                 moves = True
     found = int(0)
     for i in range(first + 1, first + samples):
-        if queries.receiver[first] >= 0 or queries.receiver[i] >= 0:
-            if queries.receiver[i] != queries.receiver[first] or ((flags[i] ^ flags[first]) & TURNED) != 0:
-                found = 1
-            elif moves:
+        if ((flags[i] ^ flags[first]) & TURNED) != 0:
+            # Even where neither ends on anything: what is behind glass is not what is beside it, nor is alpha.
+            found = 1
+        elif queries.receiver[i] != queries.receiver[first]:
+            found = 1
+        elif queries.receiver[i] >= 0:
+            if moves:
                 # Samples of other times lie elsewhere.
                 if wp.dot(queries.normal[i], queries.normal[first]) < SMALLEST_BETWEEN:
                     found = 1

@@ -126,7 +126,7 @@ class CameraView:
         while later:
             points = later.pop(0)
             yield SeenPoints(points, pixel_of[points.items], once[points.items])
-        yield SeenPoints(seen, pixel_of, once if mixed.any() else 1.0)
+        yield SeenPoints(seen, pixel_of, once)
         with self._clock.stage("view"):
             still, moving = view.told_apart(seen, place, disturbed)
             still &= once
