@@ -14,11 +14,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tpdwarp import Scene
+from usd_scenes.authoring.scene_writer import SceneWriter
 
 WIDTH, PHOTONS, INSTANTS = 96, 1 << 14, 64
 WAY, RADIUS, HEIGHT = 0.2, 0.4, 0.7
@@ -46,21 +47,21 @@ def run() -> list[dict[str, float]]:
 
 def ball_before_its_caustic() -> Usd.Stage:
     """A glass ball glides above a floor in the sun, seen from beside."""
-    stage = Usd.Stage.CreateInMemory()
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
-    stage.SetStartTimeCode(1)
-    stage.SetEndTimeCode(2)
+    writer = SceneWriter(1, {})
+    stage = writer.stage
     floor = UsdGeom.Cube.Define(stage, "/World/Floor")
     floor.CreateSizeAttr(1.0)
     floor.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, -0.05))
     floor.AddScaleOp().Set(Gf.Vec3f(8.0, 8.0, 0.1))
-    _bind(floor.GetPrim(), "Grey", {"diffuseColor": Gf.Vec3f(0.7)})
+    grey = writer.material("Grey", diffuseColor=(0.7, 0.7, 0.7))
+    UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(grey)
     ball = UsdGeom.Sphere.Define(stage, "/World/Ball")
     ball.CreateRadiusAttr(RADIUS)
     place = ball.AddTranslateOp()
     for frame, side in ((1, -0.5), (2, 0.5)):
         place.Set(Gf.Vec3d(side * WAY, 0.0, HEIGHT), frame)
-    _bind(ball.GetPrim(), "Glass", {"opacity": 0.0, "ior": 1.5, "roughness": 0.0})
+    glass = writer.material("Glass", opacity=0.0, ior=1.5, roughness=0.0)
+    UsdShade.MaterialBindingAPI.Apply(ball.GetPrim()).Bind(glass)
     sun = UsdLux.DistantLight.Define(stage, "/World/Sun")
     sun.CreateAngleAttr(0.0)
     sun.AddRotateXOp().Set(20.0)
@@ -69,18 +70,6 @@ def ball_before_its_caustic() -> Usd.Stage:
     camera.AddTransformOp().Set(view.GetInverse())
     camera.CreateFocalLengthAttr(28.0)
     return stage
-
-
-def _bind(prim: Usd.Prim, name: str, inputs: dict[str, object]) -> None:
-    """Gives a prim a UsdPreviewSurface of its own."""
-    stage, path = prim.GetStage(), prim.GetPath().AppendChild(name)
-    material, shader = UsdShade.Material.Define(stage, path), UsdShade.Shader.Define(stage, path.AppendChild("Surface"))
-    shader.CreateIdAttr("UsdPreviewSurface")
-    for key, value in inputs.items():
-        kind = Sdf.ValueTypeNames.Color3f if isinstance(value, Gf.Vec3f) else Sdf.ValueTypeNames.Float
-        shader.CreateInput(key, kind).Set(value)
-    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
 
 
 def _picture(stage: Usd.Stage, **settings: object) -> tuple[np.ndarray, float]:

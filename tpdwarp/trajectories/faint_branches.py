@@ -75,7 +75,8 @@ def shining_on(
         parts: Photons of parts of the shutter, and the lattices of each: those of ``plan`` or finer ones.
         times: For how much of the shutter each of them shines, shape [n] each.
         at_middle, in_parts: Of what was traced without faint branches, which count as lost there.
-        account: Of all photons; is told where the light of faint branches goes. What does not land escapes.
+        account: Of all photons; is told where the light of faint branches goes. What does not land escapes; what would
+            and has no photon that may stand for it is lost.
     """
     ids = [part.ids if of is plan else coarse_paths(part.ids, of, plan)[0] for part, of in parts]
     shares = [1.0 if of is plan else 1.0 / FINER**2 for _, of in parts]
@@ -92,7 +93,8 @@ def shining_on(
     # As much of it lands as in the middle.
     lands = landed * wanted / before if before > 0.0 else landed
     scale = min(lands / goes_on, MOST_GROWTH) if goes_on > 0.0 else 1.0
-    account.lost[BELOW_CUTOFF] = account.lost.get(BELOW_CUTOFF, 0.0) + before - wanted
+    unshown = lands - scale * goes_on
+    account.lost[BELOW_CUTOFF] = account.lost.get(BELOW_CUTOFF, 0.0) + before - wanted + unshown
     account.deposited += scale * goes_on - landed
-    account.escaped += (wanted - scale * goes_on) - (before - landed)
+    account.escaped += (wanted - lands) - (before - landed)
     return replace(photons, flux=(photons.flux * np.where(faint, scale * left, 1.0)[:, None]).astype(np.float32))

@@ -38,12 +38,8 @@ class CameraView:
     """The camera samples of one shutter.
 
     Args:
-        scenes: The scene over each segment of the shutter.
-        settings: Samples and seed.
-        normalization: The tracer's units.
-        launcher: The device.
-        width, height: Pixels.
-        clock: Where the time goes.
+        scenes, settings, normalization, launcher, width, height, clock: As
+            :class:`~tpdwarp.view.shutter_view.ShutterView` takes them.
         pixels: The pixels looked at, those close together in the image close together; None for all.
         numbers: By what number each of them is called in what is seen; None for its place in ``pixels``.
     """
@@ -176,8 +172,7 @@ class CameraView:
                 rows["slice"] = self._view.middles(rows["slice"])
             queries, weights = self._queries(rows)
             begins = np.flatnonzero(np.diff(rows["item"] // rays, prepend=-1, append=-1)).astype(np.int32)
-            ways = (2 * spots[rows["item"]] + rows["turned"]) * 2 + rows["first"]
-            counts = self._merged(queries, weights, begins, ways, rays)
+            counts = self._merged(queries, weights, begins, 2 * spots[rows["item"]] + rows["first"], rays)
             taken = np.flatnonzero(counts)
             rows = chosen_rows(rows, taken)
             rows |= columns_of(queries, taken, "motion" in rows)

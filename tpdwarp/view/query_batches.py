@@ -93,7 +93,6 @@ class Rows:
         values["item"] = items[chosen]
         values["slice"] = slices[values["item"]]
         values["first"] = np.full(len(chosen), int(points.first), np.int32)
-        values["turned"] = points.turned[chosen]
         for name, rows in values.items():
             self._columns.setdefault(name, []).append(rows)
 
@@ -103,9 +102,8 @@ class Rows:
         if not joined:
             return {}
         items = joined["item"]
-        order = np.argsort(items, kind="stable")
-        order = order[wanted[items[order]]]
-        return chosen_rows(joined, order) if len(order) else {}
+        rows = np.flatnonzero(wanted[items])
+        return chosen_rows(joined, rows[np.argsort(items[rows], kind="stable")]) if len(rows) else {}
 
 
 def columns_of(queries: QueryArrays, rows: np.ndarray, moves: bool) -> dict[str, np.ndarray]:

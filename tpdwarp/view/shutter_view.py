@@ -27,7 +27,7 @@ class ShutterView:
 
     Args:
         scenes: The scene over each segment of the shutter.
-        settings: Samples and channels.
+        settings: Samples, their seed, and channels.
         normalization: The tracer's units.
         launcher: The device.
         width, height: Pixels.
