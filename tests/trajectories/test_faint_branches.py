@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tpdwarp.estimators import temporal
@@ -10,6 +11,7 @@ from tpdwarp.photons.record import PART_IDS
 from tpdwarp.rendering.context import RenderContext
 from tpdwarp.rendering.frame import Frame, render_frame
 from tpdwarp.settings import Settings
+from tpdwarp.trajectories import faint_branches
 from tpdwarp.trajectories.retraced import FAINT_BRANCH
 from tpdwarp.usd.read.stage import StageScene
 from usd_scenes.solids import write
@@ -60,6 +62,50 @@ def test_faint_branches_are_neither_missing_nor_there_twice(tmp_path, monkeypatc
     assert found.energy.deposited == pytest.approx(followed.energy.deposited, rel=4e-3)
     lost, all_lost = (energy.lost[BELOW_CUTOFF] / energy.sent for energy in (found.energy, followed.energy))
     assert lost == pytest.approx(all_lost, rel=0.1)
+
+
+@pytest.fixture
+def shone(monkeypatch):
+    """What is given to :func:`shining_on`, and the photons that it gives back."""
+    calls, shine = [], temporal.shining_on
+
+    def noted(*given):
+        calls.append((given, shine(*given)))
+        return calls[-1][1]
+
+    monkeypatch.setattr(temporal, "shining_on", noted)
+    return calls
+
+
+def test_faint_photons_shine_while_their_path_is_entered_in_no_part(tmp_path, shone):
+    rendered("cube-turning", tmp_path)
+    ((photons, faint, plan, parts, times, *_), found), *_ = shone
+    entered: dict[int, float] = {}
+    for (part, of_part), shares in zip(parts, times, strict=True):
+        assert of_part is plan
+        for number, share in zip(part.ids.tolist(), shares.tolist(), strict=True):
+            entered[number] = entered.get(number, 0.0) + share
+    left = np.array([1.0 - min(entered.get(number, 0.0), 1.0) for number in photons.ids.tolist()])
+    before, after = (light.flux.sum(axis=1, dtype=np.float64) for light in (photons, found))
+    np.testing.assert_array_equal(after[~faint], before[~faint])
+    grown = after[faint & (left == 1.0)] / before[faint & (left == 1.0)]
+    partly = faint & (left < 0.9)
+    assert partly.sum() > 20 and len(grown) > 100
+    np.testing.assert_allclose(grown, grown[0], rtol=1e-5)
+    np.testing.assert_allclose(after[partly], grown[0] * left[partly] * before[partly], rtol=1e-5, atol=1e-12)
+
+
+def test_light_that_no_faint_photon_stands_for_is_lost(tmp_path, monkeypatch):
+    whole = rendered("cube-turning", tmp_path).energy
+    monkeypatch.setattr(faint_branches, "MOST_GROWTH", 0.5)
+    energy = rendered("cube-turning", tmp_path).energy
+    assert energy.sent == pytest.approx(whole.sent, rel=1e-6)
+    assert energy.escaped == pytest.approx(whole.escaped, rel=1e-6)
+    unshown = whole.deposited - energy.deposited
+    assert unshown > 1e-3 * whole.sent
+    assert energy.lost[BELOW_CUTOFF] - whole.lost[BELOW_CUTOFF] == pytest.approx(unshown, rel=1e-4)
+    gone = energy.deposited + energy.escaped + energy.absorbed + energy.lost_total
+    assert gone == pytest.approx(energy.sent, rel=1e-6)
 
 
 def test_mid_shutter_does_not_speak_for_light_that_lasts_for_less_than_the_shutter(tmp_path, entered):

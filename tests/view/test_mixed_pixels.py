@@ -93,6 +93,22 @@ def test_a_surface_seen_directly_and_through_glass_is_looked_up_for_either(moves
     assert np.sqrt(np.mean(off**2)) < 0.03
 
 
+def test_what_moves_is_met_where_it_is_in_the_middle_of_its_part_of_the_shutter():
+    """Rays of a sample look at other times than that; a plate that rises is as high as it is then."""
+    rise = 0.04
+    rising = replace(PLATE, motions=np.tile((0.0, 0.0, rise), (3, 1)))
+    given = context([rising, floor()])
+    moving = [seen for seen in seen_by([rising, floor()], OPEN) if isinstance(seen, QueryBatch) and seen.moves]
+    off = []
+    for batch in moving:
+        if batch.times is not None:
+            height = given.normalization.world_points(batch.queries.position.numpy())[:, 2]
+            off.append(height - (CORNERS[0, 2] + rise * batch.times[:, 0]))
+            np.testing.assert_allclose(batch.times[:, 0], batch.times[:, 1], atol=1e-7)
+    assert sum(map(len, off)) > 100
+    np.testing.assert_allclose(np.concatenate(off), 0.0, atol=1e-5)
+
+
 def test_light_from_photons_fills_as_much_of_a_pixel_as_what_it_falls_on():
     """Even light through flat water on a plate, which has all of it up to its edges."""
     water = quad("/water", (-3, -3), (3, 3), 0.9, WATER)
